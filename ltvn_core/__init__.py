@@ -1,0 +1,1 @@
+"""Navigation on a map of images that learns from every drive. Knows no browser."""

@@ -1,0 +1,1 @@
+"""Image pairs and their labels for training."""

@@ -1,0 +1,37 @@
+"""The one family of errors a user can meet.
+
+Every message says what was wrong, where, what would be valid, and what to do next. The command line prints the
+message and exits non-zero; the page shows it as a notification. Programming mistakes stay ordinary exceptions.
+"""
+
+
+class LtvnError(Exception):
+    """Base of all errors that a user can cause and mend."""
+
+
+class ImageError(LtvnError):
+    """An image or a depth map is not what the method can look at."""
+
+
+class RecordingError(LtvnError):
+    """A recording is missing, foreign, cut, of another schema, or cannot be written."""
+
+
+class MapError(LtvnError):
+    """A map is empty, in pieces, or does not belong to the weights in use."""
+
+
+class SceneError(LtvnError):
+    """A scene is unknown or cannot be loaded."""
+
+
+class WeightsError(LtvnError):
+    """Weights are missing, cut, or of another architecture."""
+
+
+class OptionError(LtvnError):
+    """An option of the command line or of the page has no such value."""
+
+
+class ServerError(LtvnError):
+    """The page cannot be served, for instance because the port is taken."""

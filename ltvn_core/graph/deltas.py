@@ -1,0 +1,144 @@
+"""Every change a map can undergo, as data, together with its cause.
+
+The builder and the maintenance return deltas; `TopologicalGraph.apply` is the only place where a map changes. So the
+history of a map is a list, and time travel, difference and blame are folds over it. Owns no decision.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple, TypeAlias
+
+from ltvn_core.types import FrameId, NodeId
+
+
+class Cause(StrEnum):
+    """Why the map changed."""
+
+    BUILD = "build"
+    """Algorithm 1, from a whole recording."""
+    ONLINE = "online"
+    """The same operators while somebody drives."""
+    ATTEMPT = "attempt"
+    """An edge was driven: Eq. 3 and Eq. 4, and pruning."""
+    NOVEL = "novel"
+    """The robot was lost, and what it saw became a node."""
+    EXPAND = "expand"
+    """No path existed, and images left over from mapping were sampled until one did."""
+    GOAL = "goal"
+    """A goal picture was tied into the map."""
+    LOAD = "load"
+    """The map came out of a file."""
+    HAND = "hand"
+    """A person did it."""
+
+
+class PoseRow(NamedTuple):
+    """A pose or waypoint as plain numbers, so that a delta compares and writes exactly."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What the robot believes of one edge: existence ~ Bernoulli(p), length ~ N(mu, sigma2)."""
+
+    p: float
+    """Probability that the edge can be driven, in [0, 1]."""
+    mu: float
+    """Mean of d(w), Eq. 2."""
+    sigma2: float
+    """Variance of that mean."""
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A place: the image of this id."""
+
+    id: NodeId
+    odometry: PoseRow
+    """Where odometry put the robot when the image was taken; for drawing and as evidence, never for planning."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """I can drive from `source` to `target` along `waypoint`."""
+
+    source: NodeId
+    target: NodeId
+    waypoint: PoseRow
+    """The target in the frame of the source."""
+    belief: Belief
+    attempts: int = 0
+    """How often the edge was driven."""
+    successes: int = 0
+    """How often that led to the target."""
+    protected: bool = False
+    """Held by hand: maintenance leaves it alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeAdded:
+    """A node came in, without edges yet."""
+
+    node: Node
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class NodeDropped:
+    """A node left together with all edges that touch it."""
+
+    node: NodeId
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeAdded:
+    """An edge came in; both its nodes are there already."""
+
+    edge: Edge
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefUpdated:
+    """An edge's belief and its counts changed to these values."""
+
+    source: NodeId
+    target: NodeId
+    belief: Belief
+    attempts: int
+    successes: int
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class EdgePruned:
+    """An edge left."""
+
+    source: NodeId
+    target: NodeId
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class FramesReserved:
+    """Images joined T', the reserve from which the map can be expanded."""
+
+    frames: tuple[FrameId, ...]
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class FramesReleased:
+    """Images left T', because they became nodes or were given up."""
+
+    frames: tuple[FrameId, ...]
+    cause: Cause
+
+
+GraphDelta: TypeAlias = (
+    NodeAdded | NodeDropped | EdgeAdded | BeliefUpdated | EdgePruned | FramesReserved | FramesReleased
+)

@@ -1,0 +1,1 @@
+"""The network and its training. The only home of torch."""

@@ -1,0 +1,1 @@
+"""The .rrd recording: the log, the dataset, the map and the replay. The only home of rerun."""

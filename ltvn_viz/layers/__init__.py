@@ -1,0 +1,1 @@
+"""3D parts of the page, one class each."""

@@ -1,0 +1,1 @@
+"""GUI parts of the page, one class each."""

@@ -34,12 +34,8 @@ def observation(
             f"{metres.shape[1]} x {metres.shape[0]}; both must have one size."
         )
     if not (np.all(np.isfinite(odometry)) and np.shape(odometry) == (3,) and np.isfinite(stamp)):
-        raise ImageError(
-            f"{source}: odometry must be three finite numbers and the stamp finite, got {odometry}."
-        )
-    return Observation(
-        _resized(image), _resized(metres), np.asarray(odometry, np.float64), stamp, step, exact_pose
-    )
+        raise ImageError(f"{source}: odometry must be three finite numbers and the stamp finite, got {odometry}.")
+    return Observation(_resized(image), _resized(metres), np.asarray(odometry, np.float64), stamp, step, exact_pose)
 
 
 def picture(rgb: ArrayLike, source: str) -> Rgb:
@@ -64,9 +60,7 @@ def _checked_depth(depth: ArrayLike, source: str) -> Depth:
             f"{metres.dtype}; divide millimetres by 1000."
         )
     if not np.all(np.isfinite(metres)) or metres.min() < 0:
-        raise ImageError(
-            f"{source}: depth holds NaN, infinite or negative values; mark pixels without a return as 0."
-        )
+        raise ImageError(f"{source}: depth holds NaN, infinite or negative values; mark pixels without a return as 0.")
     if not metres.any():
         raise ImageError(f"{source}: depth is zero everywhere; is the depth camera running?")
     return metres.astype(np.float32, copy=False)

@@ -1,0 +1,59 @@
+# Each target sets up all it needs from a bare machine with Python 3.11: `make demo`, `make test`.
+
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+# Two threads are plenty for images of 96 x 72, and BLAS threads only get in each other's way.
+export OMP_NUM_THREADS ?= 2
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help demo test format lint type check bench clean
+
+help:  ## List the targets.
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
+
+demo: $(STAMP)  ## Open the page on the demo apartment and its ready-made map.
+	$(BIN)/ltvn app
+
+test: $(STAMP) chromium  ## Run every test, the browser's among them.
+	$(BIN)/python -m pytest
+
+format: $(STAMP)  ## Format the code.
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+lint: $(STAMP)  ## Check style.
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+type: $(STAMP)  ## Check types.
+	$(BIN)/pyright
+
+check: lint type test  ## Everything that must be clean before a commit.
+
+bench: $(STAMP)  ## Measure the budgets of docs/architecture.md; prints JSON.
+	$(BIN)/ltvn bench --json -
+
+clean:  ## Remove the environment.
+	rm -rf $(VENV)
+
+.PHONY: python chromium
+python:
+	@command -v $(PYTHON) >/dev/null 2>&1 || { \
+	  echo "make: $(PYTHON) was not found. Install Python 3.11 (PyBullet has wheels for Linux x86-64 and CPython 3.11 only),"; \
+	  echo "make: or name another interpreter: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { \
+	  echo "make: $(PYTHON) is not Python 3.11, and PyBullet has wheels for CPython 3.11 on Linux x86-64 only."; \
+	  echo "make: For replay, maps and analysis without the simulator: pip install . in any Python 3.11 to 3.13."; exit 1; }
+
+chromium: $(STAMP)
+	@$(BIN)/python -m tests.e2e.chromium
+
+# PyTorch first and by exact version: elsewhere pip would choose a build with gigabytes of CUDA libraries.
+$(STAMP): pyproject.toml constraints.txt | python
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet $(shell grep '^torch==' constraints.txt)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $(STAMP)

@@ -1,0 +1,75 @@
+"""`ltvn`: one program, one verb per job.
+
+Parses, runs, prints, and turns every error a user can cause into one clear line and a non-zero exit code. Owns no job
+of its own; those are in `ltvn_core.verbs`.
+"""
+
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import tyro
+from tyro.conf import subcommand
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.verbs.app import App, Replay
+from ltvn_core.verbs.bench import Bench
+from ltvn_core.verbs.build import Build
+from ltvn_core.verbs.collect import Collect
+from ltvn_core.verbs.demo import Demo
+from ltvn_core.verbs.files import Info, Repair, Verify
+from ltvn_core.verbs.navigate import Lifelong, Navigate
+from ltvn_core.verbs.train import Dataset, Train
+from ltvn_core.verbs.verb import Verb, to_json, to_text
+from ltvn_core.verbs.view import View
+
+AnyVerb: TypeAlias = (
+    Annotated[App, subcommand("app", prefix_name=False)]
+    | Annotated[Demo, subcommand("demo", prefix_name=False)]
+    | Annotated[Collect, subcommand("collect", prefix_name=False)]
+    | Annotated[Build, subcommand("build", prefix_name=False)]
+    | Annotated[Navigate, subcommand("navigate", prefix_name=False)]
+    | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
+    | Annotated[Replay, subcommand("replay", prefix_name=False)]
+    | Annotated[View, subcommand("view", prefix_name=False)]
+    | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
+    | Annotated[Train, subcommand("train", prefix_name=False)]
+    | Annotated[Info, subcommand("info", prefix_name=False)]
+    | Annotated[Verify, subcommand("verify", prefix_name=False)]
+    | Annotated[Repair, subcommand("repair", prefix_name=False)]
+    | Annotated[Bench, subcommand("bench", prefix_name=False)]
+)
+
+DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    verb: Verb = tyro.cli(AnyVerb, prog="ltvn", description=DESCRIPTION, args=arguments)  # type: ignore[call-overload]
+    try:
+        report(verb)
+    except LtvnError as error:
+        print(f"ltvn: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("ltvn: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def report(verb: Verb) -> None:
+    """Run the verb and print its summary, or write it as JSON where the user asked for that."""
+    summary = verb.run()
+    if verb.json is None:
+        print(to_text(summary))
+    elif verb.json == Path("-"):
+        print(to_json(summary))
+    else:
+        verb.json.write_text(to_json(summary) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

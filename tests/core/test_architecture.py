@@ -1,0 +1,99 @@
+"""The shape of the house, read from the code's own imports: who may import what, and who may read the truth."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+MODULES = sorted([*(ROOT / "ltvn_core").rglob("*.py"), *(ROOT / "ltvn_viz").rglob("*.py")])
+
+HOMES = {
+    "viser": ("ltvn_viz",),
+    "pybullet": ("ltvn_core/sim",),
+    "torch": ("ltvn_core/model",),
+    "rerun": ("ltvn_core/recording",),
+}
+
+COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluate", "ltvn_core/verbs", "ltvn_viz")
+SIBLINGS = ("sim", "data", "model", "recording")
+FOUNDATION = ("types", "geometry", "config", "errors", "intake")
+
+TRUTH_READERS = ("ltvn_core/sim", "ltvn_core/recording", "ltvn_core/evaluate", "ltvn_core/intake.py", "ltvn_viz")
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Every module that a file imports anywhere, inside functions too."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def core_parts(path: Path) -> set[str]:
+    """Names of the top-level parts of ltvn_core that a file imports."""
+    return {name.split(".")[1] for name in imports(path) if name.startswith("ltvn_core.")}
+
+
+def files_of(part: str) -> list[Path]:
+    package = ROOT / "ltvn_core" / part
+    return sorted(package.rglob("*.py")) if package.is_dir() else [package.with_suffix(".py")]
+
+
+@pytest.mark.parametrize("library", HOMES)
+def test_a_heavy_library_is_imported_only_in_its_home(library: str) -> None:
+    strangers = [
+        relative(path)
+        for path in MODULES
+        if any(name.split(".")[0] == library for name in imports(path))
+        and not relative(path).startswith(HOMES[library])
+    ]
+    assert strangers == []
+
+
+def test_core_never_imports_the_page_except_to_open_it() -> None:
+    offenders = [
+        relative(path)
+        for path in (ROOT / "ltvn_core").rglob("*.py")
+        if any(name.startswith("ltvn_viz") for name in imports(path))
+        and not relative(path).startswith(("ltvn_core/cli", "ltvn_core/verbs"))
+    ]
+    assert offenders == []
+
+
+@pytest.mark.parametrize("part", FOUNDATION)
+def test_the_foundation_imports_only_itself(part: str) -> None:
+    assert core_parts(ROOT / "ltvn_core" / f"{part}.py") <= {*FOUNDATION, "graph"} - ({"graph"} if part != "config" else set())
+
+
+def test_graph_stands_on_the_foundation_alone() -> None:
+    for path in files_of("graph"):
+        assert core_parts(path) <= {*FOUNDATION, "graph"}, relative(path)
+
+
+def test_nav_stands_on_graph_and_the_foundation() -> None:
+    for path in files_of("nav"):
+        assert core_parts(path) <= {*FOUNDATION, "graph", "nav"}, relative(path)
+
+
+@pytest.mark.parametrize("part", SIBLINGS)
+def test_siblings_do_not_import_each_other(part: str) -> None:
+    others = set(SIBLINGS) - {part}
+    for path in files_of(part):
+        assert not core_parts(path) & others, relative(path)
+
+
+def test_the_method_never_reads_the_truth() -> None:
+    readers = [
+        relative(path)
+        for path in MODULES
+        if not relative(path).startswith((*TRUTH_READERS, *COMPOSERS))
+        and any(isinstance(node, ast.Attribute) and node.attr == "exact_pose" for node in ast.walk(ast.parse(path.read_text())))
+    ]
+    assert readers == []

@@ -1,0 +1,143 @@
+"""What a person can ask of the app, as data.
+
+Callbacks of the page build these and put them into the session's queue; the session alone carries them out. Driving
+is not among them: the held keys are polled from the driver's seat, so that they can never pile up in a queue.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ltvn_core.types import NodeId, Rgb
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Command:
+    """Something a person asked for."""
+
+    label: ClassVar[str] = ""
+    """What the page calls it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stop(Command):
+    """Stop the robot now and give up navigating."""
+
+    label: ClassVar[str] = "stop"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StartRecording(Command):
+    """Begin a new recording."""
+
+    label: ClassVar[str] = "record"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeepRecording(Command):
+    """End the recording and keep it under a name of its own."""
+
+    label: ClassVar[str] = "keep"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DiscardRecording(Command):
+    """End the recording and move it to the folder of discarded ones."""
+
+    label: ClassVar[str] = "discard"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BuildMap(Command):
+    """Build a map anew from all images driven so far, Algorithm 1."""
+
+    label: ClassVar[str] = "build the map"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavigateTo(Command):
+    """Drive to a node of the map."""
+
+    label: ClassVar[str] = "navigate"
+    node: NodeId
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavigateToPicture(Command):
+    """Drive to the node that looks most like a picture (H, W, 3)."""
+
+    label: ClassVar[str] = "upload a goal picture"
+    rgb: Rgb
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pause(Command):
+    """Hold the navigation task; the robot stands still."""
+
+    label: ClassVar[str] = "pause"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resume(Command):
+    """Go on with the paused navigation task."""
+
+    label: ClassVar[str] = "resume"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepOnce(Command):
+    """Let one control step of the navigation task happen, then hold it."""
+
+    label: ClassVar[str] = "step"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cancel(Command):
+    """Give up the navigation task or the building of a map."""
+
+    label: ClassVar[str] = "cancel"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TakeOver(Command):
+    """Give up the navigation task, because a person drives."""
+
+    label: ClassVar[str] = "take over"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenRecording(Command):
+    """Show a recording of the recordings folder in the page."""
+
+    label: ClassVar[str] = "open a recording"
+    name: str
+    """Path inside the recordings folder."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CloseRecording(Command):
+    """Go back from the replay to the live robot."""
+
+    label: ClassVar[str] = "back to the robot"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seek(Command):
+    """Show the replay as it was so many seconds after its beginning."""
+
+    label: ClassVar[str] = "seek"
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Play(Command):
+    """Let the replay run, or hold it."""
+
+    label: ClassVar[str] = "play"
+    playing: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report(Command):
+    """Show a message in the page; for errors met outside the session, such as a broken upload."""
+
+    text: str

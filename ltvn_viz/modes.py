@@ -1,0 +1,56 @@
+"""What the app is doing, and which commands make sense while it does it.
+
+Owns the table of legal commands and the friendly sentence for an illegal one. Carries nothing out.
+"""
+
+from enum import StrEnum
+
+from ltvn_viz import commands as c
+
+
+class Mode(StrEnum):
+    """What the app is doing; the value is what the page shows."""
+
+    TELEOP = "driving"
+    """A person drives; the map may grow."""
+    BUILDING = "building"
+    """Algorithm 1 runs; the robot stands still."""
+    NAVIGATING = "navigating"
+    """The robot drives by itself."""
+    PAUSED = "paused"
+    """A navigation task waits; the robot stands still."""
+    REPLAY = "replay"
+    """The page shows a recording; the robot stands still."""
+
+
+ANYWHERE = frozenset(Mode)
+LIVE = frozenset({Mode.TELEOP, Mode.NAVIGATING, Mode.PAUSED})
+
+LEGAL: dict[type[c.Command], frozenset[Mode]] = {
+    c.Stop: ANYWHERE,
+    c.Cancel: frozenset({Mode.NAVIGATING, Mode.PAUSED, Mode.BUILDING}),
+    c.TakeOver: frozenset({Mode.NAVIGATING, Mode.PAUSED}),
+    c.Pause: frozenset({Mode.NAVIGATING}),
+    c.Resume: frozenset({Mode.PAUSED}),
+    c.StepOnce: frozenset({Mode.NAVIGATING, Mode.PAUSED}),
+    c.StartRecording: LIVE,
+    c.KeepRecording: LIVE,
+    c.DiscardRecording: LIVE,
+    c.BuildMap: frozenset({Mode.TELEOP}),
+    c.NavigateTo: frozenset({Mode.TELEOP}),
+    c.NavigateToPicture: frozenset({Mode.TELEOP}),
+    c.OpenRecording: frozenset({Mode.TELEOP, Mode.REPLAY}),
+    c.CloseRecording: frozenset({Mode.REPLAY}),
+    c.Seek: frozenset({Mode.REPLAY}),
+    c.Play: frozenset({Mode.REPLAY}),
+    c.Report: ANYWHERE,
+}
+
+
+def refusal(command: c.Command, mode: Mode) -> str | None:
+    """Return why `command` makes no sense in `mode` and what does, or None when it is legal."""
+    if mode in LEGAL[type(command)]:
+        return None
+    when = " or ".join(sorted(LEGAL[type(command)]))
+    possible = ", ".join(kind.label for kind, modes in LEGAL.items() if mode in modes and kind.label)
+    return f"“{command.label}” works while {when}; now the app is {mode}. You can: {possible}."

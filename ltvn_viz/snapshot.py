@@ -1,0 +1,97 @@
+"""What the page shows, as one frozen value.
+
+Live and replay make the same `Snapshot`; a layer or panel cannot tell which one it draws. Arrays are shared from one
+snapshot to the next while nothing changed, so comparing by identity tells what to redraw.
+"""
+
+from dataclasses import dataclass, field
+
+from ltvn_core.nav.events import Severity
+from ltvn_core.types import Depth, NodeId, Rgb
+from ltvn_viz.modes import Mode
+from ltvn_viz.timeline import Moment
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraView:
+    """What the camera sees: for the person, of any size."""
+
+    rgb: Rgb
+    """(H, W, 3)."""
+    depth: Depth
+    """(H, W) metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """How well the loop keeps up."""
+
+    loop_hz: float = 0.0
+    frame_age_ms: float = 0.0
+    """Age of the picture on show."""
+    dropped: int = 0
+    """Pictures that were replaced before they were shown, since the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingStatus:
+    """Whether something is being recorded, and into what."""
+
+    name: str | None = None
+    """File under way; None when nothing is recorded."""
+    frames: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayStatus:
+    """Which recording is open and where in it we are."""
+
+    name: str
+    length_s: float
+    time_s: float
+    """Seconds since its beginning."""
+    playing: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Something the person must read."""
+
+    text: str
+    severity: Severity
+    number: int
+    """Counts messages, so that the same words twice are two messages."""
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """A job that takes a while."""
+
+    label: str
+    share: float | None = None
+    """How much is done in [0, 1]; None when nobody knows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """Everything the page shows at one instant."""
+
+    mode: Mode = Mode.TELEOP
+    scene: str = ""
+    """Name of the scene to draw."""
+    moment: Moment = field(default_factory=Moment)
+    camera: CameraView | None = None
+    rates: Rates = Rates()
+    recording: RecordingStatus = RecordingStatus()
+    recordings: tuple[str, ...] = ()
+    """Files of the recordings folder, newest first."""
+    replay: ReplayStatus | None = None
+    gallery: tuple[NodeId, ...] = ()
+    """Nodes offered as goals by their pictures."""
+    lookalikes: tuple[NodeId, ...] = ()
+    """Nodes that look like the uploaded picture, best first."""
+    message: Message | None = None
+    work: Work | None = None
+    hint: str = ""
+    """What to do next."""

@@ -1,0 +1,147 @@
+"""Everything that happened, in order, and what the world looked like at any moment of it.
+
+The live session appends while it runs and looks at the end; the replay is filled from a file and looks anywhere. Both
+get the same `Moment`. Images are not kept here.
+"""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import compose, wrap_angle
+from ltvn_core.nav.events import GraphChanged, Stamped
+from ltvn_core.types import FrameId, Pose
+from ltvn_viz.columns import Columns
+from ltvn_viz.history import NO_GRAPH, NOTHING_FADING, Fading, GraphHistory, GraphView
+from ltvn_viz.progress import Progress, after
+
+FADE_S = 3.0
+"""How long an edge that came or went stays highlighted."""
+TRAJECTORY_POINTS = 2000
+"""The trajectory is thinned to at most this many points."""
+SMOOTH_WITHIN_S = 0.35
+"""Frames no further apart than this are joined by interpolation when a replay runs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """The world as the fold of everything up to one instant."""
+
+    stamp: float = 0.0
+    """Seconds on the robot's clock."""
+    frame: FrameId | None = None
+    """The newest image; None before the first."""
+    robot: Pose | None = None
+    """(3,) for drawing."""
+    trajectory: NDArray[np.float64] = np.empty((0, 3))
+    """(T, 3) poses driven so far, thinned."""
+    frames: int = 0
+    """Images taken so far."""
+    graph: GraphView = NO_GRAPH
+    came: Fading = NOTHING_FADING
+    went: Fading = NOTHING_FADING
+    progress: Progress = Progress()
+    ghost: Pose | None = None
+    """(3,) where the network thinks the present subgoal is."""
+
+
+class Timeline:
+    """The frames and events of one run."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.history = GraphHistory()
+        self._frames = Columns({"step": int, "stamp": float, "x": float, "y": float, "yaw": float})
+        self._poses: dict[FrameId, Pose] = {}
+        self._stamps: list[float] = []
+        self._versions: list[int] = []
+        self._progress: list[Progress] = []
+        self.events: list[Stamped] = []
+        self._line: tuple[int, NDArray[np.float64]] = (0, np.empty((0, 3)))
+
+    @property
+    def start_s(self) -> float:
+        """The first moment, seconds on the robot's clock."""
+        return min([*self._frames["stamp"][:1].tolist(), *self._stamps[:1]], default=0.0)
+
+    @property
+    def end_s(self) -> float:
+        """The last moment, seconds on the robot's clock."""
+        return max([*self._frames["stamp"][-1:].tolist(), *self._stamps[-1:]], default=0.0)
+
+    def place(self, frame: FrameId, pose: Pose) -> None:
+        """Say where an image was taken (3,), for an image that is not part of this run's trajectory."""
+        self._poses[frame] = pose
+
+    def frame(self, step: FrameId, stamp: float, pose: Pose) -> None:
+        """Append an image taken at `pose` (3,)."""
+        stamp = max(stamp, float(self._frames["stamp"][-1])) if len(self._frames) else stamp
+        self._frames.append(step=step, stamp=stamp, x=pose[0], y=pose[1], yaw=pose[2])
+        self.place(step, pose)
+
+    def event(self, stamped: Stamped) -> None:
+        """Append an event. One that comes late is filed under the latest moment, so that time never runs back."""
+        stamp = max(stamped.stamp, self._stamps[-1]) if self._stamps else stamped.stamp
+        if isinstance(stamped.event, GraphChanged):
+            delta = stamped.event.delta
+            node = getattr(delta, "node", None)
+            self.history.apply(delta, stamp, self._poses.get(getattr(node, "id", None)))
+        self._progress.append(after(self._progress[-1] if self._progress else Progress(), stamped.event))
+        self._stamps.append(stamp)
+        self._versions.append(self.history.version)
+        self.events.append(stamped)
+
+    def at(self, stamp: float | None = None) -> Moment:
+        """Return the world at `stamp` seconds, or now."""
+        if stamp is None:
+            stamp, known = self.end_s, len(self._stamps)
+        else:
+            known = bisect_right(self._stamps, stamp)
+        frames = int(np.searchsorted(self._frames["stamp"], stamp, "right"))
+        version = self._versions[known - 1] if known else 0
+        progress = self._progress[known - 1] if known else Progress()
+        return Moment(
+            stamp=stamp,
+            frame=int(self._frames["step"][frames - 1]) if frames else None,
+            robot=self._robot(frames, stamp),
+            trajectory=self._trajectory(frames),
+            frames=frames,
+            graph=self.history.at(version),
+            came=self.history.came(version, stamp, FADE_S),
+            went=self.history.went(version, stamp, FADE_S),
+            progress=progress,
+            ghost=self._ghost(progress),
+        )
+
+    def _ghost(self, progress: Progress) -> Pose | None:
+        if progress.leg is None or progress.leg.frame not in self._poses:
+            return None
+        return compose(self._poses[progress.leg.frame], np.array(progress.leg.waypoint))
+
+    def _robot(self, frames: int, stamp: float) -> Pose | None:
+        if not frames:
+            return None
+        before = self._row(frames - 1)
+        if frames == len(self._frames):
+            return before[1:]
+        following = self._row(frames)
+        gap = following[0] - before[0]
+        if not 0 < gap <= SMOOTH_WITHIN_S:
+            return before[1:]
+        share = (stamp - before[0]) / gap
+        step = following[1:] - before[1:]
+        step[2] = wrap_angle(step[2])
+        return before[1:] + share * step
+
+    def _row(self, row: int) -> NDArray[np.float64]:
+        return np.array([self._frames[name][row] for name in ("stamp", "x", "y", "yaw")])
+
+    def _trajectory(self, frames: int) -> NDArray[np.float64]:
+        # While nothing was driven the same array is returned, so that layers see at a glance that nothing changed.
+        if self._line[0] != frames:
+            stride = -(-frames // TRAJECTORY_POINTS)
+            rows = np.unique(np.r_[np.arange(0, frames, stride), frames - 1]) if frames else np.empty(0, int)
+            self._line = frames, np.stack([self._frames[name][rows] for name in ("x", "y", "yaw")], axis=1)
+        return self._line[1]

@@ -1,0 +1,100 @@
+"""The map: nodes as drops that point where they look, edges coloured by the belief that they can be driven."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from ltvn_core.types import NodeId
+from ltvn_viz import palette
+from ltvn_viz.history import GraphView
+from ltvn_viz.layers import EDGE_Z, NODE_Z
+from ltvn_viz.layers.lines import Lines
+from ltvn_viz.layers.placing import arrowhead, points, wxyz
+from ltvn_viz.snapshot import Snapshot
+
+REDRAW_EVERY_S = 0.6
+"""The page rebuilds all lines of a node when any changes, which is slow for a big map."""
+LANE_M = 0.025
+"""An edge keeps to the right by this much, so that there and back are two lines."""
+
+
+class NodesLayer:
+    """All nodes as one batch; clicking one names it."""
+
+    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId], None]) -> None:
+        """Add the empty batch; `on_pick` must return at once."""
+        vertices, faces = arrowhead(0.17, 0.03)
+        self._handle = scene.add_batched_meshes_simple(
+            "/graph/nodes",
+            vertices,
+            faces,
+            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
+            batched_positions=np.zeros((1, 3)),
+            batched_colors=np.array([palette.NODE], np.uint8),
+            lod="off",
+            flat_shading=True,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+        self._drawn: GraphView | None = None
+        self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
+
+        @self._handle.on_click
+        async def _(event: viser.SceneNodePointerEvent) -> None:
+            graph = self._drawn
+            if graph is not None and event.instance_index is not None and event.instance_index < len(graph.ids):
+                on_pick(int(graph.ids[event.instance_index]))
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the nodes of the map; the goal and the node where the robot thinks it is stand out."""
+        graph, progress = snapshot.moment.graph, snapshot.moment.progress
+        here = progress.localised.node if progress.localised is not None else None
+        marked = (progress.goal, here)
+        if graph is self._drawn and marked == self._marked:
+            return
+        if graph is not self._drawn and len(graph.ids):
+            self._handle.batched_positions = points(graph.poses, NODE_Z)
+            self._handle.batched_wxyzs = wxyz(graph.poses[:, 2])
+        if len(graph.ids):
+            self._handle.batched_colors = self._colours(graph, progress.goal, here)
+        self._handle.visible = bool(len(graph.ids))
+        self._drawn, self._marked = graph, marked
+
+    @staticmethod
+    def _colours(graph: GraphView, goal: NodeId | None, here: NodeId | None) -> NDArray[np.uint8]:
+        colours = np.full((len(graph.ids), 3), palette.NODE, np.uint8)
+        colours[graph.ids == here] = palette.LOCALISED
+        colours[graph.ids == goal] = palette.GOAL
+        return colours
+
+
+class EdgesLayer:
+    """All edges as one batch of lines."""
+
+    def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
+        """Add the empty batch."""
+        self._lines = Lines(scene, "/graph/edges", thickness_px=2.0)
+        self._clock = clock
+        self._drawn: GraphView | None = None
+        self._when = -np.inf
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the edges when the map changed, about twice a second at most."""
+        graph = snapshot.moment.graph
+        if graph is self._drawn or self._clock() - self._when < REDRAW_EVERY_S:
+            return
+        self._drawn, self._when = graph, self._clock()
+        segments = lanes(graph.poses[:, :2][graph.edges])
+        self._lines.draw(points(segments, EDGE_Z), palette.probability_colours(graph.p))
+
+
+def lanes(segments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shift segments (N, 2, 2) to the right of their direction."""
+    along = segments[:, 1] - segments[:, 0]
+    length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length
+    return segments + LANE_M * right[:, None]

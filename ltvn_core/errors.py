@@ -25,6 +25,10 @@ class SceneError(LtvnError):
     """A scene is unknown or cannot be loaded."""
 
 
+class DatasetError(LtvnError):
+    """Training data are missing, cut, of another format, or cannot be written."""
+
+
 class WeightsError(LtvnError):
     """Weights are missing, cut, or of another architecture."""
 

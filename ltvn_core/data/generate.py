@@ -1,0 +1,114 @@
+"""Makes shards: samples clusters of poses in a world, renders and labels them.
+
+Owns the order of work and its resumption. The world comes in from outside; see `ltvn_core.data.worlds`.
+"""
+
+import json
+import logging
+import zlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from ltvn_core.data.labels import Labels, Limits, label
+from ltvn_core.data.sampling import ClusterSampling, cluster_pairs, cluster_poses
+from ltvn_core.data.shards import Shard, read_recipe, shard_path, write_shard
+from ltvn_core.data.worlds import OpenWorld, World
+from ltvn_core.types import Camera, Intrinsics, Pose
+
+log = logging.getLogger(__name__)
+
+_PAIRS_AT_ONCE = 4096
+"""Bounds the memory of labelling."""
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetRecipe:
+    """Everything that decides the bytes of a dataset, beside the scenes."""
+
+    seed: int = 0
+    """Seed of poses; each scene draws from its own stream."""
+    clusters: int = 220
+    """Clusters of poses per scene."""
+    sampling: ClusterSampling = field(default_factory=ClusterSampling)
+    """How poses spread within a cluster."""
+    limits: Limits = field(default_factory=Limits)
+    """What counts as reachable."""
+
+    def text(self) -> str:
+        """Return the recipe as text, equal for equal recipes."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+
+def generate(names: Sequence[str], open_world: OpenWorld, folder: Path, recipe: DatasetRecipe) -> list[Path]:
+    """Make the shards of the named scenes in a folder, skipping those that lie there whole, and return their paths."""
+    paths = [shard_path(folder, name) for name in names]
+    text = recipe.text()
+    missing = [(name, path) for name, path in zip(names, paths, strict=True) if read_recipe(path) != text]
+    for name, path in tqdm(missing, desc="scenes", unit="scene", initial=len(paths) - len(missing), total=len(paths)):
+        shard = make_shard(open_world(name), recipe)
+        write_shard(shard, path)
+        log.info(
+            "%s: %d images, %d pairs, %.0f %% reachable",
+            name,
+            len(shard.rgb),
+            len(shard.sources),
+            100 * shard.reachable.mean(),
+        )
+    return paths
+
+
+def make_shard(world: World, recipe: DatasetRecipe) -> Shard:
+    """Sample, render and label one scene."""
+    rng = np.random.default_rng([recipe.seed, zlib.crc32(world.name.encode())])
+    clusters = cluster_poses(world.floor, rng, recipe.clusters, recipe.sampling)
+    poses = clusters.reshape(-1, 3)
+    rgb, depth_mm = render_all(world.camera, poses)
+    sources, targets = cluster_pairs(len(clusters), recipe.sampling.size)
+    labels = label_all(world, poses, depth_mm, sources, targets, recipe.limits)
+    return Shard(
+        name=world.name,
+        recipe=recipe.text(),
+        rgb=rgb,
+        depth_mm=depth_mm,
+        poses=poses,
+        group=np.repeat(np.arange(len(clusters), dtype=np.int32), recipe.sampling.size),
+        sources=sources,
+        targets=targets,
+        reachable=labels.reachable,
+        failed=labels.failed,
+        overlap=labels.overlap,
+        path_ratio=labels.path_ratio,
+    )
+
+
+def render_all(camera: Camera, poses: Pose) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+    """Return rgb (N, H, W, 3) and depth in millimetres (N, H, W) seen from poses (N, 3)."""
+    size = Intrinsics()
+    rgb = np.empty((len(poses), size.height, size.width, 3), np.uint8)
+    depth_mm = np.empty((len(poses), size.height, size.width), np.uint16)
+    for row, pose in enumerate(poses):
+        rgb[row], depth = camera.render(pose, size)
+        depth_mm[row] = np.rint(depth * 1000)
+    return rgb, depth_mm
+
+
+def label_all(
+    world: World,
+    poses: Pose,
+    depth_mm: NDArray[np.uint16],
+    sources: NDArray[np.int32],
+    targets: NDArray[np.int32],
+    limits: Limits,
+) -> Labels:
+    """Label pairs of images in pieces of bounded memory."""
+    parts = []
+    for first in range(0, len(sources), _PAIRS_AT_ONCE):
+        i, j = sources[first : first + _PAIRS_AT_ONCE], targets[first : first + _PAIRS_AT_ONCE]
+        seen_i, seen_j = depth_mm[i] / np.float32(1000), depth_mm[j] / np.float32(1000)
+        parts.append(label(poses[i], poses[j], seen_i, seen_j, world.floor, limits=limits))
+    return Labels(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

@@ -1,0 +1,62 @@
+"""The sizes of the network: one frozen description that travels with the weights and rebuilds the modules.
+
+Owns the numbers that must match between training and use. Knows nothing of training, files or images.
+"""
+
+from dataclasses import asdict, dataclass
+
+from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH
+
+STRIDE = 8
+"""Pixels per token along each axis: the encoder halves the image three times."""
+
+DEPTH_STRIDE = 4
+"""Pixels per sample of the depth that is kept with the features for checking a waypoint."""
+
+
+@dataclass(frozen=True, slots=True)
+class Architecture:
+    """Widths of the network's layers (all ours; the paper does not state its network)."""
+
+    name: str = "aligned-pairs"
+    """Family of the network; weights of another family are refused."""
+    stem: int = 32
+    """Channels at half resolution."""
+    middle: int = 48
+    """Channels at a quarter of the resolution."""
+    tokens: int = 96
+    """Channels at an eighth of the resolution: the width of a token."""
+    heads: int = 4
+    """Heads of the self-attention that gives every token the whole image as context."""
+    descriptor: int = 64
+    """Width of the unit vectors that are matched between two images."""
+    value: int = 32
+    """Width of what a token tells its match."""
+    place: int = 64
+    """Width of the per-image vectors that sort out hopeless pairs cheaply."""
+    hidden: int = 64
+    """Width of the pair head's per-token layers."""
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Rows and columns of tokens."""
+        return IMAGE_HEIGHT // STRIDE, IMAGE_WIDTH // STRIDE
+
+    @property
+    def token_count(self) -> int:
+        """Tokens per image."""
+        return self.grid[0] * self.grid[1]
+
+    @property
+    def depth_grid(self) -> tuple[int, int]:
+        """Rows and columns of the kept depth."""
+        return IMAGE_HEIGHT // DEPTH_STRIDE, IMAGE_WIDTH // DEPTH_STRIDE
+
+    @property
+    def depth_count(self) -> int:
+        """Samples of the kept depth per image."""
+        return self.depth_grid[0] * self.depth_grid[1]
+
+    def as_text(self) -> dict[str, str]:
+        """Return the fields as strings, the form in which a weights file keeps them."""
+        return {key: str(value) for key, value in asdict(self).items()}

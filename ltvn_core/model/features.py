@@ -1,0 +1,77 @@
+"""What the network keeps of one image, and how that becomes one row of numbers and back.
+
+Owns the layout of a feature row. Does not know how features are made or compared.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from ltvn_core.model.architecture import Architecture
+
+
+class ImageFeatures(NamedTuple):
+    """Features of B images with T tokens each; points are x forward, y left, z up of the camera, metres."""
+
+    descriptors: Tensor
+    """(B, T, D) unit vectors, matched between images."""
+    unmatched: Tensor
+    """(B, T) how readily a token says that it has no match."""
+    saliency: Tensor
+    """(B, T) logit of how far a token's match is to be trusted."""
+    values: Tensor
+    """(B, T, V) what a token tells its match."""
+    points: Tensor
+    """(B, T, 3) where the token's surface point is; all zero where depth is missing."""
+    depth: Tensor
+    """(B, G) metres on a coarse grid; 0 where depth is missing."""
+    place_query: Tensor
+    """(B, P) unit vector: where could one go from here."""
+    place_key: Tensor
+    """(B, P) unit vector: from where could one come here."""
+
+    def take(self, rows: Tensor) -> "ImageFeatures":
+        """Return the features of the given images (N,)."""
+        return ImageFeatures(*(part[rows] for part in self))
+
+
+def pack(features: ImageFeatures) -> Tensor:
+    """Return (B, F) half-precision rows."""
+    return torch.cat([part.flatten(1).half() for part in features], dim=1)
+
+
+def unpack(rows: Tensor, architecture: Architecture) -> ImageFeatures:
+    """Return the features held in (B, F) rows, as float32."""
+    parts = torch.split(rows, _lengths(architecture), dim=1)
+    shapes = _shapes(architecture)
+    return ImageFeatures(*(part.float().reshape(len(rows), *shape) for part, shape in zip(parts, shapes, strict=True)))
+
+
+def row_length(architecture: Architecture) -> int:
+    """Return F, the numbers per image."""
+    return sum(_lengths(architecture))
+
+
+def place_columns(architecture: Architecture) -> tuple[slice, slice]:
+    """Return the columns of the place query and of the place key within a row."""
+    end, width = row_length(architecture), architecture.place
+    return slice(end - 2 * width, end - width), slice(end - width, end)
+
+
+def _shapes(architecture: Architecture) -> tuple[tuple[int, ...], ...]:
+    tokens, size = architecture.token_count, architecture
+    return (
+        (tokens, size.descriptor),
+        (tokens,),
+        (tokens,),
+        (tokens, size.value),
+        (tokens, 3),
+        (size.depth_count,),
+        (size.place,),
+        (size.place,),
+    )
+
+
+def _lengths(architecture: Architecture) -> list[int]:
+    return [int(torch.Size(shape).numel()) for shape in _shapes(architecture)]

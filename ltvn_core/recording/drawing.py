@@ -1,0 +1,105 @@
+"""What robot and map look like in the Rerun viewer: pure functions from frames and graphs to drawn rows.
+
+Owns shapes and colours. Writes nothing itself, and nothing is read back from here except the columns of the graph,
+which stand in the same rows so that a clicked instance names its node or edge. Events are drawn in `event_drawing`.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from ltvn_core.graph.deltas import Edge, Node
+from ltvn_core.recording import schema
+from ltvn_core.recording.places import Places
+from ltvn_core.recording.rows import Row, numbers
+from ltvn_core.types import Intrinsics, Pose
+
+GRAPH_M = 0.05
+"""The graph floats a little above the floor."""
+_SURE, _DOUBTFUL = np.array([0, 158, 115.0]), np.array([213, 94, 0.0])
+_NODE_COLOUR, _TRAIL_COLOUR, _GREY, _WHITE = [86, 140, 233], [120, 120, 130], [150, 150, 150], [255, 255, 255]
+
+
+class Drawn(NamedTuple):
+    """One row for the viewer."""
+
+    entity: str
+    values: Sequence[rr.AsComponents]
+
+
+def fixed_parts(intrinsics: Intrinsics, scene_glb: bytes | None) -> list[Drawn]:
+    """Draw what holds at all times: axes, scene, robot, camera, and the names of the curves."""
+    body = rr.Boxes3D(centers=[[0, 0, 0.2]], half_sizes=[[0.17, 0.17, 0.2]], colors=[[90, 90, 100]], fill_mode="Solid")
+    parts = [
+        Drawn(schema.WORLD, [rr.ViewCoordinates.RIGHT_HAND_Z_UP]),
+        Drawn(schema.BODY, [body]),
+        Drawn(f"{schema.BODY}/nose", [_arrow(0.42, _WHITE)]),
+        Drawn(f"{schema.ODOMETRY}/arrow", [_arrow(GRAPH_M, _GREY)]),
+        Drawn(schema.CAMERA, [_pinhole(intrinsics), rr.Transform3D(translation=[0, 0, intrinsics.height_m])]),
+        Drawn(schema.GRAPH_SIZE, [rr.SeriesLines(names=["nodes", "edges"], interpolation_mode="StepAfter")]),
+        Drawn(schema.MARGIN, [rr.SeriesLines(names=["margin of the localisation"])]),
+    ]
+    if scene_glb is not None:
+        parts.append(Drawn(schema.SCENE, [rr.Asset3D(contents=scene_glb, media_type="model/gltf-binary")]))
+    return parts
+
+
+def robot(drawn_pose: Pose, odometry: Pose) -> list[Drawn]:
+    """Draw the robot at its place, a grey arrow where odometry believes it is, and a dot of its trail."""
+    dot = rr.Points3D([[drawn_pose[0], drawn_pose[1], GRAPH_M / 2]], radii=0.015, colors=[_TRAIL_COLOUR])
+    return [
+        Drawn(schema.ROBOT, [_transform(drawn_pose)]),
+        Drawn(schema.ODOMETRY, [_transform(odometry)]),
+        Drawn(schema.TRAIL, [dot]),
+    ]
+
+
+def graph(nodes: Sequence[Node], edges: Sequence[Edge], places: Places) -> list[Drawn]:
+    """Draw the whole map; `places` must know every node."""
+    ids = [node.id for node in nodes]
+    points = rr.Points3D(places.points(ids, GRAPH_M), radii=0.05, colors=[_NODE_COLOUR])
+    return [
+        Drawn(schema.NODES, [points, Row(schema.NODE_ROW, {"node_id": numbers(ids, np.int32)})]),
+        Drawn(schema.EDGES, _edges(edges, places)),
+        Drawn(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
+    ]
+
+
+def colours(p: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return (N, 3) colours from doubtful (orange) to sure (green), told apart by the colour-blind as well."""
+    return (_DOUBTFUL + p[:, None] * (_SURE - _DOUBTFUL)).astype(np.uint8)
+
+
+def _edges(edges: Sequence[Edge], places: Places) -> list[rr.AsComponents]:
+    sources, targets = [edge.source for edge in edges], [edge.target for edge in edges]
+    beliefs = np.array([(e.belief.p, e.belief.mu, e.belief.sigma2) for e in edges], np.float32).reshape(-1, 3)
+    strips = np.stack([places.points(sources, GRAPH_M), places.points(targets, GRAPH_M)], axis=1)
+    ends = {"source": numbers(sources, np.int32), "target": numbers(targets, np.int32)}
+    belief = {name: numbers(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
+    return [rr.LineStrips3D(strips, radii=0.012, colors=colours(beliefs[:, 0])), Row(schema.EDGE_ROW, ends | belief)]
+
+
+def _arrow(height_m: float, colour: list[int]) -> rr.Arrows3D:
+    return rr.Arrows3D(origins=[[0, 0, height_m]], vectors=[[0.35, 0, 0]], radii=0.02, colors=[colour])
+
+
+def _transform(pose: Pose) -> rr.Transform3D:
+    half_yaw = float(pose[2]) / 2
+    # A fresh list: Rerun reads a handed-in array only when it flushes.
+    return rr.Transform3D(
+        translation=[float(pose[0]), float(pose[1]), 0.0],
+        quaternion=rr.Quaternion(xyzw=[0.0, 0.0, float(np.sin(half_yaw)), float(np.cos(half_yaw))]),
+    )
+
+
+def _pinhole(intrinsics: Intrinsics) -> rr.Pinhole:
+    return rr.Pinhole(
+        focal_length=intrinsics.focal_px,
+        width=intrinsics.width,
+        height=intrinsics.height,
+        camera_xyz=rr.ViewCoordinates.FLU,
+        image_plane_distance=0.4,
+    )

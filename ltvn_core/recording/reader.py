@@ -1,0 +1,181 @@
+"""Reads a recording back: frames on demand, events in order, and the map at any step.
+
+Owns nothing on disk and changes nothing. Pictures stay compressed until somebody asks for one.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.nav.events import GraphChanged, Stamped
+from ltvn_core.recording import schema
+from ltvn_core.recording.chunks import Contents, read_contents, require_finished
+from ltvn_core.recording.codec import EncodedEvent
+from ltvn_core.recording.frames import EncodedFrame, decode_frame
+from ltvn_core.recording.meta import Meta
+from ltvn_core.recording.rows import cell
+from ltvn_core.types import FrameId, Observation, Pose
+
+
+class Poses(NamedTuple):
+    """Where all frames of a recording were taken, in the order of their steps."""
+
+    steps: NDArray[np.int64]
+    """(N,)."""
+    stamps: NDArray[np.float64]
+    """(N,) seconds on the robot's clock."""
+    odometry: Pose
+    """(N, 3)."""
+    exact: Pose | None
+    """(N, 3) in simulation, None when any frame lacks it."""
+
+
+class StoredFrame(NamedTuple):
+    """A frame and the checksums that were stored with it."""
+
+    frame: EncodedFrame
+    rgb_checksum: int
+    depth_checksum: int
+
+    @property
+    def intact(self) -> bool:
+        """Nothing changed since it was written."""
+        return (self.rgb_checksum, self.depth_checksum) == (self.frame.rgb_checksum, self.frame.depth_checksum)
+
+
+class StoredEvent(NamedTuple):
+    """An event, still as JSON, and the checksum that was stored with it."""
+
+    event: EncodedEvent
+    checksum: int
+
+    @property
+    def intact(self) -> bool:
+        """Nothing changed since it was written."""
+        return self.checksum == self.event.checksum
+
+
+class _Row(NamedTuple):
+    batch: pa.RecordBatch
+    row: int
+
+    def numbers(self, column: str) -> NDArray:
+        return cell(self.batch.column(column), self.row)
+
+
+class Recording:
+    """A recording that lies on disk, opened for reading."""
+
+    def __init__(self, path: Path, contents: Contents) -> None:
+        """Index the contents of a file; `Recording.open` is the way in."""
+        self.path = path
+        self.meta: Meta = contents.meta
+        self._contents = contents
+        rgb, depth = _by_step(contents.of(schema.RGB)), _by_step(contents.of(schema.DEPTH))
+        # A cut file may end between the two halves of a frame; only whole frames count.
+        self._rows: Mapping[FrameId, tuple[_Row, _Row]] = {
+            step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
+        }
+
+    @classmethod
+    def open(cls, path: Path | str) -> Self:
+        """Open a whole and finished recording.
+
+        Raises RecordingError for anything else, and says what to do.
+        """
+        require_finished(Path(path))
+        return cls(Path(path), read_contents(Path(path)))
+
+    @cached_property
+    def frames(self) -> Sequence[FrameId]:
+        """Ids of all frames, in order."""
+        return tuple(self._rows)
+
+    def observation(self, frame: FrameId) -> Observation:
+        """Decode one frame. Raises RecordingError when there is none, ImageError when it cannot be looked at."""
+        return decode_frame(self.stored_frame(frame).frame, str(self.path))
+
+    def stored_frame(self, frame: FrameId) -> StoredFrame:
+        """Return one frame with its pictures compressed. Raises RecordingError when there is none."""
+        if frame not in self._rows:
+            held = f"{len(self.frames)} frames from {self.frames[0]} to {self.frames[-1]}" if self.frames else "none"
+            raise RecordingError(f"{self.path} has no frame {frame}; it holds {held}.")
+        rgb, depth = self._rows[frame]
+        exact = rgb.numbers(f"{schema.FRAME_ROW}:exact_pose")
+        encoded = EncodedFrame(
+            step=frame,
+            stamp=float(rgb.numbers(f"{schema.FRAME_ROW}:stamp")[0]),
+            odometry=rgb.numbers(f"{schema.FRAME_ROW}:odometry").copy(),
+            exact_pose=exact.copy() if exact.size else None,
+            rgb=rgb.numbers("EncodedImage:blob").tobytes(),
+            depth=depth.numbers("EncodedDepthImage:blob").tobytes(),
+        )
+        sums = rgb.numbers(f"{schema.FRAME_ROW}:crc32"), depth.numbers(f"{schema.DEPTH_ROW}:crc32")
+        return StoredFrame(encoded, int(sums[0][0]), int(sums[1][0]))
+
+    @cached_property
+    def poses(self) -> Poses:
+        """Where the frames were taken, without touching any picture."""
+        rows = [rgb for rgb, _ in self._rows.values()]
+        exact = [row.numbers(f"{schema.FRAME_ROW}:exact_pose") for row in rows]
+        return Poses(
+            steps=np.array(self.frames, np.int64),
+            stamps=np.array([row.numbers(f"{schema.FRAME_ROW}:stamp")[0] for row in rows], np.float64),
+            odometry=np.array([row.numbers(f"{schema.FRAME_ROW}:odometry") for row in rows]).reshape(-1, 3),
+            exact=np.array(exact).reshape(-1, 3) if all(pose.size for pose in exact) else None,
+        )
+
+    @cached_property
+    def stored_events(self) -> Sequence[StoredEvent]:
+        """All events in order, still as JSON."""
+        events = [event for batch in self._contents.of(schema.EVENTS) for event in _events(batch)]
+        return sorted(events, key=lambda stored: stored.event.sequence)
+
+    @cached_property
+    def events(self) -> list[Stamped]:
+        """All events, in the order in which they were written. Raises RecordingError when one is damaged."""
+        return [stored.event.decoded() for stored in self.stored_events]
+
+    def graph_at(self, step: FrameId) -> TopologicalGraph:
+        """Return the map after everything that happened up to and in `step`, by folding the deltas."""
+        return _folded(event for event in self.events if event.step <= step)
+
+    def final_graph(self) -> TopologicalGraph:
+        """Return the map as it was at the end."""
+        return _folded(self.events)
+
+    def scene_glb(self) -> bytes | None:
+        """Return the scene that is drawn, as a binary glTF, when the file holds one."""
+        for batch in self._contents.of(schema.SCENE):
+            return cell(batch.column("Asset3D:blob"), 0).tobytes()
+        return None
+
+
+def _folded(events: Iterable[Stamped]) -> TopologicalGraph:
+    return TopologicalGraph(stamped.event.delta for stamped in events if isinstance(stamped.event, GraphChanged))
+
+
+def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, _Row]:
+    return {
+        step: _Row(batch, index)
+        for batch in batches
+        if schema.STEP in batch.schema.names
+        for index, step in enumerate(batch.column(schema.STEP).to_pylist())
+    }
+
+
+def _events(batch: pa.RecordBatch) -> list[StoredEvent]:
+    names = ("sequence", "stamp", "kind", "json", "crc32")
+    columns = [batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in names]
+    steps = batch.column(schema.STEP).to_pylist()
+    return [
+        StoredEvent(EncodedEvent(sequence, step, stamp, kind, text), checksum)
+        for step, sequence, stamp, kind, text, checksum in zip(steps, *columns, strict=True)
+    ]

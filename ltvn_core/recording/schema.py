@@ -1,0 +1,56 @@
+"""What a recording is called inside: versions, names, timelines and entity paths, said once for writer and reader.
+
+`recordings/README.md` explains the same to people. Owns no reading and no writing.
+"""
+
+SCHEMA = 1
+"""Goes up whenever an older reader could misunderstand the file."""
+
+APPLICATION_ID = "ltvn"
+"""Rerun rewrites ids with anything but a-z, 0-9, - and _."""
+
+STEP = "step"
+"""Timeline: control steps of the robot, the name of each frame."""
+SIM_TIME = "sim_time"
+"""Timeline: the robot's clock, as measured."""
+
+PROPERTIES = "ltvn"
+"""Name of the recording property that holds `meta.Meta`; Rerun keeps it at /__properties/ltvn."""
+
+WORLD = "world"
+SCENE = "world/scene"
+ROBOT = "world/robot"
+BODY = "world/robot/body"
+CAMERA = "world/robot/camera"
+RGB = "world/robot/camera/rgb"
+DEPTH = "world/robot/camera/depth"
+ODOMETRY = "world/odometry"
+TRAIL = "world/trail"
+NODES = "world/graph/nodes"
+EDGES = "world/graph/edges"
+PRUNED = "world/graph/pruned"
+PLAN = "world/plan"
+GOAL = "world/goal"
+LOCALISED = "world/localised"
+WAYPOINT = "world/waypoint"
+EVENTS = "events"
+LOG = "log"
+STATE = "navigator"
+GRAPH_SIZE = "graph_size"
+BELIEFS = "beliefs"
+MARGIN = "margin"
+
+
+FRAME_ROW = "ltvn.Frame"
+"""Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32."""
+DEPTH_ROW = "ltvn.Depth"
+"""Exact columns beside the depth image: crc32."""
+EVENT_ROW = "ltvn.Event"
+"""Columns of an event: sequence, stamp, kind, json, crc32."""
+NODE_ROW = "ltvn.Nodes"
+"""Columns beside the drawn nodes: node_id."""
+EDGE_ROW = "ltvn.Edges"
+"""Columns beside the drawn edges: source, target, p, mu, sigma2."""
+
+DEPTH_RANGE_MM = (0.0, 8000.0)
+"""Depth that the viewer's colours span."""

@@ -1,0 +1,68 @@
+"""Puts the siblings together: a scene with its camera and robot, and a predictor that fits.
+
+Owns the choices every verb and the page share (where the robot starts, which predictor a name means). Does not own any
+loop.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from ltvn_core.errors import SceneError
+from ltvn_core.types import FrameId, Intrinsics, Pose, Predictor
+
+if TYPE_CHECKING:
+    from ltvn_core.sim.robot import SimulatedRobot
+    from ltvn_core.sim.scenes import Scene
+
+PredictorName: TypeAlias = Literal["network", "oracle"]
+"""The trained network, or the simulator's own geometry."""
+
+START_CLEARANCE_M = 0.35
+"""A robot starts where it can turn freely."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A scene and the robot in it."""
+
+    scene: "Scene"
+    robot: "SimulatedRobot"
+
+
+def open_simulation(scene_name: str, *, seed: int, first_step: FrameId = 0, start: Pose | None = None) -> Simulation:
+    """Load a scene and put a robot into it, at `start` (3,) or at a free place drawn with `seed`.
+
+    Raises SceneError for an unknown scene and where the simulator cannot run at all.
+    """
+    try:
+        from ltvn_core.sim.robot import SimulatedRobot
+    except ModuleNotFoundError as missing:
+        raise SceneError(
+            f"The simulator needs {missing.name}, which has wheels for Linux x86-64 and CPython 3.11 only. Use that "
+            "Python to drive; replay, maps and analysis work here."
+        ) from missing
+    from ltvn_core.sim.camera import open_camera
+    from ltvn_core.sim.scenes import load_scene
+
+    scene = load_scene(scene_name)
+    rng = np.random.default_rng(seed)
+    place = scene.clearance.sample_poses(rng, 1, min_clearance_m=START_CLEARANCE_M)[0] if start is None else start
+    return Simulation(scene, SimulatedRobot(scene, open_camera(scene), start=place, rng=rng, first_step=first_step))
+
+
+def open_predictor(name: PredictorName, scene_name: str, weights: Path | None = None) -> Predictor:
+    """Return the predictor of that name; `weights` replaces the shipped ones, the scene matters to the oracle alone.
+
+    Raises WeightsError, and SceneError when the oracle is asked about a scene that is not simulated.
+    """
+    if name == "oracle":
+        from ltvn_core.sim.oracle import OraclePredictor
+        from ltvn_core.sim.scenes import load_scene
+
+        return OraclePredictor(load_scene(scene_name).clearance, Intrinsics())
+    from ltvn_core.model.predictor import load_predictor
+
+    return load_predictor(weights)

@@ -1,0 +1,75 @@
+"""`ltvn build`: a recording becomes a map."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from ltvn_core.verbs.verb import Summary, Verb
+
+
+@dataclass(frozen=True)
+class Built:
+    """The size of a new map."""
+
+    map: Path
+    frames: int
+    """Images the map was built from."""
+    nodes: int
+    edges: int
+    reserve: int
+    pieces: int
+    """Parts that no edge joins; more than one means that some places cannot be reached from others."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Build(Verb):
+    """Build a map from a recording by Algorithm 1."""
+
+    recording: Positional[Path]
+    """The recording to build from."""
+    output: Path
+    """The map to write; must not exist yet."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The method's settings: robust is ours, paper is the literal method."""
+    predictor: Literal["network", "oracle"] = "network"
+    """What compares images: the trained network, or the simulator's own geometry."""
+    weights: Path | None = None
+    """Weights to use instead of the shipped ones."""
+    seed: int = 0
+    """Draws the order in which images are sampled."""
+
+    def run(self) -> Summary:
+        """Build and save the map; raises RecordingError, MapError and WeightsError."""
+        import numpy as np
+        from tqdm import tqdm
+
+        from ltvn_core.composition import open_predictor
+        from ltvn_core.config import preset
+        from ltvn_core.graph.builder import build
+        from ltvn_core.graph.topograph import TopologicalGraph
+        from ltvn_core.graph.views import Views
+        from ltvn_core.recording.maps import save_map
+        from ltvn_core.recording.reader import Recording
+
+        recording = Recording.open(self.recording)
+        observations = [recording.observation(frame) for frame in recording.frames]
+        predictor = open_predictor(self.predictor, recording.meta.scene, self.weights)
+        views, method = Views(predictor), preset(self.preset)
+        with tqdm(total=len(observations), desc="build", unit="image") as bar:
+
+            def show(done: int, total: int) -> None:
+                bar.total = total
+                bar.update(done - bar.n)
+
+            deltas = build(observations, views, predictor, method, np.random.default_rng(self.seed), progress=show)
+        graph = TopologicalGraph(deltas)
+        kept = [views.observation(frame) for frame in views.frames]
+        settings = {"verb": "build", "preset": self.preset, "seed": self.seed, "method": asdict(method)}
+        save_map(
+            self.output, graph, kept, scene=recording.meta.scene, config=settings, fingerprint=predictor.fingerprint
+        )
+        return Built(
+            self.output, len(observations), len(graph.nodes), len(graph.edges), len(graph.reserve), graph.pieces()
+        )

@@ -1,0 +1,122 @@
+"""`ltvn demo`: the whole main job in one go: collect, build, navigate with maintenance, record."""
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.verb import Summary, Verb
+
+
+@dataclass(frozen=True)
+class Demonstrated:
+    """What happened, in numbers."""
+
+    recording: Path
+    map: Path | None
+    """The map after all queries, if it was asked for."""
+    frames: int
+    """Images of the mapping tour."""
+    nodes: int
+    """In the map at the end."""
+    edges: int
+    queries: int
+    reached: int
+    """Queries that ended within 0.72 m and 0.4 rad of the goal by the robot's own decision."""
+    collisions: int
+    """Touches during the queries."""
+    pruned: int
+    """Edges that maintenance took away."""
+    added: int
+    """Nodes and edges that maintenance brought in."""
+    failures: dict[str, int]
+    """How the other queries ended."""
+    predictor: str
+    preset: str
+    scene: str
+    seed: int
+    wall_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demo(Verb):
+    """Collect, build, navigate and record: the page's main job, or all of it without a browser (--headless)."""
+
+    headless: bool = False
+    """Do it all here and print the result; without this the page opens."""
+    queries: int = 20
+    """How many random goals to drive to."""
+    seed: int = 0
+    """Draws tour, noise, map and goals."""
+    scene: str = "demo"
+    """A scene by name; a wrong name lists the right ones."""
+    loops: int = 2
+    """How often the mapping tour goes round."""
+    predictor: Literal["network", "oracle"] = "network"
+    """What compares images: the trained network, or the simulator's own geometry."""
+    weights: Path | None = None
+    """Weights to use instead of the shipped ones."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The method's settings: robust is ours, paper is the literal method."""
+    recording: Path | None = None
+    """The recording to write; by default runs/demo-SCENE-SEED-TIME.rrd."""
+    map: Path | None = None
+    """Also save the final map here."""
+
+    def run(self) -> Summary:
+        """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
+        if not self.headless:
+            from ltvn_core.verbs.app import App
+
+            return App(scene=self.scene, seed=self.seed, predictor=self.predictor, weights=self.weights).run()
+        if self.queries < 0 or self.loops < 1:
+            raise OptionError(
+                f"--queries must be 0 or more and --loops 1 or more, got {self.queries} and {self.loops}."
+            )
+        return _demonstrate(self)
+
+
+def _demonstrate(options: Demo) -> Demonstrated:
+    import numpy as np
+
+    from ltvn_core.composition import open_predictor, open_simulation
+    from ltvn_core.config import preset
+    from ltvn_core.graph.views import Views
+    from ltvn_core.recording.maps import save_map
+    from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.verbs.headless import Tally, Workbench
+
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
+    simulation = open_simulation(options.scene, seed=options.seed)
+    predictor = open_predictor(options.predictor, options.scene, options.weights)
+    method = preset(options.preset)
+    path = options.recording or Path("runs") / time.strftime(f"demo-{options.scene}-{options.seed}-%Y%m%d-%H%M%S.rrd")
+    about = {
+        "scene": options.scene,
+        "config": {"verb": "demo", "seed": options.seed, "loops": options.loops, "method": asdict(method)},
+        "fingerprint": predictor.fingerprint,
+    }
+    with RecordingWriter(path, **about) as writer:
+        bench = Workbench(simulation, writer, Views(predictor), predictor, method)
+        observations = bench.collect(rng, options.loops)
+        bench.build(observations, rng)
+        tally = Tally()
+        bench.run_queries(options.queries, rng, tally)
+    if options.map is not None:
+        save_map(options.map, bench.graph, bench.kept(), **about)
+    return Demonstrated(
+        recording=path,
+        map=options.map,
+        frames=len(observations),
+        nodes=len(bench.graph.nodes),
+        edges=len(bench.graph.edges),
+        queries=options.queries,
+        **tally.summary(),
+        predictor=options.predictor,
+        preset=options.preset,
+        scene=options.scene,
+        seed=options.seed,
+        wall_s=time.monotonic() - started,
+    )

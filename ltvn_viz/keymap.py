@@ -1,0 +1,113 @@
+"""What each key does, in one table.
+
+The page's bindings, the on-screen help and the documentation are all made from `KEYS`. Keys are named by
+`KeyboardEvent.code`, the place on the keyboard, so that W A S D lies under the same fingers on every layout.
+Owns no behaviour: the script sends directions and actions, the driver's seat and the session carry them out.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Direction(StrEnum):
+    """Where a held input pushes the robot."""
+
+    FORWARD = "forward"
+    BACKWARD = "backward"
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class Action(StrEnum):
+    """What a person asks for with one press or one click."""
+
+    STOP = "stop"
+    TAKE_OVER = "take_over"
+    RELEASE = "release"
+    RECORD = "record"
+    KEEP = "keep"
+    DISCARD = "discard"
+    BUILD = "build"
+    GOAL = "goal"
+    CANCEL = "cancel"
+    PAUSE = "pause"
+    STEP = "step"
+    SEEK_BACK = "seek_back"
+    SEEK_FORWARD = "seek_forward"
+    HELP = "help"
+    SELECT = "select"
+    """A click on a picture: look at it. Carries the picture's id."""
+
+
+FOR_EVERYBODY = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE, Action.HELP, Action.SELECT})
+"""Watchers may ask for these; everything else moves the robot or writes files and belongs to the driver."""
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """Keys that do the same thing."""
+
+    codes: tuple[str, ...]
+    """`KeyboardEvent.code` of each key."""
+    meaning: Direction | Action
+    help: str
+
+    @property
+    def caps(self) -> str:
+        """Return what is printed on the keys, for instance `W or ↑`."""
+        return " or ".join(CAPS.get(code, code.removeprefix("Key")) for code in self.codes)
+
+
+CAPS = {
+    "ArrowUp": "↑",
+    "ArrowDown": "↓",
+    "ArrowLeft": "←",
+    "ArrowRight": "→",
+    "Escape": "Esc",
+    "Period": ".",
+    "BracketLeft": "[",
+    "BracketRight": "]",
+}
+
+KEYS = (
+    Binding(("KeyW", "ArrowUp"), Direction.FORWARD, "drive forward while held"),
+    Binding(("KeyS", "ArrowDown"), Direction.BACKWARD, "back up while held"),
+    Binding(("KeyA", "ArrowLeft"), Direction.LEFT, "turn left while held"),
+    Binding(("KeyD", "ArrowRight"), Direction.RIGHT, "turn right while held"),
+    Binding(("Space",), Action.STOP, "stop the robot, whoever drives"),
+    Binding(("KeyR",), Action.RECORD, "start recording"),
+    Binding(("KeyN",), Action.KEEP, "keep the recording"),
+    Binding(("Backspace",), Action.DISCARD, "discard the recording"),
+    Binding(("KeyB",), Action.BUILD, "build a map"),
+    Binding(("KeyG",), Action.GOAL, "go to the selected goal"),
+    Binding(("Escape",), Action.CANCEL, "cancel the task"),
+    Binding(("KeyP",), Action.PAUSE, "pause, or go on"),
+    Binding(("Period",), Action.STEP, "one step, then pause"),
+    Binding(("BracketLeft",), Action.SEEK_BACK, "replay: back one second"),
+    Binding(("BracketRight",), Action.SEEK_FORWARD, "replay: on one second"),
+    Binding(("KeyH",), Action.HELP, "show or hide this help"),
+)
+
+SLOW_HELP = ("Shift", "drive slowly while held")
+
+
+def help_rows() -> tuple[tuple[str, str], ...]:
+    """Return (what is printed on the keys, what they do) of every binding, in the order of the help."""
+    rows = [(binding.caps, binding.help) for binding in KEYS]
+    last_direction = sum(isinstance(binding.meaning, Direction) for binding in KEYS)
+    return (*rows[:last_direction], SLOW_HELP, *rows[last_direction:])
+
+
+def help_markdown() -> str:
+    """Return the help as a Markdown table, for the documentation and the help panel."""
+    return "\n".join(["| key | does |", "|---|---|", *(f"| {caps} | {text} |" for caps, text in help_rows())])
+
+
+def direction_codes() -> dict[str, str]:
+    """Return the script's table of held keys: code -> direction."""
+    return {code: key.meaning.value for key in KEYS if isinstance(key.meaning, Direction) for code in key.codes}
+
+
+def action_codes() -> dict[str, str]:
+    """Return the script's table of pressed keys: code -> action."""
+    return {code: key.meaning.value for key in KEYS if isinstance(key.meaning, Action) for code in key.codes}

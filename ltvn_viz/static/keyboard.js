@@ -1,0 +1,74 @@
+// Keys: held ones drive, pressed ones ask. viser listens on `document`; this listens on `window` in the capture phase,
+// so that a driving key never reaches viser's camera.
+
+const NOT_TYPED_INTO = new Set(["button", "checkbox", "color", "file", "image", "radio", "range", "reset", "submit"]);
+const REPEATING = new Set(["seek_back", "seek_forward"]);
+
+let lastKey = ""; // Shown on the pad, so that a person sees whether keys arrive at all.
+
+function isTyping(target) {
+  if (!(target instanceof HTMLElement)) return false;
+  if (target.isContentEditable || target.tagName === "TEXTAREA" || target.tagName === "SELECT") return true;
+  return target.tagName === "INPUT" && !NOT_TYPED_INTO.has(target.type);
+}
+
+function isAdjusting(target, code) {
+  return code.startsWith("Arrow") && target instanceof HTMLElement && target.getAttribute("role") === "slider";
+}
+
+function swallow(event) {
+  event.preventDefault();
+  event.stopImmediatePropagation();
+}
+
+function onKeyDown(event) {
+  if (isTyping(event.target)) return;
+  const action = KEYMAP.actions[event.code];
+  if (action === "stop") return pressStop(event);
+  // These take the keyboard away to the browser or the desktop; the release of what is held may never arrive.
+  if (event.ctrlKey || event.metaKey || event.altKey) return dropAll();
+  setSlow(event.shiftKey);
+  const direction = KEYMAP.directions[event.code];
+  if (direction !== undefined && !isAdjusting(event.target, event.code)) pressDirection(event, direction);
+  else if (action !== undefined) pressAction(event, action);
+}
+
+function pressStop(event) {
+  swallow(event);
+  if (event.repeat) return;
+  lastKey = event.code;
+  ask("stop");
+  changed();
+}
+
+function pressDirection(event, direction) {
+  swallow(event);
+  // A key that was held while the page lost sight of it repeats, and must not count until it is pressed anew.
+  if (event.repeat) return;
+  lastKey = event.code;
+  hold(event.code, direction);
+}
+
+function pressAction(event, action) {
+  if (event.repeat && !REPEATING.has(action)) return;
+  if (document.querySelector("[role=dialog]") !== null) return;
+  event.preventDefault();
+  lastKey = event.code;
+  if (action === "help") toggleHelp();
+  else ask(action);
+  changed();
+}
+
+function onKeyUp(event) {
+  setSlow(event.shiftKey);
+  // Space let go on a button would click it.
+  if (KEYMAP.actions[event.code] === "stop" && !isTyping(event.target)) swallow(event);
+  if (!held.has(event.code)) return;
+  event.stopImmediatePropagation();
+  drop(event.code);
+}
+
+function listenToKeys() {
+  addEventListener("keydown", onKeyDown, true);
+  addEventListener("keyup", onKeyUp, true);
+}

@@ -1,0 +1,10 @@
+// Begin. The script stands in the head, before viser's own, so that its listeners come first.
+
+listenToKeys();
+listenToGamepads();
+listenToClicks();
+dropAllWhenOutOfSight();
+document.addEventListener("DOMContentLoaded", () => {
+  showPad();
+  connect();
+});

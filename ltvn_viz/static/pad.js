@@ -1,0 +1,128 @@
+// The pad on the screen: four arrows and a stop for mouse and touch, who drives, and the help. Text from elsewhere is
+// only ever set as text.
+
+const CAPS = { forward: "▲", left: "◀", stop: "■", right: "▶", backward: "▼" };
+
+const pad = {};
+
+function element(tag, className, text = "") {
+  const made = document.createElement(tag);
+  made.className = className;
+  made.textContent = text;
+  return made;
+}
+
+function button(className, text, label) {
+  const made = element("button", className, text);
+  made.type = "button";
+  made.tabIndex = -1;
+  made.setAttribute("aria-label", label);
+  // A focused button would be clicked by keys that are meant for the robot.
+  made.addEventListener("mousedown", (event) => event.preventDefault());
+  made.addEventListener("contextmenu", (event) => event.preventDefault());
+  return made;
+}
+
+function arrow(direction) {
+  const made = button(`ltvn-key ltvn-${direction}`, CAPS[direction], `drive ${direction}`);
+  const source = `pad ${direction}`;
+  made.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    event.preventDefault();
+    made.setPointerCapture(event.pointerId);
+    hold(source, direction);
+  });
+  for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    made.addEventListener(end, () => drop(source));
+  }
+  return made;
+}
+
+function stopKey() {
+  const made = button("ltvn-key ltvn-stop", CAPS.stop, "stop the robot");
+  made.addEventListener("pointerdown", (event) => {
+    event.preventDefault();
+    ask("stop");
+  });
+  return made;
+}
+
+function helpCard() {
+  const card = element("dl", "ltvn-help");
+  card.hidden = true;
+  for (const [caps, text] of KEYMAP.help) {
+    card.append(element("dt", "", caps), element("dd", "", text));
+  }
+  return card;
+}
+
+function toggleHelp() {
+  pad.help.hidden = !pad.help.hidden;
+}
+
+function takeOverButton() {
+  const made = button("ltvn-text-button", "Take over", "take over driving");
+  made.addEventListener("click", () => ask("take_over"));
+  return made;
+}
+
+function helpButton() {
+  const made = button("ltvn-text-button", "Keys", "show or hide the keys");
+  made.addEventListener("click", toggleHelp);
+  return made;
+}
+
+function nameOfDriver(id) {
+  return `Page ${id}`;
+}
+
+function whyLatched() {
+  if (seat.reason === "input lost") return "Input lost";
+  if (seat.stoppedBy !== null && seat.stoppedBy !== seat.you) {
+    return seat.reason === "taken over" ? "Taken over" : `${nameOfDriver(seat.stoppedBy)} stopped the robot`;
+  }
+  return "Stopped";
+}
+
+function status() {
+  if (!seat.isOpen) return ["lost", "No connection to the robot"];
+  const isOther = seat.driver !== null && seat.driver !== seat.you;
+  if (isOther) return ["other", `${nameOfDriver(seat.driver)} drives${isHolding() || refusedBy ? ": take over first" : ""}`];
+  if (!seat.armed && isHolding()) return ["lost", `${whyLatched()}: release the keys to go on`];
+  if (isTyping(document.activeElement)) return ["free", "Typing: click the scene to drive"];
+  if (seat.driver === seat.you) return ["you", "You drive"];
+  return ["free", "Hold W A S D or an arrow to drive"];
+}
+
+function showStatus() {
+  const [kind, text] = status();
+  pad.root.dataset.state = kind;
+  pad.status.textContent = text;
+  pad.takeOver.hidden = kind !== "other";
+  pad.lastKey.textContent = lastKey === "" ? "" : lastKey.replace("Key", "");
+  for (const [direction, made] of Object.entries(pad.arrows)) {
+    made.classList.toggle("ltvn-held", [...held.values()].includes(direction));
+  }
+}
+
+function showPad() {
+  pad.root = element("aside", "ltvn-pad");
+  pad.root.setAttribute("aria-label", "driving");
+  pad.help = helpCard();
+  pad.status = element("div", "ltvn-status");
+  pad.status.setAttribute("role", "status");
+  pad.lastKey = element("kbd", "ltvn-last-key");
+  pad.takeOver = takeOverButton();
+  pad.arrows = Object.fromEntries(KEYMAP.allDirections.map((direction) => [direction, arrow(direction)]));
+  const line = element("div", "ltvn-line");
+  line.append(pad.status, pad.lastKey);
+  const keys = element("div", "ltvn-keys");
+  keys.append(...Object.values(pad.arrows), stopKey());
+  const buttons = element("div", "ltvn-line");
+  buttons.append(pad.takeOver, helpButton());
+  pad.root.append(pad.help, keys, line, buttons);
+  document.body.append(pad.root);
+  watchers.push(showStatus);
+  for (const name of ["focusin", "focusout"]) addEventListener(name, () => setTimeout(showStatus));
+  showStatus();
+}

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from ltvn_core.graph.deltas import Edge, Node
 from ltvn_core.recording import schema
+from ltvn_core.recording.images import MILLIMETRES_PER_METRE
 from ltvn_core.recording.places import Places
 from ltvn_core.recording.rows import Row, numbers
 from ltvn_core.types import Intrinsics, Pose
 
 GRAPH_M = 0.05
 """The graph floats a little above the floor."""
+_DEPTH_RANGE_MM = (0.0, 8000.0)
 _SURE, _DOUBTFUL = np.array([0, 158, 115.0]), np.array([213, 94, 0.0])
 _NODE_COLOUR, _TRAIL_COLOUR, _GREY, _WHITE = [86, 140, 233], [120, 120, 130], [150, 150, 150], [255, 255, 255]
 
@@ -38,7 +40,10 @@ def fixed_parts(intrinsics: Intrinsics, scene_glb: bytes | None) -> list[Drawn]:
         Drawn(schema.BODY, [body]),
         Drawn(f"{schema.BODY}/nose", [_arrow(0.42, _WHITE)]),
         Drawn(f"{schema.ODOMETRY}/arrow", [_arrow(GRAPH_M, _GREY)]),
+        Drawn(schema.TRAIL, [rr.Points3D.from_fields(radii=0.015, colors=[_TRAIL_COLOUR])]),
         Drawn(schema.CAMERA, [_pinhole(intrinsics), rr.Transform3D(translation=[0, 0, intrinsics.height_m])]),
+        Drawn(schema.RGB, [rr.EncodedImage.from_fields(media_type="image/jpeg")]),
+        Drawn(schema.DEPTH, [_depth_format()]),
         Drawn(schema.GRAPH_SIZE, [rr.SeriesLines(names=["nodes", "edges"], interpolation_mode="StepAfter")]),
         Drawn(schema.MARGIN, [rr.SeriesLines(names=["margin of the localisation"])]),
     ]
@@ -49,7 +54,7 @@ def fixed_parts(intrinsics: Intrinsics, scene_glb: bytes | None) -> list[Drawn]:
 
 def robot(drawn_pose: Pose, odometry: Pose) -> list[Drawn]:
     """Draw the robot at its place, a grey arrow where odometry believes it is, and a dot of its trail."""
-    dot = rr.Points3D([[drawn_pose[0], drawn_pose[1], GRAPH_M / 2]], radii=0.015, colors=[_TRAIL_COLOUR])
+    dot = rr.Points3D.from_fields(positions=[[float(drawn_pose[0]), float(drawn_pose[1]), GRAPH_M / 2]])
     return [
         Drawn(schema.ROBOT, [_transform(drawn_pose)]),
         Drawn(schema.ODOMETRY, [_transform(odometry)]),
@@ -80,6 +85,13 @@ def _edges(edges: Sequence[Edge], places: Places) -> list[rr.AsComponents]:
     ends = {"source": numbers(sources, np.int32), "target": numbers(targets, np.int32)}
     belief = {name: numbers(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
     return [rr.LineStrips3D(strips, radii=0.012, colors=colours(beliefs[:, 0])), Row(schema.EDGE_ROW, ends | belief)]
+
+
+def _depth_format() -> rr.EncodedDepthImage:
+    # Drawn as a picture only; the depth in 3D would hide the map behind a cloud of points.
+    return rr.EncodedDepthImage.from_fields(
+        media_type="image/png", meter=MILLIMETRES_PER_METRE, depth_range=_DEPTH_RANGE_MM
+    )
 
 
 def _arrow(height_m: float, colour: list[int]) -> rr.Arrows3D:

@@ -51,6 +51,3 @@ NODE_ROW = "ltvn.Nodes"
 """Columns beside the drawn nodes: node_id."""
 EDGE_ROW = "ltvn.Edges"
 """Columns beside the drawn edges: source, target, p, mu, sigma2."""
-
-DEPTH_RANGE_MM = (0.0, 8000.0)
-"""Depth that the viewer's colours span."""

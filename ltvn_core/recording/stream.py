@@ -15,6 +15,7 @@ import rerun.blueprint as rrb
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.framing import is_finished
+from ltvn_core.recording.whole import claim
 from ltvn_core.types import FrameId
 
 _LOG = logging.getLogger(__name__)
@@ -41,6 +42,7 @@ class DurableStream:
         self._failure: str | None = None
         self._failure_told = False
         self._closed = False
+        self._time: tuple[int, FrameId, float] | None = None
         self._lock = threading.RLock()
         claim(path)
         self._check_room()
@@ -79,8 +81,7 @@ class DurableStream:
         with self._lock:
             if not self._taking():
                 return
-            self._rerun.set_time(schema.STEP, sequence=int(step))
-            self._rerun.set_time(schema.SIM_TIME, duration=float(stamp))
+            self._set_time(int(step), float(stamp))
             self._rerun.log(entity, values[0], *values[1:])
 
     def log_static(self, entity: str, *values: rr.AsComponents) -> None:
@@ -98,6 +99,14 @@ class DurableStream:
         """Finish the file. Raises RecordingError when it could not be finished; a second call does nothing."""
         self._finish()
         self._raise_once()
+
+    def _set_time(self, step: FrameId, stamp: float) -> None:
+        # Rerun remembers the time per thread, and setting it costs as much as a small row.
+        now = (threading.get_ident(), step, stamp)
+        if now != self._time:
+            self._rerun.set_time(schema.STEP, sequence=step)
+            self._rerun.set_time(schema.SIM_TIME, duration=stamp)
+            self._time = now
 
     def _taking(self) -> bool:
         self._raise_once()
@@ -154,21 +163,6 @@ class DurableStream:
             self.close()
         except RecordingError as error:
             _LOG.error("%s", error)
-
-
-def claim(path: Path) -> None:
-    """Make the folder and an empty file, which nobody may have made before. Raises RecordingError."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch(exist_ok=False)
-    except FileExistsError as error:
-        raise RecordingError(
-            f"{path} exists already and is never overwritten; name another file, or move that one away first."
-        ) from error
-    except OSError as error:
-        raise RecordingError(
-            f"{path} cannot be written ({error.strerror}); name a file in a folder that you may write to."
-        ) from error
 
 
 def _broken(path: Path, why: str) -> str:

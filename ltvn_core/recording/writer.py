@@ -21,7 +21,6 @@ from ltvn_core.recording.blueprint import blueprint
 from ltvn_core.recording.codec import EncodedEvent
 from ltvn_core.recording.drawing import Drawn
 from ltvn_core.recording.frames import EncodedFrame, encode_frame
-from ltvn_core.recording.images import MILLIMETRES_PER_METRE
 from ltvn_core.recording.meta import Meta, meta_row, package_versions
 from ltvn_core.recording.places import Places
 from ltvn_core.recording.rows import Row, integers, numbers, texts
@@ -194,14 +193,12 @@ def _rgb_row(frame: EncodedFrame) -> tuple[rr.AsComponents, ...]:
         "exact_pose": numbers(() if frame.exact_pose is None else frame.exact_pose),
         "crc32": integers(frame.rgb_checksum),
     }
-    return rr.EncodedImage(contents=frame.rgb, media_type="image/jpeg"), Row(schema.FRAME_ROW, columns)
+    return rr.EncodedImage.from_fields(blob=frame.rgb), Row(schema.FRAME_ROW, columns)
 
 
 def _depth_row(frame: EncodedFrame) -> tuple[rr.AsComponents, ...]:
-    image = rr.EncodedDepthImage(
-        frame.depth, media_type="image/png", meter=MILLIMETRES_PER_METRE, depth_range=schema.DEPTH_RANGE_MM
-    )
-    return image, Row(schema.DEPTH_ROW, {"crc32": integers(frame.depth_checksum)})
+    columns = {"crc32": integers(frame.depth_checksum)}
+    return rr.EncodedDepthImage.from_fields(blob=frame.depth), Row(schema.DEPTH_ROW, columns)
 
 
 def _event_row(event: EncodedEvent) -> Row:

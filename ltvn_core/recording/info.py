@@ -1,0 +1,77 @@
+"""What a recording holds, in a few numbers. Reads; judges nothing, so that it works on a cut file too."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ltvn_core.nav.events import Collided, Judged, QueryEnded
+from ltvn_core.recording import framing
+from ltvn_core.recording.chunks import require_rrd
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.salvage import whole_part
+
+
+@dataclass(frozen=True, slots=True)
+class Info:
+    """The summary of a recording."""
+
+    recording: Path
+    whole: bool
+    """Finished and not cut; otherwise the numbers tell what `ltvn repair` can give back."""
+    scene: str
+    started_at: str
+    """Wall-clock time, ISO 8601 in UTC."""
+    duration_s: float
+    """From the first frame to the last, on the robot's clock."""
+    frames: int
+    nodes: int
+    """Of the map at the end."""
+    edges: int
+    reserve: int
+    """Images left over from mapping."""
+    queries: int
+    """Navigation tasks that ended."""
+    reached: int | None
+    """Goals reached by the evaluation's criterion; None without an evaluation."""
+    collisions: int
+    events: Mapping[str, int]
+    """How many of each kind."""
+    fingerprint: str
+    schema: int
+    versions: Mapping[str, str]
+    size_bytes: int
+
+
+def info(path: Path | str) -> Info:
+    """Summarise a recording, whole or cut. Raises RecordingError when it is not ours or nothing is readable."""
+    path = Path(path)
+    require_rrd(path)
+    found = framing.scan(path)
+    with whole_part(path, found) as recording:
+        return _summary(recording, found.finished, path.stat().st_size)
+
+
+def _summary(recording: Recording, whole: bool, size_bytes: int) -> Info:
+    events, stamps = [stamped.event for stamped in recording.events], recording.poses.stamps
+    graph, meta = recording.final_graph(), recording.meta
+    verdicts = [event.reached for event in events if isinstance(event, Judged)]
+    return Info(
+        recording=recording.path,
+        whole=whole,
+        scene=meta.scene,
+        started_at=meta.started_at,
+        duration_s=float(stamps[-1] - stamps[0]) if len(stamps) else 0.0,
+        frames=len(recording.frames),
+        nodes=len(graph.nodes),
+        edges=len(graph.edges),
+        reserve=len(graph.reserve),
+        queries=sum(isinstance(event, QueryEnded) for event in events),
+        reached=sum(verdicts) if verdicts else None,
+        collisions=sum(isinstance(event, Collided) for event in events),
+        events=dict(sorted(Counter(type(event).__name__ for event in events).items())),
+        fingerprint=meta.fingerprint,
+        schema=meta.schema,
+        versions=meta.versions,
+        size_bytes=size_bytes,
+    )

@@ -1,0 +1,247 @@
+"""Every threshold of the method, in one frozen dataclass, with two presets.
+
+`PAPER` is the literal method: every departure is off. `ROBUST`, the default, switches on what measurement showed to be
+needed; each departure is one named field. The authors published no values, so every number is ours; a docstring that
+says "paper" means that the quantity is theirs, "ours" that the quantity itself is a departure or a gap we filled.
+
+Distances d are Eq. 2, which mixes metres with sqrt(2) per radian. Owns no behaviour.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from ltvn_core.errors import OptionError
+
+
+@dataclass(frozen=True, slots=True)
+class Matching:
+    """How two images are compared."""
+
+    both_directions: bool = True
+    """Ask the network both ways and keep the more reachable answer, its waypoint inverted if need be. Our reading of
+    "only targets in front are positive; the way back is driven in reverse", so it is on in both presets."""
+    temporal_support: bool = True
+    """Trust r only as far as the 3 x 3 median over the frames before and after both images agrees (ours)."""
+    support_gap: float = 0.8
+    """d by odometry within which two frames of a recording count as neighbours in time (ours)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Building:
+    """Algorithm 1: from a trajectory to a map."""
+
+    merge_distance: float = 0.35
+    """D_m: an image nearer than this to a node adds nothing (paper)."""
+    merge_reachability: float = 0.6
+    """Least r for merging (ours)."""
+    merge_yaw_rad: float = 0.35
+    """Images turned by more than this never merge; pi switches the gate off (ours)."""
+    connect_distance: float = 1.0
+    """D_c: two images nearer than this are joined by an edge (paper)."""
+    connect_reachability: float = 0.8
+    """R_c: least r for an edge (ours; the paper leaves it open)."""
+    second_pass_reachability: float = 0.6
+    """Least r for images that are left over after Algorithm 1; 0 switches the second pass off (ours)."""
+    second_pass_edges: int = 2
+    """Edges that a left-over image may get, the most reachable ones first (ours)."""
+    keep_merged: bool = True
+    """Keep merged images in the reserve T', which Algorithm 1 would otherwise leave nearly empty (ours)."""
+    restarts: int = 4
+    """How often a map that stays tiny is begun again from another image; 0 takes what comes (ours)."""
+    tiny_share: float = 0.1
+    """A map that covers less than this share of the trajectory is tiny (ours)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Localising:
+    """Which node the robot is at."""
+
+    distance: float = 1.1
+    """D_l: a node farther away than this is not where the robot is (paper)."""
+    reachability: float = 0.5
+    """Least r for a node to be where the robot is (ours)."""
+    reachability_weight: float = 1.5
+    """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
+    shortlist: int = 5
+    """In the whole map, how many of the best nodes need temporal support before one is believed; 0 = off (ours)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planning:
+    """What a path costs."""
+
+    belief_weight: float = 1.5
+    """An edge costs mu - weight * ln p; 0 is the paper's mu (ours)."""
+    failure_penalty: float = 2.0
+    """What an edge that failed costs more for the rest of the query; 0 forgets at once (ours)."""
+    repeat_limit: int = 2
+    """An edge driven more often than this in one query has failed, whatever it looks like; 0 = no limit (ours)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Driving:
+    """The position-based controller and what makes it stop."""
+
+    speed_m_s: float = 0.5
+    """Greatest forward speed (paper: position-based feedback; the value is ours)."""
+    turn_rad_s: float = 1.0
+    """Greatest turning rate (ours)."""
+    position_tolerance_m: float = 0.08
+    """A waypoint nearer than this is reached (ours)."""
+    yaw_tolerance_rad: float = 0.06
+    """The final turn ends within this (ours)."""
+    leg_steps: int = 60
+    """Control steps of 0.1 s that a leg may take (ours)."""
+    look_every_steps: int = 20
+    """Predict the waypoint anew after so many control steps; 0 = once, at departure (ours)."""
+    lost_reachability: float = 0.35
+    """A subgoal that falls below this on the way ends the leg; used only when looking again (ours)."""
+    departure_reachability: float = 0.4
+    """Below this r at departure the robot goes to the node it is at first; 0 = it just sets off (ours)."""
+    through_map: bool = True
+    """Where the node is in sight but its successor is not, aim along the edge's own waypoint (ours)."""
+    depth_veto: bool = True
+    """Stop before contact when the depth image shows something in the swept width (ours)."""
+    veto_margin_m: float = 0.05
+    """How much wider than the robot, and how much before it, the way must be free (ours)."""
+    back_off_m: float = 0.25
+    """How far to back off after a collision (ours; the paper says nothing)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judging:
+    """When an attempt succeeded and when the goal is reached."""
+
+    success_distance: float = 0.7
+    """An attempt succeeded if its target is nearer than this (ours); 0 = isConnectable, within D_c (paper)."""
+    success_reachability: float = 0.5
+    """Least r for a success (ours)."""
+    odometry_gap: float = 1.0
+    """An attempt whose odometry ends farther than this d from its waypoint failed; 0 switches it off (ours)."""
+    arrive_distance: float = 0.45
+    """The goal is reached when it is nearer than this (ours)."""
+    arrive_reachability: float = 0.6
+    """Least r for the goal to be reached (ours)."""
+    arrive_yaw_rad: float = 0.25
+    """Greatest yaw to the goal; pi switches the gate off (ours)."""
+    second_look: bool = True
+    """Turn a little, look again, and believe the goal only if both looks agree (ours)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Believing:
+    """Eq. 3, Eq. 4 and pruning."""
+
+    p_success_if_reachable: float = 0.85
+    """p(s | r): how often an edge that exists is driven with success (paper; measured in simulation)."""
+    p_success_if_not: float = 0.2
+    """p(s | not r): how often an edge that does not exist seems to be driven with success (paper)."""
+    p_cap: float = 0.95
+    """No belief is ever more certain than this (ours)."""
+    sigma2: float = 0.02
+    """Variance of d as the network predicts it: of a new edge and of one measurement (paper)."""
+    prune_below: float = 0.5
+    """R_p: an edge that failed and whose p fell below this leaves the map (paper)."""
+    one_failure_per_query: bool = True
+    """However often an edge fails in one query, that is one piece of evidence (ours)."""
+    prune_after_failures: int = 2
+    """Failures in different queries before an edge may leave; 1 is the paper's (ours)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expanding:
+    """New nodes: novel images, and left-over images when there is no path."""
+
+    novel_after_looks: int = 12
+    """Looks in vain before what the robot sees becomes a node; 1 = at once (paper)."""
+    connect_factor: float = 1.3
+    """D_c grows by this for novel nodes (paper)."""
+    merge_factor: float = 0.6
+    """D_m shrinks by this for novel nodes (paper)."""
+    strict: bool = True
+    """Left-over images must pass R_c with temporal support and touch two nodes (ours)."""
+    sample_limit: int = 60
+    """Left-over images tried in one search, temporal neighbours of the gap first; 0 = all, at random (ours)."""
+    neighbour_limit: int = 24
+    """Nodes, nearest in time first, that a left-over image is compared with; 0 = all (ours)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recovering:
+    """What the robot does when it is lost or sees no path, and when it gives up."""
+
+    turn_rad: float = 0.52
+    """Turn on the spot between two looks (paper: it turns; the value is ours)."""
+    looks_per_turn: int = 12
+    """Looks in a full turn (ours)."""
+    wander_m: float = 0.3
+    """How far to drive ahead after a full turn without success; 0 = never (ours)."""
+    give_up_after_looks: int = 48
+    """Failed looks in a row that end a query (ours)."""
+    step_limit: int = 2000
+    """K: control steps that end a query (paper: 1,000 in small maps, 2,000 in large ones)."""
+    collision_limit: int = 20
+    """More touches than this end a query (paper)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """All thresholds of building, localising, planning, driving and maintenance."""
+
+    matching: Matching = field(default_factory=Matching)
+    """How two images are compared."""
+    building: Building = field(default_factory=Building)
+    """Algorithm 1."""
+    localising: Localising = field(default_factory=Localising)
+    """Which node the robot is at."""
+    planning: Planning = field(default_factory=Planning)
+    """What a path costs."""
+    driving: Driving = field(default_factory=Driving)
+    """The controller."""
+    judging: Judging = field(default_factory=Judging)
+    """When an attempt succeeded."""
+    believing: Believing = field(default_factory=Believing)
+    """Eq. 3, Eq. 4 and pruning."""
+    expanding: Expanding = field(default_factory=Expanding)
+    """New nodes."""
+    recovering: Recovering = field(default_factory=Recovering)
+    """Lost, no path, giving up."""
+    maintain: bool = True
+    """Change the map while navigating; False freezes it, as the paper's first test does."""
+
+
+ROBUST = Method()
+"""The default: the paper's method with every departure that measurement showed to be needed."""
+
+PAPER = Method(
+    matching=Matching(temporal_support=False),
+    building=Building(
+        merge_distance=0.55,
+        connect_distance=1.5,
+        merge_yaw_rad=math.pi,
+        second_pass_reachability=0.0,
+        keep_merged=False,
+        restarts=0,
+    ),
+    localising=Localising(reachability_weight=0.0, shortlist=0),
+    planning=Planning(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
+    driving=Driving(
+        look_every_steps=0, departure_reachability=0.0, through_map=False, depth_veto=False, back_off_m=0.1
+    ),
+    judging=Judging(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
+    believing=Believing(one_failure_per_query=False, prune_after_failures=1),
+    expanding=Expanding(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
+    recovering=Recovering(wander_m=0.0),
+)
+"""The literal method: every departure is off."""
+
+PRESETS: dict[str, Method] = {"robust": ROBUST, "paper": PAPER}
+"""The presets by the names the command line knows."""
+
+
+def preset(name: str) -> Method:
+    """Return the preset of that name; raise OptionError, listing the valid names, if there is none."""
+    try:
+        return PRESETS[name.lower()]
+    except KeyError:
+        raise OptionError(f"No method is called {name!r}; choose one of: {', '.join(PRESETS)}.") from None

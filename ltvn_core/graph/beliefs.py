@@ -1,0 +1,42 @@
+"""What driving an edge teaches: Eq. 3 for its existence and Eq. 4 for its length, as pure functions.
+
+Owns the two filters and nothing else; the caller decides about pruning.
+"""
+
+from ltvn_core.config import Believing
+from ltvn_core.graph.deltas import Belief
+
+
+def initial(reachability: float, distance: float, config: Believing) -> Belief:
+    """Return the belief of a new edge: p0 = r capped, mu0 = d(w), sigma0^2 = sigma^2."""
+    return Belief(min(float(reachability), config.p_cap), float(distance), config.sigma2)
+
+
+def existence(p: float, config: Believing, *, succeeded: bool) -> float:
+    """Return p after one attempt, Eq. 3.
+
+    p' = p(s|r) p / (p(s|r) p + p(s|not r) (1 - p)), with 1 - p(s|.) in place of p(s|.) after a failure. The cap keeps
+    a long run of successes from making an edge immortal.
+    """
+    if_there = config.p_success_if_reachable if succeeded else 1 - config.p_success_if_reachable
+    if_not = config.p_success_if_not if succeeded else 1 - config.p_success_if_not
+    evidence = if_there * p + if_not * (1 - p)
+    return min(if_there * p / evidence, config.p_cap) if evidence > 0 else p
+
+
+def length(belief: Belief, measured: float, config: Believing) -> tuple[float, float]:
+    """Return (mu, sigma2) after d was measured once more, Eq. 4.
+
+    mu' = (sigma^2 mu + sigma_t^2 d) / (sigma_t^2 + sigma^2) and 1 / sigma'^2 = 1 / sigma_t^2 + 1 / sigma^2. Beginning
+    with sigma_0^2 = sigma^2 this is the running mean of all n measurements with variance sigma^2 / n.
+    """
+    total = belief.sigma2 + config.sigma2
+    mu = (config.sigma2 * belief.mu + belief.sigma2 * measured) / total
+    return mu, belief.sigma2 * config.sigma2 / total
+
+
+def after_attempt(belief: Belief, measured: float, config: Believing, *, succeeded: bool) -> Belief:
+    """Return the belief after an attempt: Eq. 3 always, Eq. 4 only after a success."""
+    p = existence(belief.p, config, succeeded=succeeded)
+    mu, sigma2 = length(belief, measured, config) if succeeded else (belief.mu, belief.sigma2)
+    return Belief(p, mu, sigma2)

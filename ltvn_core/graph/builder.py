@@ -1,0 +1,182 @@
+"""Algorithm 1: a sparse map from a trajectory.
+
+Owns the passes over the images. Every image is encoded once and meets every node at most once. Does not own the two
+operators (`graph.operators`) nor the map itself: it returns deltas.
+"""
+
+import logging
+from collections.abc import Callable, Collection, Sequence
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.errors import MapError
+from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.operators import Gates, connectable, mergeable, node_of, node_with_edges
+from ltvn_core.graph.views import Views
+from ltvn_core.types import FrameId, Observation, Predictor
+
+_LOG = logging.getLogger(__name__)
+
+Progress = Callable[[int, int], None]
+"""Called with images done and images in all."""
+
+
+def build(
+    observations: Sequence[Observation],
+    views: Views,
+    predictor: Predictor,
+    method: Method,
+    rng: np.random.Generator,
+    *,
+    goals: Collection[FrameId] = (),
+    progress: Progress | None = None,
+) -> tuple[GraphDelta, ...]:
+    """Return the deltas that build a map from a trajectory, Algorithm 1.
+
+    Puts the images into `views` and afterwards drops those that are neither nodes nor in reserve. Frames in `goals`
+    never merge. Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
+    """
+    _check(observations, goals)
+    views.add(observations)
+    matcher = Matcher(predictor, views, method.matching)
+    best: _Construction | None = None
+    for start in _starts(observations, goals, method.building.restarts, rng):
+        attempt = _Construction(matcher, method, goals)
+        attempt.run(start, observations, rng, progress or _silent)
+        if best is None or len(attempt.nodes) > len(best.nodes):
+            best = attempt
+        if best.covered(observations) >= method.building.tiny_share:
+            break
+    assert best is not None
+    views.keep_only([*best.nodes, *best.reserve])
+    return best.finish()
+
+
+def _silent(done: int, total: int) -> None:
+    """Show no progress."""
+
+
+def _check(observations: Sequence[Observation], goals: Collection[FrameId]) -> None:
+    if not observations:
+        raise MapError("The trajectory is empty; drive and record some images before building a map.")
+    frames = [seen.step for seen in observations]
+    if len(set(frames)) != len(frames):
+        raise MapError("Frame numbers repeat in the trajectory; each image needs its own.")
+    if strangers := set(goals) - set(frames):
+        raise MapError(f"The goal frames {sorted(strangers)[:5]} are not in the trajectory.")
+
+
+def _starts(
+    observations: Sequence[Observation], goals: Collection[FrameId], restarts: int, rng: np.random.Generator
+) -> list[Observation]:
+    """Pick the first node and those to try instead, goals first."""
+    order = [observations[k] for k in rng.permutation(len(observations))]
+    order.sort(key=lambda seen: seen.step not in goals)
+    return order[: restarts + 1]
+
+
+class _Construction:
+    """One run of Algorithm 1 from one start."""
+
+    def __init__(self, matcher: Matcher, method: Method, goals: Collection[FrameId]) -> None:
+        self._matcher = matcher
+        self._method = method
+        self._gates = Gates.building(method.building)
+        self._goals = set(goals)
+        self._deltas: list[GraphDelta] = []
+        self.nodes: dict[FrameId, None] = {}
+        self._merged: list[FrameId] = []
+        self._left: list[Observation] = []
+        self._met: dict[FrameId, int] = {}
+        self._weak: dict[FrameId, Matches] = {}
+
+    @property
+    def reserve(self) -> tuple[FrameId, ...]:
+        """T' after the run: images never connected, and merged ones if they are kept."""
+        merged = self._merged if self._method.building.keep_merged else []
+        return tuple(sorted([*(seen.step for seen in self._left), *merged]))
+
+    def covered(self, observations: Sequence[Observation]) -> float:
+        """Return the share of the images that are nodes or look like one."""
+        return (len(self.nodes) + len(self._merged)) / len(observations)
+
+    def finish(self) -> tuple[GraphDelta, ...]:
+        """Return the history of the run."""
+        reserved = [FramesReserved(self.reserve, Cause.BUILD)] if self.reserve else []
+        return (*self._deltas, *reserved)
+
+    def run(
+        self, start: Observation, observations: Sequence[Observation], rng: np.random.Generator, progress: Progress
+    ) -> None:
+        """Pass over the images until a pass adds nothing, then once more with the lower cut."""
+        self._enter([NodeAdded(node_of(start), Cause.BUILD)])
+        self._left = [seen for seen in observations if seen is not start]
+        second = False
+        while True:
+            before = len(self.nodes)
+            self._pass(rng, progress, len(observations), second=second)
+            if len(self.nodes) > before:
+                continue
+            if second or not self._method.building.second_pass_reachability:
+                return
+            second = True
+
+    def _pass(self, rng: np.random.Generator, progress: Progress, total: int, *, second: bool) -> None:
+        order = [self._left[k] for k in rng.permutation(len(self._left))]
+        order.sort(key=lambda seen: seen.step not in self._goals)
+        left = []
+        for k, seen in enumerate(order):
+            if not self._consumed(seen, second=second):
+                left.append(seen)
+            progress(total - len(order) + k + 1 - len(left), total)
+        self._left = left
+
+    def _consumed(self, seen: Observation, *, second: bool) -> bool:
+        """Merge or connect an image; tell whether it is dealt with."""
+        matches = self._candidates(seen.step)
+        if seen.step not in self._goals and mergeable(matches, self._gates).any():
+            self._merged.append(seen.step)
+            return True
+        chosen = self._weak_best(matches) if second else matches.take(connectable(matches, self._gates))
+        if not len(chosen):
+            return False
+        self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
+        return True
+
+    def _candidates(self, frame: FrameId) -> Matches:
+        """Return supported matches that could matter, comparing only with nodes that came since the last time."""
+        nodes = tuple(self.nodes)
+        fresh = nodes[self._met.get(frame, 0) :]
+        self._met[frame] = len(nodes)
+        found = self._matcher.match(self._matcher.views.features([frame]), fresh)
+        found = self._matcher.supported(found.take(self._promising(found)), frame)
+        known = _joined(self._weak[frame], found) if frame in self._weak else found
+        self._weak[frame] = known
+        return known
+
+    def _promising(self, matches: Matches) -> np.ndarray:
+        config = self._method.building
+        cuts = [config.connect_reachability, config.second_pass_reachability or 1.0, config.merge_reachability]
+        reach = max(config.connect_distance, config.merge_distance)
+        return (matches.reachability > min(cuts)) & (matches.distances < reach)
+
+    def _weak_best(self, matches: Matches) -> Matches:
+        config = self._method.building
+        near = matches.distances < config.connect_distance
+        chosen = matches.take(near & (matches.reachability > config.second_pass_reachability))
+        return chosen.take(np.argsort(-chosen.reachability, kind="stable")[: config.second_pass_edges])
+
+    def _enter(self, deltas: Sequence[GraphDelta]) -> None:
+        self._deltas.extend(deltas)
+        self.nodes.update((delta.node.id, None) for delta in deltas if isinstance(delta, NodeAdded))
+
+
+def _joined(first: Matches, second: Matches) -> Matches:
+    return Matches(
+        first.nodes + second.nodes,
+        np.concatenate([first.reachability, second.reachability]),
+        np.concatenate([first.waypoints, second.waypoints]),
+        np.concatenate([first.distances, second.distances]),
+    )

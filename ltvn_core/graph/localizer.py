@@ -1,0 +1,97 @@
+"""Where am I: the node that looks nearest to the current image, first around the last plan, then in the whole map.
+
+Owns the score and the gates. Does not own what happens when no node is near enough.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ltvn_core.config import Localising
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.types import Features, NodeId, Waypoint
+
+LOCAL, GLOBAL = "local", "global"
+_LEAST_R = 1e-6
+
+
+class Fix(NamedTuple):
+    """The best node, and how sure that is."""
+
+    node: NodeId | None
+    """None when no node is near enough."""
+    distance: float
+    """d of the best node, near enough or not; infinite in an empty map."""
+    reachability: float
+    waypoint: Waypoint
+    """(3,): the best node in the robot's frame."""
+    runner_up: NodeId | None
+    margin: float
+    """Score of the runner-up minus score of the best; infinite without a runner-up."""
+    scope: str
+    """LOCAL or GLOBAL."""
+
+
+class Localizer:
+    """Compares the current image with the map."""
+
+    def __init__(self, matcher: Matcher, config: Localising) -> None:
+        """Localise with `matcher`."""
+        self._matcher = matcher
+        self._config = config
+
+    def localise(self, image: Features, graph: TopologicalGraph, plan: Sequence[NodeId] = ()) -> Fix:
+        """Return where the image (1, F) is: a neighbour of the last plan if one is near enough, else any node."""
+        nearby = around(graph, plan)
+        if nearby:
+            fix = self._best(self._matcher.match(image, nearby), LOCAL)
+            if fix.node is not None:
+                return fix
+        return self._best(self._believable(image, self._matcher.match(image, tuple(graph.nodes))), GLOBAL)
+
+    def nearest_nodes(self, image: Features, graph: TopologicalGraph, count: int) -> tuple[tuple[NodeId, float], ...]:
+        """Return the `count` nodes that look most like the image (1, F), best first, with their reachability."""
+        matches = self._matcher.match(image, tuple(graph.nodes))
+        order = np.argsort(self._scores(matches), kind="stable")[:count]
+        return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)
+
+    def _scores(self, matches: Matches) -> np.ndarray:
+        doubt = -np.log(np.maximum(matches.reachability, _LEAST_R))
+        return matches.distances + self._config.reachability_weight * doubt
+
+    def _near_enough(self, matches: Matches) -> np.ndarray:
+        return (matches.distances < self._config.distance) & (matches.reachability > self._config.reachability)
+
+    def _believable(self, image: Features, matches: Matches) -> Matches:
+        """Lower r of the best nodes to what their neighbours in time confirm; the rest cannot win any more."""
+        candidates = np.flatnonzero(self._near_enough(matches))
+        if not self._config.shortlist or not len(candidates):
+            return matches
+        order = np.argsort(self._scores(matches)[candidates], kind="stable")
+        return self._matcher.witnessed(matches.take(candidates[order[: self._config.shortlist]]), image)
+
+    def _best(self, matches: Matches, scope: str) -> Fix:
+        if not len(matches):
+            return Fix(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
+        # Where no node is near enough the best of all is reported, so that one can see how far off it was.
+        passing, scores = self._near_enough(matches), self._scores(matches)
+        order = np.lexsort((scores, ~passing))
+        best, second = order[0], order[1] if len(order) > 1 else None
+        return Fix(
+            matches.nodes[best] if passing[best] else None,
+            float(matches.distances[best]),
+            float(matches.reachability[best]),
+            matches.waypoints[best],
+            None if second is None else matches.nodes[second],
+            np.inf if second is None else float(scores[second] - scores[best]),
+            scope,
+        )
+
+
+def around(graph: TopologicalGraph, plan: Sequence[NodeId]) -> tuple[NodeId, ...]:
+    """Return the nodes of a plan and their neighbours, those still in the map."""
+    nodes = dict.fromkeys(node for node in plan if node in graph.nodes)
+    nodes |= dict.fromkeys(neighbour for node in plan for neighbour in graph.successors(node))
+    return tuple(nodes)

@@ -1,0 +1,66 @@
+"""What driving does to the map, as pure functions (graph, evidence) -> deltas.
+
+Owns the updates after an attempt, pruning, and novel nodes. Does not judge an attempt (`nav.judgement`) nor search for
+new paths (`graph.expansion`).
+"""
+
+from dataclasses import dataclass
+
+from ltvn_core.config import Believing, Method
+from ltvn_core.graph.beliefs import after_attempt
+from ltvn_core.graph.deltas import BeliefUpdated, Cause, Edge, EdgePruned, GraphDelta
+from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.operators import Gates, connectable, mergeable, node_with_edges
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.types import NodeId, Observation
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """An edge was driven."""
+
+    source: NodeId
+    target: NodeId
+    distance: float
+    """d(w_aj) measured at departure from the real view o_a."""
+    succeeded: bool
+    failed_before: bool = False
+    """The edge failed in this query already."""
+
+
+def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) -> tuple[GraphDelta, ...]:
+    """Return the new belief of the driven edge, Eq. 3 and Eq. 4, and its pruning if it has failed too often.
+
+    Nothing changes for an edge that has left the map meanwhile, nor for a second failure in one query where
+    failures of one query count as one.
+    """
+    edge = graph.edges.get((attempt.source, attempt.target))
+    if edge is None or (attempt.failed_before and not attempt.succeeded and config.one_failure_per_query):
+        return ()
+    belief = after_attempt(edge.belief, attempt.distance, config, succeeded=attempt.succeeded)
+    attempts, successes = edge.attempts + 1, edge.successes + attempt.succeeded
+    updated = BeliefUpdated(edge.source, edge.target, belief, attempts, successes, Cause.ATTEMPT)
+    if attempt.succeeded or not _hopeless(edge, updated, config):
+        return (updated,)
+    return updated, EdgePruned(edge.source, edge.target, Cause.ATTEMPT)
+
+
+def novel_node(
+    graph: TopologicalGraph, observation: Observation, matches: Matches, method: Method
+) -> tuple[GraphDelta, ...]:
+    """Return the deltas that make an image nobody recognised a node; none if it merges or touches nothing.
+
+    D_c is looser and D_m smaller than in building.
+    """
+    gates = Gates.building(method.building).for_novel(method.expanding)
+    known = observation.step in graph.nodes or observation.step in graph.reserve
+    if known or mergeable(matches, gates).any():
+        return ()
+    chosen = matches.take(connectable(matches, gates))
+    # A node without an edge could never be used, so it waits until it touches something.
+    return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()
+
+
+def _hopeless(edge: Edge, updated: BeliefUpdated, config: Believing) -> bool:
+    failures = updated.attempts - updated.successes
+    return updated.belief.p < config.prune_below and failures >= config.prune_after_failures and not edge.protected

@@ -1,0 +1,91 @@
+"""The paper's two operators, isMergeable and isConnectable, and the deltas that tie an image into the map.
+
+Owns the decisions about one image against the nodes; building, driving and maintenance all use these, with their own
+thresholds. Touches no graph.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import Believing, Building, Expanding
+from ltvn_core.geometry import invert
+from ltvn_core.graph.beliefs import initial
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, Node, NodeAdded, PoseRow
+from ltvn_core.graph.matching import Matches
+from ltvn_core.types import NodeId, Observation, Waypoint
+
+
+@dataclass(frozen=True, slots=True)
+class Gates:
+    """The thresholds of the two operators."""
+
+    merge_distance: float
+    """D_m."""
+    merge_reachability: float
+    """Least r for merging."""
+    merge_yaw_rad: float
+    """Greatest yaw for merging."""
+    connect_distance: float
+    """D_c."""
+    connect_reachability: float
+    """R_c."""
+
+    @classmethod
+    def building(cls, config: Building) -> "Gates":
+        """Return the gates of Algorithm 1."""
+        return cls(
+            config.merge_distance,
+            config.merge_reachability,
+            config.merge_yaw_rad,
+            config.connect_distance,
+            config.connect_reachability,
+        )
+
+    def for_novel(self, config: Expanding) -> "Gates":
+        """Return the gates for novel nodes: D_c looser, D_m smaller."""
+        return replace(
+            self,
+            merge_distance=self.merge_distance * config.merge_factor,
+            connect_distance=self.connect_distance * config.connect_factor,
+        )
+
+
+def mergeable(matches: Matches, gates: Gates) -> NDArray[np.bool_]:
+    """Tell for each node (N,) whether the image adds nothing to it: d < D_m."""
+    return (
+        (matches.distances < gates.merge_distance)
+        & (matches.reachability > gates.merge_reachability)
+        & (np.abs(matches.waypoints[:, 2]) <= gates.merge_yaw_rad)
+    )
+
+
+def connectable(matches: Matches, gates: Gates) -> NDArray[np.bool_]:
+    """Tell for each node (N,) whether an edge may join it to the image: d < D_c and r > R_c."""
+    return (matches.distances < gates.connect_distance) & (matches.reachability > gates.connect_reachability)
+
+
+def node_of(observation: Observation) -> Node:
+    """Return the node that an image becomes."""
+    return Node(observation.step, pose_row(observation.odometry))
+
+
+def pose_row(pose: Waypoint) -> PoseRow:
+    """Return a pose (3,) as plain numbers."""
+    return PoseRow(*(float(value) for value in pose))
+
+
+def node_with_edges(observation: Observation, matches: Matches, config: Believing, cause: Cause) -> list[GraphDelta]:
+    """Return the deltas that make an image a node and join it both ways to every match."""
+    return [NodeAdded(node_of(observation), cause), *edges_both_ways(observation.step, matches, config, cause)]
+
+
+def edges_both_ways(source: NodeId, matches: Matches, config: Believing, cause: Cause) -> Iterable[GraphDelta]:
+    """Yield an edge to each match and the same edge driven backwards, whose waypoint is the inverse."""
+    for k, target in enumerate(matches.nodes):
+        belief = initial(matches.reachability[k], matches.distances[k], config)
+        ahead, back = pose_row(matches.waypoints[k]), pose_row(invert(matches.waypoints[k]))
+        yield EdgeAdded(Edge(source, target, ahead, belief), cause)
+        yield EdgeAdded(Edge(target, source, back, belief), cause)

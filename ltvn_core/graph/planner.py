@@ -1,0 +1,113 @@
+"""The cheapest path through the map (Dijkstra), on a mirror of the graph that is kept between plans.
+
+Owns the cost of an edge and the mirror. Does not decide what to do without a path.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import rustworkx
+
+from ltvn_core.config import Planning
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgeAdded, EdgePruned, GraphDelta
+from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
+from ltvn_core.types import NodeId
+
+_LEAST_P = 1e-3
+
+
+class Path(NamedTuple):
+    """A way from the first to the last of its nodes."""
+
+    nodes: tuple[NodeId, ...]
+    """Empty when there is no path."""
+    cost: float
+    """Infinite when there is no path."""
+
+
+NO_PATH = Path((), math.inf)
+
+
+def edge_cost(belief: Belief, config: Planning) -> float:
+    """Return mu, or mu - weight * ln p where the belief counts."""
+    return belief.mu - config.belief_weight * math.log(max(belief.p, _LEAST_P))
+
+
+class Planner:
+    """Plans on one graph; deltas handed to `follow` keep the mirror fresh, anything missed is rebuilt at once."""
+
+    def __init__(self, graph: TopologicalGraph, config: Planning) -> None:
+        """Mirror `graph`."""
+        self._graph = graph
+        self._config = config
+        self._rebuild()
+
+    def follow(self, delta: GraphDelta) -> None:
+        """Mirror a delta that was just applied to the graph."""
+        if self._version != self._graph.version - 1:
+            return  # Something was missed before; the next plan rebuilds.
+        if self._mirrored(delta):
+            self._version = self._graph.version
+
+    def plan(self, source: NodeId, goal: NodeId, penalties: Mapping[EdgeKey, float] | None = None) -> Path:
+        """Return the cheapest path; `penalties` are added to edges for this plan alone, infinite ones close them."""
+        if self._version != self._graph.version:
+            self._rebuild()
+        if source not in self._index or goal not in self._index:
+            return NO_PATH
+        if source == goal:
+            return Path((source,), 0.0)
+        penalised = self._penalise(penalties or {})
+        try:
+            return self._dijkstra(source, goal)
+        finally:
+            for key in penalised:
+                self._set_cost(key, edge_cost(self._graph.edges[key].belief, self._config))
+
+    def _dijkstra(self, source: NodeId, goal: NodeId) -> Path:
+        start, end = self._index[source], self._index[goal]
+        found = rustworkx.dijkstra_shortest_paths(self._mirror, start, end, weight_fn=float)
+        if end not in found:
+            return NO_PATH
+        steps = list(found[end])
+        cost = sum(self._mirror.get_edge_data(a, b) for a, b in itertools.pairwise(steps))
+        return Path(tuple(self._mirror[k] for k in steps), cost) if math.isfinite(cost) else NO_PATH
+
+    def _penalise(self, penalties: Mapping[EdgeKey, float]) -> list[EdgeKey]:
+        present = [key for key in penalties if key in self._graph.edges]
+        for key in present:
+            self._set_cost(key, edge_cost(self._graph.edges[key].belief, self._config) + penalties[key])
+        return present
+
+    def _set_cost(self, key: EdgeKey, cost: float) -> None:
+        self._mirror.update_edge(self._index[key[0]], self._index[key[1]], cost)
+
+    def _mirrored(self, delta: GraphDelta) -> bool:
+        match delta:
+            case BeliefUpdated():
+                self._set_cost((delta.source, delta.target), edge_cost(delta.belief, self._config))
+            case EdgeAdded():
+                for node in (delta.edge.source, delta.edge.target):
+                    if node not in self._index:
+                        self._index[node] = self._mirror.add_node(node)
+                ends = self._index[delta.edge.source], self._index[delta.edge.target]
+                self._mirror.add_edge(*ends, edge_cost(delta.edge.belief, self._config))
+            case EdgePruned():
+                self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
+            case _:
+                return False
+        return True
+
+    def _rebuild(self) -> None:
+        graph = self._graph
+        self._mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
+        self._index = dict(zip(graph.nodes, self._mirror.add_nodes_from(list(graph.nodes)), strict=True))
+        self._mirror.add_edges_from(
+            [
+                (self._index[edge.source], self._index[edge.target], edge_cost(edge.belief, self._config))
+                for edge in graph.edges.values()
+            ]
+        )
+        self._version = graph.version

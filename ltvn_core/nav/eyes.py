@@ -1,0 +1,63 @@
+"""What the robot sees now: one picture per control step, encoded at most once, compared with nodes on demand.
+
+Owns the current picture. Draws no conclusion.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from ltvn_core.geometry import distance
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.nav.body import Body
+from ltvn_core.types import Features, NodeId, Observation, Predictor, Waypoint
+
+
+class Sight(NamedTuple):
+    """A node as seen from here."""
+
+    reachability: float
+    distance: float
+    """d(w), Eq. 2."""
+    waypoint: Waypoint
+    """(3,): the node in the robot's frame."""
+
+    def aimed(self, waypoint: Waypoint) -> "Sight":
+        """Return the same sight with a better waypoint."""
+        return self._replace(waypoint=waypoint, distance=float(distance(waypoint)))
+
+
+class Eyes:
+    """Looks through the robot's camera."""
+
+    def __init__(
+        self, body: Body, predictor: Predictor, matcher: Matcher, on_look: Callable[[Observation], None]
+    ) -> None:
+        """Look from `body`; every new picture goes to `on_look`."""
+        self._body = body
+        self._predictor = predictor
+        self._matcher = matcher
+        self._on_look = on_look
+        self._at_step = -1
+        self._observation: Observation | None = None
+        self._features: Features | None = None
+
+    @property
+    def observation(self) -> Observation:
+        """The current picture, a new one if the robot has moved since the last."""
+        if self._observation is None or self._at_step != self._body.steps:
+            self._observation, self._at_step, self._features = self._body.look(), self._body.steps, None
+            self._on_look(self._observation)
+        return self._observation
+
+    @property
+    def features(self) -> Features:
+        """(1, F) of the current picture."""
+        seen = self.observation
+        if self._features is None:
+            self._features = self._predictor.encode([seen])
+        return self._features
+
+    def sight(self, node: NodeId) -> Sight:
+        """Compare the current picture with a node."""
+        found = self._matcher.match(self.features, (node,))
+        return Sight(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])

@@ -1,0 +1,60 @@
+"""Did the attempt succeed, is this the goal: verdicts with their reasons, as pure functions.
+
+Owns the rules. The network that made a false edge also says "arrived" at its end, so the robust rules ask for evidence
+of another kind: how far odometry went, and whether the edge was driven too often already.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ltvn_core.config import Judging, Method
+from ltvn_core.geometry import distance, relative
+from ltvn_core.types import Pose, Waypoint
+
+
+class Verdict(NamedTuple):
+    """Whether an attempt succeeded, and which rule decided."""
+
+    succeeded: bool
+    reason: str
+
+
+def judge_attempt(
+    reachability: float, target_distance: float, odometry_error: Waypoint, method: Method, *, worn_out: bool
+) -> Verdict:
+    """Judge a leg by its target seen from the arrival image, and by where odometry puts the waypoint (3,)."""
+    judging = method.judging
+    within = judging.success_distance or method.building.connect_distance
+    needed = judging.success_reachability if judging.success_distance else method.building.connect_reachability
+    gap = float(distance(odometry_error))
+    if reachability <= needed:
+        return Verdict(False, f"target does not look reachable: r = {reachability:.2f}, needs {needed:.2f}")
+    if target_distance >= within:
+        return Verdict(False, f"target is still too far: d = {target_distance:.2f}, needs {within:.2f}")
+    if 0 < judging.odometry_gap < gap:
+        return Verdict(False, f"odometry ended {gap:.2f} from the waypoint, at most {judging.odometry_gap:.2f}")
+    if worn_out:
+        return Verdict(False, "driven too often in this query")
+    return Verdict(True, f"target is near: d = {target_distance:.2f}, r = {reachability:.2f}")
+
+
+def is_at_goal(reachability: float, waypoint: Waypoint, config: Judging) -> bool:
+    """Tell whether the goal at `waypoint` (3,) is reached."""
+    return bool(
+        reachability > config.arrive_reachability
+        and distance(waypoint) < config.arrive_distance
+        and abs(waypoint[2]) <= config.arrive_yaw_rad
+    )
+
+
+def agree(first: Waypoint, first_odometry: Pose, second: Waypoint, second_odometry: Pose) -> bool:
+    """Tell whether two looks from two odometry poses (3,) put the goal at one place."""
+    # The goal seen from the first place, as it must look from the second.
+    moved = relative(first_odometry, second_odometry)
+    gap = relative(relative(moved, first), second)
+    return bool(np.hypot(gap[0], gap[1]) < _AGREE_M and abs(gap[2]) < _AGREE_RAD)
+
+
+_AGREE_M = 0.3
+_AGREE_RAD = 0.25

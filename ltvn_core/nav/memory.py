@@ -1,0 +1,60 @@
+"""What the navigator remembers of one query and forgets afterwards: which edges it drove and which failed.
+
+Owns the rules against running in circles: penalties, repeats, and the node it is held to be at after a leg without a
+step. Beliefs that outlive the query are the map's.
+"""
+
+from collections import Counter
+
+from ltvn_core.config import Planning
+from ltvn_core.graph.topograph import EdgeKey
+from ltvn_core.types import NodeId
+
+
+class QueryMemory:
+    """Edges driven and failed in one query."""
+
+    def __init__(self, config: Planning) -> None:
+        """Remember nothing yet."""
+        self._config = config
+        self._driven: Counter[EdgeKey] = Counter()
+        self._failed: set[EdgeKey] = set()
+        self._searched: set[NodeId] = set()
+        self.penalties: dict[EdgeKey, float] = {}
+        """What edges cost more for the rest of the query."""
+        self.plan: tuple[NodeId, ...] = ()
+        """The last plan; the robot is looked for around it first."""
+        self.held_at: NodeId | None = None
+        """Where the robot is held to be, because a leg to there took no step; used once."""
+        self.looks_in_vain = 0
+        """Looks in a row without a node or without a path."""
+        self.denials = 0
+        """How often a second look at the goal disagreed with the first."""
+        self.approached: NodeId | None = None
+        """The node that was approached last instead of its successor."""
+
+    def drove(self, edge: EdgeKey) -> bool:
+        """Count one more leg along an edge; tell whether that is so often that it must have failed."""
+        self._driven[edge] += 1
+        return 0 < self._config.repeat_limit < self._driven[edge]
+
+    def may_expand(self, start: NodeId) -> bool:
+        """Tell, once per start, that a search for a path from there is worth its time."""
+        fresh = start not in self._searched
+        self._searched.add(start)
+        return fresh
+
+    def failed(self, edge: EdgeKey) -> bool:
+        """Tell whether an edge failed before in this query."""
+        return edge in self._failed
+
+    def fail(self, edge: EdgeKey) -> None:
+        """Remember a failure, and make the edge dearer."""
+        self._failed.add(edge)
+        if self._config.failure_penalty:
+            self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
+
+    def take_held(self) -> NodeId | None:
+        """Return where the robot is held to be, once."""
+        node, self.held_at = self.held_at, None
+        return node

@@ -1,0 +1,231 @@
+"""One query under way: the loop of the paper, in the order in which it happens.
+
+Owns that order and the events that tell about it. The decisions are elsewhere: `graph.localizer`, `graph.planner`,
+`graph.maintenance`, `graph.expansion`, `nav.legs`, `nav.judgement`.
+"""
+
+from collections.abc import Generator, Iterator
+from typing import TypeAlias, TypeVar
+
+import numpy as np
+
+from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.expansion import expand
+from ltvn_core.graph.localizer import LOCAL, Fix
+from ltvn_core.graph.maintenance import Attempt, novel_node, update_edge
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.planner import Path
+from ltvn_core.nav.body import Body, QueryOver
+from ltvn_core.nav.events import (
+    Event,
+    LegEnd,
+    LegEnded,
+    LegStarted,
+    Localised,
+    NavigatorState,
+    Note,
+    Outcome,
+    Planned,
+    Severity,
+    StateChanged,
+    Tick,
+)
+from ltvn_core.nav.eyes import Eyes, Sight
+from ltvn_core.nav.judgement import Verdict, agree, is_at_goal, judge_attempt
+from ltvn_core.nav.legs import Leg, LegResult
+from ltvn_core.nav.memory import QueryMemory
+from ltvn_core.nav.mind import Mind
+from ltvn_core.types import NodeId
+
+_T = TypeVar("_T")
+Steps: TypeAlias = Generator[Event | Tick, None, _T]
+"""Part of a query: yields events and ticks, returns a result."""
+
+_SECOND_LOOK_RAD = 0.26
+_DENIALS = 4
+"""So often a second look may disagree in one query; a goal seen so often is taken for what it looks like."""
+_CLOSE = 0.3
+"""A node nearer than this d need not be approached once more."""
+
+
+class Task:
+    """Goes to one node."""
+
+    def __init__(self, mind: Mind, body: Body, eyes: Eyes, goal: NodeId, query: int) -> None:
+        """Begin a query that nothing is known of yet."""
+        self._mind, self._method = mind, mind.method
+        self._body, self._eyes = body, eyes
+        self._goal, self._query = goal, query
+        self._memory = QueryMemory(mind.method.planning)
+        self._leg = Leg(body, eyes, mind.method.driving, mind.intrinsics)
+        self._state = NavigatorState.IDLE
+
+    def run(self) -> Steps[Outcome]:
+        """Localise, plan, drive, judge, update, until the goal is reached or hope is lost."""
+        while True:
+            if (yield from self._arrived()):
+                return Outcome.ARRIVED
+            fix = yield from self._localise()
+            if fix.node is None:
+                yield from self._recover(Outcome.LOST)
+                continue
+            path = yield from self._plan(fix.node)
+            if not path.nodes:
+                yield from self._recover(Outcome.NO_PATH)
+                continue
+            self._memory.looks_in_vain = 0
+            if (yield from self._follow(fix, path)):
+                return Outcome.ARRIVED
+
+    def _localise(self) -> Steps[Fix]:
+        """Find the node the robot is at."""
+        yield from self._enter(NavigatorState.LOCALISING)
+        held = self._memory.take_held()
+        if held is not None and held in self._mind.graph.nodes:
+            sight = self._eyes.sight(held)
+            fix = Fix(held, sight.distance, sight.reachability, sight.waypoint, None, np.inf, LOCAL)
+        else:
+            fix = self._mind.localizer.localise(self._eyes.features, self._mind.graph, self._memory.plan)
+        frame = self._eyes.observation.step
+        numbers = fix.distance, fix.reachability, fix.runner_up, fix.margin, fix.scope
+        yield Localised(self._query, frame, fix.node, *numbers)
+        return fix
+
+    def _arrived(self) -> Steps[bool]:
+        """Tell whether this is the goal; the robust method believes it only if a second look agrees."""
+        first, judging = self._eyes.sight(self._goal), self._method.judging
+        if not is_at_goal(first.reachability, first.waypoint, judging):
+            return False
+        if not judging.second_look or self._memory.denials >= _DENIALS:
+            return True
+        # The next time it looks to the other side, where there may be more to see.
+        aside, odometry = _SECOND_LOOK_RAD * (-1) ** self._memory.denials, self._body.odometry
+        yield from self._turn(aside)
+        second = self._eyes.sight(self._goal)
+        agreed = agree(first.waypoint, odometry, second.waypoint, self._body.odometry)
+        if agreed:
+            yield from self._turn(-aside)
+            return True
+        self._memory.denials += 1
+        self._memory.plan = ()
+        yield Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
+        return False
+
+    def _plan(self, start: NodeId) -> Steps[Path]:
+        """Find the cheapest path, through the reserve if there is none in the map."""
+        yield from self._enter(NavigatorState.PLANNING)
+        mind = self._mind
+        path = mind.planner.plan(start, self._goal, self._memory.penalties)
+        if not path.nodes and self._method.maintain and self._memory.may_expand(start):
+            deltas = expand(mind.graph, start, self._goal, mind.matcher, self._method, mind.rng)
+            yield from mind.change(deltas, self._query)
+            path = mind.planner.plan(start, self._goal, self._memory.penalties)
+        self._memory.plan = path.nodes
+        yield Planned(self._query, path.nodes, path.cost)
+        return path
+
+    def _follow(self, fix: Fix, path: Path) -> Steps[bool]:
+        """Drive the first edge; tell whether the robot stands at the goal with nothing left to drive."""
+        source, target = _first_edge(path)
+        sight = self._departure(fix, source, target)
+        if sight is None and fix.node is not None:
+            source, target, sight = None, fix.node, self._eyes.sight(fix.node)
+        assert sight is not None
+        self._memory.approached = target if source is None else None
+        result = yield from self._drive(source, target, sight)
+        if result.steps:
+            return False
+        # A leg of no step would be planned again for ever, so time passes and the robot is held to have arrived.
+        yield from self._body.move_on()
+        self._memory.held_at = target
+        return source is None and target == self._goal
+
+    def _departure(self, fix: Fix, source: NodeId | None, target: NodeId) -> Sight | None:
+        """Return the target as seen from here; None if the robot had better go to the node it is at first."""
+        sight, driving = self._eyes.sight(target), self._method.driving
+        if source is None or sight.reachability >= driving.departure_reachability:
+            return sight
+        if fix.distance > _CLOSE and self._memory.approached != source:
+            return None
+        if not driving.through_map:
+            return sight
+        return sight.aimed(compose(fix.waypoint, np.array(self._mind.graph.edges[source, target].waypoint)))
+
+    def _drive(self, source: NodeId | None, target: NodeId, sight: Sight) -> Steps[LegResult]:
+        """Drive one leg and learn from it."""
+        yield from self._enter(NavigatorState.DRIVING)
+        attempt, frame = next(self._mind.attempts), self._eyes.observation.step
+        yield LegStarted(self._query, attempt, source, target, frame, pose_row(sight.waypoint), sight.reachability)
+        try:
+            result = yield from self._leg.drive(target, sight.waypoint)
+        except QueryOver as over:
+            end = LegEnd.CANCELLED if over.outcome is Outcome.CANCELLED else LegEnd.TIMEOUT
+            yield self._ended(attempt, source, target, end, Verdict(False, f"cut short: {over.outcome.value}"))
+            raise
+        yield from self._enter(NavigatorState.JUDGING)
+        verdict = self._judge(source, target, result)
+        yield self._ended(attempt, source, target, result.end, verdict)
+        if source is not None:
+            yield from self._learn(attempt, source, target, sight, verdict)
+        return result
+
+    def _judge(self, source: NodeId | None, target: NodeId, result: LegResult) -> Verdict:
+        worn_out = source is not None and self._memory.drove((source, target))
+        seen, left = self._eyes.sight(target), relative(self._body.odometry, result.goal)
+        return judge_attempt(seen.reachability, seen.distance, left, self._method, worn_out=worn_out)
+
+    def _learn(self, attempt: int, source: NodeId, target: NodeId, sight: Sight, verdict: Verdict) -> Iterator[Event]:
+        """Remember a failure for this query, and update the map, Eq. 3 and Eq. 4."""
+        failed_before = self._memory.failed((source, target))
+        if not verdict.succeeded:
+            self._memory.fail((source, target))
+        if self._method.maintain:
+            evidence = Attempt(source, target, sight.distance, verdict.succeeded, failed_before)
+            deltas = update_edge(self._mind.graph, evidence, self._method.believing)
+            yield from self._mind.change(deltas, self._query, attempt)
+
+    def _ended(self, attempt: int, source: NodeId | None, target: NodeId, end: LegEnd, verdict: Verdict) -> LegEnded:
+        seen, frame = self._eyes.sight(target), self._eyes.observation.step
+        numbers = seen.distance, seen.reachability, verdict.succeeded, verdict.reason
+        return LegEnded(self._query, attempt, source, target, frame, end, *numbers)
+
+    def _recover(self, despair: Outcome) -> Steps[None]:
+        """Turn on the spot to look again; after a full turn move on a little; in the end give up."""
+        yield from self._enter(NavigatorState.RECOVERING)
+        recovering, memory = self._method.recovering, self._memory
+        memory.looks_in_vain += 1
+        memory.plan = ()
+        if despair is Outcome.LOST and self._method.maintain:
+            yield from self._remember_novel()
+        if memory.looks_in_vain >= recovering.give_up_after_looks:
+            raise QueryOver(despair)
+        around = memory.looks_in_vain % recovering.looks_per_turn == 0
+        if around and recovering.wander_m and self._leg.is_free(recovering.wander_m):
+            yield from self._body.advance(recovering.wander_m, self._method.driving.speed_m_s / 2)
+        yield from self._turn(recovering.turn_rad)
+
+    def _remember_novel(self) -> Iterator[Event]:
+        """Make a node of what nobody recognised, once looking around has not helped."""
+        if self._memory.looks_in_vain < self._method.expanding.novel_after_looks:
+            return
+        mind, seen = self._mind, self._eyes.observation
+        matches = mind.matcher.match(self._eyes.features, tuple(mind.graph.nodes))
+        deltas = novel_node(mind.graph, seen, matches, self._method)
+        if deltas:
+            mind.views.add([seen], self._eyes.features)
+            yield from mind.change(deltas, self._query)
+
+    def _turn(self, angle_rad: float) -> Iterator[Event | Tick]:
+        yield from self._body.turn(angle_rad, self._method.driving.turn_rad_s)
+
+    def _enter(self, state: NavigatorState) -> Iterator[Event]:
+        if state is not self._state:
+            self._state = state
+            yield StateChanged(state)
+
+
+def _first_edge(path: Path) -> tuple[NodeId | None, NodeId]:
+    """Return where the next leg begins and ends; at the goal already, it only approaches."""
+    if len(path.nodes) == 1:
+        return None, path.nodes[0]
+    return path.nodes[0], path.nodes[1]

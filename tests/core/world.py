@@ -1,0 +1,174 @@
+"""A small flat world for tests: rooms made of line segments, a robot that obeys at once, and a predictor that knows.
+
+Owns no assertion. Images are blank; what the predictor compares are exact poses, which it reads as an oracle would.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ltvn_core.geometry import compose, relative, wrap_angle
+from ltvn_core.types import (
+    STILL,
+    Features,
+    FrameId,
+    Observation,
+    Pose,
+    Prediction,
+    RobotState,
+    Twist,
+    Waypoint,
+)
+
+RADIUS_M = 0.18
+STEP_S = 0.1
+
+
+@dataclass(frozen=True)
+class FlatWorld:
+    """Walls as segments (W, 2, 2)."""
+
+    walls: np.ndarray
+
+    def clearance(self, xy: np.ndarray) -> float:
+        """Return metres from a point (2,) to the nearest wall."""
+        start, end = self.walls[:, 0], self.walls[:, 1]
+        along = end - start
+        t = np.clip(((xy - start) * along).sum(1) / (along**2).sum(1), 0, 1)
+        return float(np.hypot(*(start + t[:, None] * along - xy).T).min())
+
+    def line_free(self, start: np.ndarray, end: np.ndarray) -> bool:
+        """Tell whether the robot fits along a straight line."""
+        count = max(2, int(np.hypot(*(end - start)) / 0.05))
+        return all(self.clearance(start + t * (end - start)) > RADIUS_M - 0.01 for t in np.linspace(0, 1, count))
+
+
+def box(width: float, height: float) -> list[list[list[float]]]:
+    """Return the four walls of a room with one corner at the origin."""
+    corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]
+    return [[corners[k], corners[(k + 1) % 4]] for k in range(4)]
+
+
+def one_room() -> FlatWorld:
+    """Return an empty room of 5 m x 4 m."""
+    return FlatWorld(np.array(box(5.0, 4.0)))
+
+
+def two_rooms() -> FlatWorld:
+    """Return two rooms of 3 m x 4 m with a door of 1 m between them."""
+    wall = [[[3.0, 0.0], [3.0, 1.5]], [[3.0, 2.5], [3.0, 4.0]]]
+    return FlatWorld(np.array([*box(6.0, 4.0), *wall]))
+
+
+class FlatRobot:
+    """Obeys at once, slides nowhere, and drifts if told to."""
+
+    def __init__(self, world: FlatWorld, pose: Sequence[float], *, first_step: int = 0, drift: float = 0.0) -> None:
+        self.world = world
+        self.pose = np.array(pose, np.float64)
+        self.step = first_step
+        self.collisions = 0
+        self.stops = 0
+        self.twist = STILL
+        self._bumped = False
+        self._odometry = np.zeros(3)
+        self._drift = drift
+
+    def observe(self) -> Observation:
+        """Take a blank picture that carries the exact pose."""
+        return look_at(self.pose, self.step, self._odometry)
+
+    def state(self) -> RobotState:
+        return RobotState(self._odometry.copy(), self.step * STEP_S, self.step, self._bumped)
+
+    def drive(self, twist: Twist) -> None:
+        self.twist = twist
+
+    def stop(self) -> None:
+        self.stops += 1
+        self.twist = STILL
+
+    def advance(self) -> None:
+        """Let one control step pass."""
+        self.step += 1
+        move = np.array([self.twist.linear_m_s * STEP_S, 0.0, self.twist.angular_rad_s * STEP_S])
+        after = compose(self.pose, move)
+        free = self.world.clearance(after[:2])
+        bumps = bool(move[0]) and free < RADIUS_M and free < self.world.clearance(self.pose[:2])
+        if bumps:
+            after[:2] = self.pose[:2]
+            move[0] = 0.0
+            self.collisions += not self._bumped
+        self._bumped = bumps
+        self.pose = after
+        self._odometry = compose(self._odometry, move * np.array([1 + self._drift, 1.0, 1.0]))
+
+
+def look_at(pose: Pose, step: FrameId, odometry: Pose | None = None) -> Observation:
+    """Return a blank picture taken at a pose."""
+    pose = np.array(pose, np.float64)
+    depth = np.full((72, 96), 5.0, np.float32)
+    return Observation(
+        np.zeros((72, 96, 3), np.uint8), depth, pose if odometry is None else odometry.copy(), step * STEP_S, step, pose
+    )
+
+
+@dataclass
+class FlatPredictor:
+    """Knows the world; can be told lies. Features are exact poses and the frame number, (N, 4)."""
+
+    world: FlatWorld
+    sight_m: float = 2.0
+    lies: dict[tuple[FrameId, FrameId], Waypoint] = field(default_factory=dict)
+    """Pairs of frames it calls reachable, with the waypoint it claims."""
+    fingerprint: str = "flat"
+    encoded: int = 0
+    compared: int = 0
+
+    def encode(self, observations: Sequence[Observation]) -> Features:
+        self.encoded += len(observations)
+        return np.array([[*seen.exact_pose, seen.step] for seen in observations if seen.exact_pose is not None])
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        sources, targets = np.broadcast_arrays(sources, targets)
+        self.compared += len(targets)
+        answers = [self._answer(source, target) for source, target in zip(sources, targets, strict=True)]
+        return Prediction(np.array([r for r, _ in answers]), np.array([w for _, w in answers]).reshape(-1, 3))
+
+    def _answer(self, source: np.ndarray, target: np.ndarray) -> tuple[float, Waypoint]:
+        lie = self.lies.get((int(source[3]), int(target[3])))
+        if lie is not None:
+            return 0.95, lie
+        waypoint = relative(source[:3], target[:3])
+        away = float(np.hypot(waypoint[0], waypoint[1]))
+        ahead = away < 0.25 or (waypoint[0] > 0 and abs(np.arctan2(waypoint[1], waypoint[0])) < 0.6)
+        seen = ahead and away < self.sight_m and abs(waypoint[2]) < 1.05
+        reachable = seen and self.world.line_free(source[:2], target[:2])
+        return (0.95 if reachable else 0.05), waypoint
+
+
+def tour(points: Sequence[Sequence[float]], *, first_step: int = 0, spins: bool = True) -> Iterator[Observation]:
+    """Yield pictures every 0.12 m or 10 degrees along straight lines, with a full turn at every point."""
+    pose, step = np.array([*points[0], 0.0]), first_step
+
+    def turned(angle: float) -> Iterator[Observation]:
+        nonlocal step
+        count = int(np.ceil(abs(angle) / np.deg2rad(10)))
+        for _ in range(count):
+            pose[2] = float(wrap_angle(pose[2] + angle / count))
+            yield look_at(pose, step)
+            step += 3
+
+    yield look_at(pose, step)
+    step += 3
+    for point in points[1:]:
+        leg = np.array(point) - pose[:2]
+        yield from turned(float(wrap_angle(np.arctan2(leg[1], leg[0]) - pose[2])))
+        count = int(np.ceil(np.hypot(*leg) / 0.12))
+        for _ in range(count):
+            pose[:2] += leg / count
+            yield look_at(pose, step)
+            step += 3
+        if spins:
+            yield from turned(2 * np.pi)

@@ -82,10 +82,11 @@ def _demonstrate(options: Demo) -> Demonstrated:
 
     from ltvn_core.composition import open_predictor, open_simulation
     from ltvn_core.config import preset
+    from ltvn_core.graph.topograph import TopologicalGraph
     from ltvn_core.graph.views import Views
     from ltvn_core.recording.maps import save_map
     from ltvn_core.recording.writer import RecordingWriter
-    from ltvn_core.verbs.headless import Tally, Workbench
+    from ltvn_core.verbs.headless import Workbench
 
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
@@ -99,11 +100,10 @@ def _demonstrate(options: Demo) -> Demonstrated:
         "fingerprint": predictor.fingerprint,
     }
     with RecordingWriter(path, **about) as writer:
-        bench = Workbench(simulation, writer, Views(predictor), predictor, method)
+        bench = Workbench(simulation, writer, Views(predictor), predictor, method, TopologicalGraph())
         observations = bench.collect(rng, options.loops)
         bench.build(observations, rng)
-        tally = Tally()
-        bench.run_queries(options.queries, rng, tally)
+        outcome = bench.run_queries(bench.random_goals(options.queries, rng), rng)
     if options.map is not None:
         save_map(options.map, bench.graph, bench.kept(), **about)
     return Demonstrated(
@@ -112,8 +112,7 @@ def _demonstrate(options: Demo) -> Demonstrated:
         frames=len(observations),
         nodes=len(bench.graph.nodes),
         edges=len(bench.graph.edges),
-        queries=options.queries,
-        **tally.summary(),
+        **asdict(outcome),
         predictor=options.predictor,
         preset=options.preset,
         scene=options.scene,

@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
-from ltvn_core.errors import MapError
+from ltvn_core.errors import MapError, OptionError
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Sequence
 
-    from ltvn_core.verbs.headless import Tally, Workbench
+    import numpy as np
+
+    from ltvn_core.recording.maps import LoadedMap
+    from ltvn_core.types import NodeId, Pose
+    from ltvn_core.verbs.headless import Queries, Workbench
 
 
 @dataclass(frozen=True)
@@ -22,15 +26,11 @@ class Navigated:
 
     recording: Path
     map: Path | None
+    """The map after all queries, if it was asked for."""
     nodes: int
+    """In the map at the end."""
     edges: int
-    queries: int
-    reached: int
-    """Queries that ended within 0.72 m and 0.4 rad of the goal by the robot's own decision."""
-    collisions: int
-    pruned: int
-    added: int
-    failures: dict[str, int]
+    outcome: "Queries"
     wall_s: float
 
 
@@ -51,6 +51,10 @@ class _ByMap(Verb):
     seed: int = 0
     """Draws the start, the noise and the goals."""
 
+    def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
+        """Choose where to go."""
+        raise NotImplementedError
+
     def settings(self) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
         from ltvn_core.config import preset
@@ -67,18 +71,16 @@ class Navigate(_ByMap):
 
     def run(self) -> Summary:
         """Drive there; raises MapError, RecordingError, SceneError and WeightsError."""
+        return _drive(self, output=None)
 
-        def drive(bench: "Workbench", tally: "Tally") -> int:
-            import numpy as np
-
-            rng = np.random.default_rng(self.seed)
-            goal = bench.random_goal(rng) if self.goal is None else self.goal
-            if goal not in bench.graph.nodes:
-                raise MapError(f"{self.map}: there is no node {goal}; see `ltvn info`, or leave --goal out.")
-            bench.run_query(bench.navigator(rng), goal, 0, tally)
-            return 1
-
-        return _drive(self, drive, output=None)
+    def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
+        """Go to the one goal."""
+        if self.goal is not None and self.goal not in bench.graph.nodes:
+            nodes = sorted(bench.graph.nodes)
+            raise MapError(
+                f"{self.map} has no node {self.goal}; its nodes are {nodes[0]}, {nodes[1:2]} ... {nodes[-1]}."
+            )
+        return bench.random_goals(1, rng) if self.goal is None else [self.goal]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,19 +93,18 @@ class Lifelong(_ByMap):
     """The map after all queries; must not exist yet."""
 
     def run(self) -> Summary:
-        """Drive and learn; raises MapError, RecordingError, SceneError and WeightsError."""
+        """Drive and learn; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
+        if self.queries < 1:
+            raise OptionError(f"--queries must be 1 or more, got {self.queries}.")
+        return _drive(self, output=self.output)
 
-        def drive(bench: "Workbench", tally: "Tally") -> int:
-            import numpy as np
-
-            bench.run_queries(self.queries, np.random.default_rng(self.seed), tally)
-            return self.queries
-
-        return _drive(self, drive, output=self.output)
+    def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
+        """Go to random nodes."""
+        return bench.random_goals(self.queries, rng)
 
 
-def _drive(options: _ByMap, drive: "Callable[[Workbench, Tally], int]", output: Path | None) -> Navigated:
-    """Open everything, let `drive` run its queries, save the map if asked to."""
+def _drive(options: _ByMap, output: Path | None) -> Navigated:
+    """Open everything, run the queries, save the map if asked to."""
     import numpy as np
 
     from ltvn_core.composition import open_predictor, open_simulation
@@ -111,36 +112,29 @@ def _drive(options: _ByMap, drive: "Callable[[Workbench, Tally], int]", output: 
     from ltvn_core.graph.views import Views
     from ltvn_core.recording.maps import check_fingerprint, load_map, save_map
     from ltvn_core.recording.writer import RecordingWriter
-    from ltvn_core.verbs.headless import Tally, Workbench
+    from ltvn_core.verbs.headless import Workbench
 
-    started = time.monotonic()
+    started, rng = time.monotonic(), np.random.default_rng(options.seed)
     loaded = load_map(options.map)
     scene = loaded.meta.scene
     predictor = open_predictor(options.predictor, scene, options.weights)
     check_fingerprint(loaded.meta, predictor.fingerprint)
-    start = np.random.default_rng(options.seed).choice(list(loaded.graph.nodes))
-    simulation = open_simulation(
-        scene,
-        seed=options.seed,
-        first_step=max(loaded.observations) + 1,
-        start=loaded.observations[int(start)].exact_pose,
-    )
+    first_step = max(loaded.observations) + 1
+    simulation = open_simulation(scene, seed=options.seed, first_step=first_step, start=_start(loaded, rng))
     views = Views(predictor)
     views.add(list(loaded.observations.values()))
     about = {"scene": scene, "config": options.settings(), "fingerprint": predictor.fingerprint}
     with RecordingWriter(options.recording, **about) as writer:
         writer.map(loaded.graph, loaded.observations.values())
         bench = Workbench(simulation, writer, views, predictor, preset(options.preset), loaded.graph)
-        tally = Tally()
-        queries = drive(bench, tally)
+        outcome = bench.run_queries(options.goals(bench, rng), rng)
     if output is not None:
         save_map(output, bench.graph, bench.kept(), **about)
     return Navigated(
-        recording=options.recording,
-        map=output,
-        nodes=len(bench.graph.nodes),
-        edges=len(bench.graph.edges),
-        queries=queries,
-        **tally.summary(),
-        wall_s=time.monotonic() - started,
+        options.recording, output, len(bench.graph.nodes), len(bench.graph.edges), outcome, time.monotonic() - started
     )
+
+
+def _start(loaded: "LoadedMap", rng: "np.random.Generator") -> "Pose | None":
+    """Return where a random node's image was taken; None, a free place, if nobody knows."""
+    return loaded.observations[int(rng.choice(list(loaded.graph.nodes)))].exact_pose

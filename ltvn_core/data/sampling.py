@@ -43,9 +43,9 @@ def cluster_poses(floor: Floor, rng: np.random.Generator, count: int, spec: Clus
     """Draw (count, size, 3) poses."""
     anchors = floor.sample_poses(rng, count, min_clearance_m=max(spec.min_clearance_m, 0.22))
     clusters = anchors[:, None]
-    for _ in range(1, spec.size):
+    while clusters.shape[1] < spec.size:
         parents = np.where(rng.random(count) < spec.from_anchor, 0, rng.integers(clusters.shape[1], size=count))
-        near = clusters[np.arange(count), parents]
+        near = clusters[np.arange(count), np.asarray(parents, np.intp)]
         clusters = np.concatenate([clusters, _free_neighbours(floor, rng, near, spec)[:, None]], axis=1)
     return clusters
 
@@ -61,7 +61,7 @@ def _free_neighbours(floor: Floor, rng: np.random.Generator, parents: Pose, spec
     """Return one free pose (N, 3) beside each parent."""
     steps = _steps(rng, (len(parents), _TRIES), spec)
     proposals = compose(np.repeat(parents[:, None], _TRIES, axis=1), steps)
-    free = floor.at(proposals[..., :2]) >= spec.min_clearance_m
+    free = np.asarray(floor.at(proposals[..., :2]) >= spec.min_clearance_m)
     chosen = proposals[np.arange(len(parents)), free.argmax(1)]
     on_the_spot = compose(parents, steps[:, 0] * [0, 0, 1])
     return np.where(free.any(1)[:, None], chosen, on_the_spot)

@@ -1,0 +1,83 @@
+"""Runs a predictor over labelled pairs and over drives, for training's own validation and for reports.
+
+Owns how figures are gathered. The figures are defined in `ltvn_core.model.figures`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative
+from ltvn_core.model.examples import Examples
+from ltvn_core.model.figures import DriveFigures, PairFigures, drive_figures, pair_figures
+from ltvn_core.types import Features, Observation, Pose, Prediction, Predictor
+
+_PAIRS_AT_ONCE = 8192
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Images of a mapping drive, and which ordered pairs of them are near and far."""
+
+    name: str
+    rgb: NDArray[np.uint8]
+    """(N, H, W, 3)"""
+    depth_mm: NDArray[np.uint16]
+    """(N, H, W)"""
+    near: NDArray[np.bool_]
+    """(N, N), see `ltvn_core.data.drives.PairClasses`."""
+    far: NDArray[np.bool_]
+    """(N, N)"""
+
+
+def assess_pairs(
+    predictor: Predictor, scenes: Sequence[Examples], rng: np.random.Generator, *, limit: int | None = None
+) -> PairFigures:
+    """Judge a predictor on labelled pairs, on `limit` of each scene drawn at random if that is given."""
+    predictions, reachable, true = [], [], []
+    for scene in scenes:
+        pairs = np.arange(len(scene.sources))
+        if limit is not None and limit < len(pairs):
+            pairs = np.sort(rng.choice(pairs, limit, replace=False))
+        i, j = scene.sources[pairs], scene.targets[pairs]
+        used, rows = np.unique(np.concatenate([i, j]), return_inverse=True)
+        features = encode_images(predictor, scene.rgb[used], scene.depth_mm[used])
+        predictions.append(predict_pairs(predictor, features, rows[: len(i)], rows[len(i) :]))
+        reachable.append(scene.reachable[pairs])
+        true.append(relative(scene.poses[i], scene.poses[j]))
+    scores, waypoints = (np.concatenate(column) for column in zip(*predictions, strict=True))
+    return pair_figures(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
+
+
+def assess_drives(predictor: Predictor, drives: Sequence[Drive]) -> DriveFigures:
+    """Judge a predictor on all near and far ordered pairs of drives, each pair by itself."""
+    near, far = [], []
+    for drive in drives:
+        features = encode_images(predictor, drive.rgb, drive.depth_mm)
+        for mask, scores in ((drive.near, near), (drive.far, far)):
+            scores.append(predict_pairs(predictor, features, *np.nonzero(mask)).reachability)
+    return drive_figures(np.concatenate(near), np.concatenate(far))
+
+
+def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:
+    """Encode images (N, H, W, 3) with depth in millimetres (N, H, W)."""
+    nowhere: Pose = np.zeros(3)
+    parts = []
+    for first in range(0, len(rgb), 256):
+        rows = range(first, min(first + 256, len(rgb)))
+        metres = depth_mm[first : first + 256] / np.float32(1000)
+        parts.append(predictor.encode([Observation(rgb[k], metres[k - first], nowhere, 0.0, k) for k in rows]))
+    return np.concatenate(parts)
+
+
+def predict_pairs(
+    predictor: Predictor, features: Features, sources: NDArray[np.intp], targets: NDArray[np.intp]
+) -> Prediction:
+    """Compare pairs of rows (P,) of features, in pieces of bounded memory."""
+    parts = [Prediction(np.empty(0), np.empty((0, 3)))]
+    for first in range(0, len(sources), _PAIRS_AT_ONCE):
+        rows = slice(first, first + _PAIRS_AT_ONCE)
+        parts.append(predictor.predict(features[sources[rows]], features[targets[rows]]))
+    return Prediction(*(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -1,0 +1,85 @@
+"""Checkpoints from which training goes on after a kill: safetensors, written aside and renamed.
+
+Owns the file format. Holds the learner's state and the time spent; everything else follows from the plan.
+"""
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.model.examples import Confusion
+from ltvn_core.model.learner import Learner
+
+SCHEMA = "ltvn-checkpoint-1"
+"""Name of the file format; another one is refused."""
+
+
+def save_checkpoint(learner: Learner, path: Path, *, seconds: float) -> None:
+    """Write the learner's state. Raises WeightsError if the disk will not take it; the old file then stays."""
+    partial = path.with_suffix(".partial")
+    metadata = {
+        "schema": SCHEMA,
+        "plan": _plan_text(learner),
+        "steps": str(learner.steps),
+        "seconds": repr(seconds),
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_file(_tensors(learner), partial, metadata)
+        os.replace(partial, path)
+    except (OSError, SafetensorError) as error:
+        partial.unlink(missing_ok=True)
+        raise WeightsError(f"{path}: the checkpoint could not be written ({error}); free some space.") from error
+
+
+def resume(learner: Learner, path: Path) -> float:
+    """Put a checkpoint's state into a fresh learner of the same plan and return the seconds spent before.
+
+    Raises WeightsError for a file that is cut, foreign, or of another plan.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
+    except (OSError, SafetensorError) as error:
+        raise WeightsError(f"{path}: not a whole checkpoint ({error}); delete it to begin anew.") from error
+    if metadata.get("schema") != SCHEMA or metadata.get("plan") != _plan_text(learner):
+        raise WeightsError(f"{path}: made by another plan of training; name another folder or delete it.")
+    learner.network.load_state_dict(_part(tensors, "network."))
+    learner.average.load_state_dict(_part(tensors, "average."))
+    learner.steps = int(metadata["steps"])
+    learner.confusions = [Confusion(*row) for row in tensors["confusions"].tolist()]
+    _restore_optimiser(learner, _part(tensors, "optimiser."))
+    return float(metadata["seconds"])
+
+
+def _tensors(learner: Learner) -> dict[str, Tensor]:
+    state = {f"network.{name}": value for name, value in learner.network.state_dict().items()}
+    state |= {f"average.{name}": value for name, value in learner.average.state_dict().items()}
+    for number, entry in learner.optimiser.state_dict()["state"].items():
+        state |= {f"optimiser.{number}.{name}": torch.as_tensor(value) for name, value in entry.items()}
+    state["confusions"] = torch.tensor(learner.confusions, dtype=torch.int64).reshape(-1, 3)
+    return {name: value.detach().clone(memory_format=torch.contiguous_format) for name, value in state.items()}
+
+
+def _restore_optimiser(learner: Learner, tensors: dict[str, Tensor]) -> None:
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in tensors.items():
+        number, field = name.split(".", 1)
+        state.setdefault(int(number), {})[field] = value
+    learner.optimiser.load_state_dict({**learner.optimiser.state_dict(), "state": state})
+
+
+def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def _plan_text(learner: Learner) -> str:
+    return json.dumps([asdict(learner.plan), asdict(learner.network.size)], sort_keys=True)

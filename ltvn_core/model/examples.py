@@ -1,0 +1,159 @@
+"""Training examples and how a step's batch is drawn from them: each image encoded once, used in several pairs.
+
+Owns the choice of images and pairs. Where examples come from (shards, recordings) is said by the Protocol alone.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative
+from ltvn_core.types import Pose, Waypoint
+
+DISTANCE_BINS_M = np.array([0.25, 0.5, 0.8, 1.1, 1.4, 1.8, 2.2])
+"""Borders of the distances over which positives are evened out."""
+
+
+class Examples(Protocol):
+    """Images of one scene with labelled pairs; `ltvn_core.data.shards.Shard` is one."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def rgb(self) -> NDArray[np.uint8]: ...
+    @property
+    def depth_mm(self) -> NDArray[np.uint16]: ...
+    @property
+    def poses(self) -> Pose: ...
+    @property
+    def group(self) -> NDArray[np.int32]: ...
+    @property
+    def sources(self) -> NDArray[np.int32]: ...
+    @property
+    def targets(self) -> NDArray[np.int32]: ...
+    @property
+    def reachable(self) -> NDArray[np.bool_]: ...
+
+
+class Batch(NamedTuple):
+    """B images and P pairs of them."""
+
+    rgb: NDArray[np.uint8]
+    """(B, H, W, 3)"""
+    depth_mm: NDArray[np.uint16]
+    """(B, H, W)"""
+    poses: Pose
+    """(B, 3), each in its scene's frame."""
+    scene: NDArray[np.intp]
+    """(B,)"""
+    sources: NDArray[np.intp]
+    """(P,) rows of the images."""
+    targets: NDArray[np.intp]
+    """(P,)"""
+    reachable: NDArray[np.bool_]
+    """(P,)"""
+
+    def waypoints(self, sources: NDArray[np.intp], targets: NDArray[np.intp]) -> Waypoint:
+        """Return targets in the sources' frames (P, 3); meaningless between scenes."""
+        return relative(self.poses[sources], self.poses[targets])
+
+
+class Confusion(NamedTuple):
+    """Two far images that the network took for neighbours."""
+
+    scene: int
+    source: int
+    target: int
+
+
+class ExamplePool:
+    """All scenes' examples, ready to draw batches from."""
+
+    def __init__(self, scenes: Sequence[Examples]) -> None:
+        self.scenes = scenes
+        self._pairs = [_pairs_by_group(scene) for scene in scenes]
+        self._images = [_images_by_group(scene) for scene in scenes]
+        self._weights = _pair_weights(scenes)
+
+    def draw(
+        self,
+        rng: np.random.Generator,
+        *,
+        groups: int,
+        pairs_per_group: int,
+        confusions: Sequence[Confusion] = (),
+    ) -> Batch:
+        """Draw `groups` clusters, and from each the given number of labelled pairs, positives evened over distance.
+
+        The clusters of each confusion (both ends) are part of the batch, and the confusion is one of its pairs.
+        """
+        chosen = {(c.scene, int(self.scenes[c.scene].group[row])) for c in confusions for row in (c.source, c.target)}
+        scenes = rng.choice(len(self.scenes), min(4, len(self.scenes)), replace=False)
+        for position in range(groups - len(chosen)):
+            scene = int(scenes[position % len(scenes)])
+            chosen.add((scene, int(rng.integers(len(self._images[scene])))))
+        return self._assemble(rng, sorted(chosen), pairs_per_group, confusions)
+
+    def _assemble(
+        self,
+        rng: np.random.Generator,
+        chosen: list[tuple[int, int]],
+        pairs_per_group: int,
+        confusions: Sequence[Confusion],
+    ) -> Batch:
+        rows: dict[tuple[int, int], int] = {}
+        pairs: list[tuple[int, int, int, bool]] = []
+        for scene, group in chosen:
+            for image in self._images[scene][group]:
+                rows[scene, int(image)] = len(rows)
+            examples = self.scenes[scene]
+            for pair in self._choose(rng, scene, group, pairs_per_group):
+                ends = int(examples.sources[pair]), int(examples.targets[pair])
+                pairs.append((scene, *ends, bool(examples.reachable[pair])))
+        pairs.extend((c.scene, c.source, c.target, False) for c in confusions)
+        keys = list(rows)
+        return Batch(
+            np.stack([self.scenes[scene].rgb[image] for scene, image in keys]),
+            np.stack([self.scenes[scene].depth_mm[image] for scene, image in keys]),
+            np.stack([self.scenes[scene].poses[image] for scene, image in keys]),
+            np.array([scene for scene, _ in keys], np.intp),
+            np.array([rows[scene, source] for scene, source, _, _ in pairs], np.intp),
+            np.array([rows[scene, target] for scene, _, target, _ in pairs], np.intp),
+            np.array([reachable for *_, reachable in pairs], bool),
+        )
+
+    def _choose(self, rng: np.random.Generator, scene: int, group: int, count: int) -> NDArray[np.intp]:
+        """Return pairs of a group, drawn without replacement by weight."""
+        pairs = self._pairs[scene][group]
+        keys = rng.exponential(size=len(pairs)) / self._weights[scene][pairs]
+        return pairs[np.argsort(keys)[:count]]
+
+
+def _images_by_group(scene: Examples) -> list[NDArray[np.intp]]:
+    order = np.argsort(scene.group, kind="stable")
+    return np.split(order, np.searchsorted(scene.group[order], np.arange(1, scene.group.max() + 1)))
+
+
+def _pairs_by_group(scene: Examples) -> list[NDArray[np.intp]]:
+    group = scene.group[scene.sources]
+    order = np.argsort(group, kind="stable")
+    return np.split(order, np.searchsorted(group[order], np.arange(1, scene.group.max() + 1)))
+
+
+def _pair_weights(scenes: Sequence[Examples]) -> list[NDArray[np.float64]]:
+    """Return each pair's weight: reachable pairs count evenly over distance, and as much as all others together."""
+    bins = []
+    for scene in scenes:
+        waypoints = relative(scene.poses[scene.sources], scene.poses[scene.targets])
+        distance = np.digitize(np.hypot(waypoints[:, 0], waypoints[:, 1]), DISTANCE_BINS_M)
+        # Unreachable pairs that are near and turned little teach more than those that any glance rules out.
+        easy = (np.abs(waypoints[:, 2]) > 1.2) | (waypoints[:, 0] < -0.3) | (distance == len(DISTANCE_BINS_M))
+        bins.append(np.where(scene.reachable, distance, len(DISTANCE_BINS_M) + 1 + easy))
+    count = np.bincount(np.concatenate(bins), minlength=len(DISTANCE_BINS_M) + 3).astype(float)
+    positive = count[: len(DISTANCE_BINS_M) + 1]
+    wish = np.concatenate([np.full(len(positive), 0.5 / max((positive > 0).sum(), 1)), [0.35, 0.15]])
+    # A rare distance is not repeated more than ten times as often as it occurs.
+    weight = np.minimum(wish / np.maximum(count, 1) * count.sum(), 10)
+    return [weight[each] for each in bins]

@@ -1,0 +1,175 @@
+"""One learning step, and the state it changes: network, its moving average, the optimiser.
+
+Owns how a batch becomes a gradient. When to stop, validate, mine or save is decided in `ltvn_core.model.training`.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ltvn_core.model.architecture import Architecture
+from ltvn_core.model.augmentation import Augmentation, augment, mirror
+from ltvn_core.model.examples import Batch, Confusion, ExamplePool
+from ltvn_core.model.features import ImageFeatures
+from ltvn_core.model.loss import matching_loss, pair_loss, place_loss, true_correspondence
+from ltvn_core.model.mining import Far, hardest
+from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.precision import Precision
+from ltvn_core.model.predictor import images_to_tensors
+
+
+@dataclass(frozen=True, slots=True)
+class LearningPlan:
+    """What one step does (all values ours; the paper states none)."""
+
+    seed: int = 0
+    """Seeds initial weights, batches and augmentation."""
+    alpha: float = 3.0
+    """Weight of the position error in Eq. 1."""
+    beta: float = 3.0
+    """Weight of the yaw error in Eq. 1."""
+    matching: float = 0.15
+    """Weight of the auxiliary loss on token matches."""
+    place: float = 0.1
+    """Weight of the auxiliary loss on the cheap place score."""
+    groups: int = 20
+    """Clusters of images per step."""
+    pairs_per_group: int = 14
+    """Labelled pairs per cluster."""
+    confusions: int = 6
+    """Mined far pairs per step, each bringing both its clusters along."""
+    hard: int = 80
+    """Far pairs of the step's images that look most alike by place score."""
+    random: int = 24
+    """Far pairs drawn at random."""
+    rate: float = 2e-3
+    """Peak learning rate of AdamW."""
+    warm_up: float = 0.03
+    """Share of training over which the rate rises."""
+    decay: float = 0.01
+    """Weight decay."""
+    average: float = 0.998
+    """How much of the moving average of the weights stays at each step."""
+    far: Far = field(default_factory=Far)
+    """What is certainly not reachable."""
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    """Changes of the images."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepReport:
+    """What one step saw."""
+
+    loss: float
+    """Eq. 1 without the auxiliary terms."""
+    total: float
+    """All that was minimised."""
+    images: int
+    """Images encoded."""
+    pairs: int
+    """Pairs compared."""
+
+
+class Learner:
+    """Network, average and optimiser; the n-th step is the same whether or not training was interrupted before."""
+
+    def __init__(self, plan: LearningPlan, size: Architecture | None = None) -> None:
+        self.plan = plan
+        torch.manual_seed(plan.seed)
+        self.network = PairNetwork(size).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = PairNetwork(size).eval()
+        self.average.load_state_dict(self.network.state_dict())
+        self.optimiser = torch.optim.AdamW(self.network.parameters(), plan.rate, weight_decay=plan.decay)
+        self.steps = 0
+        self.confusions: list[Confusion] = []
+
+    def step(self, pool: ExamplePool, precision: Precision, progress: float) -> StepReport:
+        """Learn from one batch; progress in [0, 1] sets the learning rate."""
+        rng = np.random.default_rng([self.plan.seed, self.steps])
+        generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
+        mined = [self.confusions[k] for k in rng.permutation(len(self.confusions))[: self.plan.confusions]]
+        batch = pool.draw(rng, groups=self.plan.groups, pairs_per_group=self.plan.pairs_per_group, confusions=mined)
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.plan.rate * schedule(progress, self.plan.warm_up)
+        self.network.train()
+        self.optimiser.zero_grad(set_to_none=True)
+        loss, total, pairs = self._losses(batch, precision, rng, generator)
+        total.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
+        self.optimiser.step()
+        self.steps += 1
+        self._update_average()
+        return StepReport(loss.item(), total.item(), len(batch.rgb), pairs)
+
+    def _losses(
+        self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator
+    ) -> tuple[Tensor, Tensor, int]:
+        """Return Eq. 1, the total, and the number of pairs."""
+        features, mirrored = self._encode(batch, precision, rng, generator)
+        place = self.network.place_logits(features.place_query, features.place_key)
+        sources, targets, reachable = self._pairs(batch, place.detach(), generator)
+        waypoints = torch.from_numpy(batch.waypoints(sources.numpy(), targets.numpy())).float()
+        if mirrored:
+            waypoints = waypoints * torch.tensor([1.0, -1.0, -1.0])
+        here, there = features.take(sources), features.take(targets)
+        output = self.network.compare(here, there)
+        plan = self.plan
+        loss = pair_loss(output.logit, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
+        scene = torch.from_numpy(batch.scene)
+        true = true_correspondence(here, there, waypoints, scene[sources] == scene[targets])
+        known = self._place_labels(batch, sources, targets, reachable)
+        extra = plan.matching * matching_loss(output.matching, true) + plan.place * place_loss(place, known)
+        return loss, loss + extra, len(sources)
+
+    def _encode(
+        self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator
+    ) -> tuple[ImageFeatures, bool]:
+        rgb, depth = images_to_tensors(batch.rgb, batch.depth_mm / np.float32(1000))
+        rgb, depth = augment(rgb, depth, self.plan.augmentation, generator)
+        if mirrored := bool(rng.random() < 0.5):
+            rgb, depth = mirror(rgb, depth)
+        return precision.encode(self.network, rgb, depth), mirrored
+
+    def _pairs(self, batch: Batch, place: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+        """Return sources, targets and labels (P,) of the batch's pairs and of further far ones."""
+        far = self._far(batch)
+        hard = hardest(place, far, self.plan.hard, generator)
+        same_scene = torch.from_numpy(batch.scene[:, None] == batch.scene[None, :])
+        random = hardest(torch.zeros_like(place), far & same_scene, self.plan.random, generator)
+        sources = torch.cat([torch.from_numpy(batch.sources), hard[0], random[0]])
+        targets = torch.cat([torch.from_numpy(batch.targets), hard[1], random[1]])
+        labels = torch.zeros(len(sources))
+        labels[: len(batch.sources)] = torch.from_numpy(batch.reachable).float()
+        return sources, targets, labels
+
+    def _far(self, batch: Batch) -> Tensor:
+        """Return (B, B): pairs that are certainly not reachable, also those of different scenes."""
+        foreign = batch.scene[:, None] != batch.scene[None, :]
+        return torch.from_numpy(foreign | self.plan.far.pairs(batch.poses, batch.poses))
+
+    def _place_labels(self, batch: Batch, sources: Tensor, targets: Tensor, reachable: Tensor) -> Tensor:
+        """Return (B, B): 1 reachable, 0 not, nan unknown."""
+        labels = torch.full((len(batch.rgb), len(batch.rgb)), torch.nan)
+        labels[self._far(batch)] = 0.0
+        labels[sources, targets] = reachable
+        return labels
+
+    @torch.no_grad()
+    def _update_average(self) -> None:
+        keep = min(self.plan.average, (1 + self.steps) / (10 + self.steps))
+        for mean, value in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
+            if mean.is_floating_point():
+                mean.lerp_(value, 1 - keep)
+            else:
+                mean.copy_(value)
+
+
+def schedule(progress: float, warm_up: float) -> float:
+    """Return the share of the peak rate: a linear rise, then a cosine down to a hundredth."""
+    if progress < warm_up:
+        return max(progress / warm_up, 0.02)
+    fallen = (min(progress, 1.0) - warm_up) / (1 - warm_up)
+    return 0.01 + 0.99 * (1 + math.cos(math.pi * fallen)) / 2

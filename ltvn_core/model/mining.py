@@ -1,0 +1,87 @@
+"""Finds what the network confuses: far pairs of training images that it calls reachable.
+
+Owns the search. The confusions go back into training as hard negatives.
+"""
+
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.model.examples import Confusion, Examples
+from ltvn_core.model.features import ImageFeatures
+from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.precision import Precision
+from ltvn_core.model.predictor import images_to_tensors
+from ltvn_core.types import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Far:
+    """Pairs that are negatives whatever stands between them (ours; safely beyond the limits of reachability)."""
+
+    distance_m: float = 3.0
+    """Farther apart than this,"""
+    yaw_rad: float = radians(92)
+    """or turned by more than this."""
+
+    def pairs(self, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
+        """Return (S, T): which of sources (S, 3) and targets (T, 3) are far from each other."""
+        shift = sources[:, None, :2] - targets[None, :, :2]
+        turn = np.abs(wrap_angle(sources[:, None, 2] - targets[None, :, 2]))
+        return (np.hypot(shift[..., 0], shift[..., 1]) > self.distance_m) | (turn > self.yaw_rad)
+
+
+@torch.no_grad()
+def find_confusions(
+    network: PairNetwork,
+    precision: Precision,
+    scene: Examples,
+    scene_number: int,
+    far: Far,
+    rng: np.random.Generator,
+    *,
+    images: int = 1000,
+    candidates: int = 1000,
+    above: float = 0.03,
+) -> list[Confusion]:
+    """Return the far pairs among some images of a scene that the network calls reachable, worst first.
+
+    Only the `candidates` pairs with the best place scores are compared in full.
+    """
+    rows = rng.choice(len(scene.poses), min(images, len(scene.poses)), replace=False)
+    features = _encode(network, precision, scene, rows)
+    scores = network.place_logits(features.place_query, features.place_key)
+    scores[torch.from_numpy(~far.pairs(scene.poses[rows], scene.poses[rows]))] = -torch.inf
+    best = scores.flatten().topk(min(candidates, scores.numel())).indices
+    sources, targets = best // len(rows), best % len(rows)
+    logits = torch.cat(
+        [
+            network.compare(features.take(i), features.take(j)).logit
+            for i, j in zip(sources.split(256), targets.split(256), strict=True)
+        ]
+    )
+    reachability = network.reachability(logits)
+    order = torch.argsort(reachability, descending=True)
+    order = order[reachability[order] > above]
+    return [Confusion(scene_number, int(rows[sources[k]]), int(rows[targets[k]])) for k in order.tolist()]
+
+
+def _encode(network: PairNetwork, precision: Precision, scene: Examples, rows: NDArray[np.intp]) -> ImageFeatures:
+    parts: list[ImageFeatures] = []
+    for part in np.array_split(rows, max(len(rows) // 128, 1)):
+        rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000))
+        parts.append(precision.encode(network, rgb, depth))
+    return ImageFeatures(*(torch.cat(column) for column in zip(*parts, strict=True)))
+
+
+def hardest(scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Return rows and columns of the `count` highest scores (B, B) among the allowed, shaken so that they vary."""
+    noise = -torch.log(-torch.log(torch.rand(scores.shape, generator=generator).clamp(1e-9, 1 - 1e-7)))
+    shaken = (1.5 * scores + noise).masked_fill(~allowed, -torch.inf)
+    best = shaken.flatten().topk(min(count, int(allowed.sum()))).indices
+    return best // scores.shape[1], best % scores.shape[1]

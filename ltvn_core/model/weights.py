@@ -1,0 +1,103 @@
+"""Weights on disk: one safetensors file and a card beside it that says where they come from.
+
+Owns the file format and the fingerprint. Never unpickles anything.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.model.architecture import Architecture
+from ltvn_core.model.network import PairNetwork
+
+SHIPPED = Path(__file__).parent / "weights" / "ltvn.safetensors"
+"""The weights that come with the package."""
+
+SCHEMA = "ltvn-weights-1"
+"""Name of the file format; another one is refused."""
+
+
+def save_weights(network: PairNetwork, path: Path, card: Mapping[str, Any] | None = None) -> str:
+    """Write weights, and their card where there is one, and return the fingerprint; an old file stays until then."""
+    partial = path.with_suffix(".partial")
+    metadata = {"schema": SCHEMA, **network.size.as_text()}
+    state = {name: value.detach().contiguous() for name, value in network.state_dict().items()}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_file(state, partial, metadata)
+        os.replace(partial, path)
+    except (OSError, SafetensorError) as error:
+        partial.unlink(missing_ok=True)
+        raise WeightsError(f"{path}: the weights could not be written ({error}); free some space.") from error
+    fingerprint = weights_fingerprint(path)
+    if card is not None:
+        text = json.dumps({"fingerprint": fingerprint, **card}, indent=2)
+        card_path(path).write_text(text + "\n", encoding="utf-8")
+    return fingerprint
+
+
+def load_weights(path: Path) -> PairNetwork:
+    """Rebuild a network. Raises WeightsError for files that are missing, cut, foreign or of another architecture."""
+    if not path.is_file():
+        raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
+    try:
+        with safe_open(path, framework="pt") as file:
+            size = _architecture(file.metadata() or {}, path)
+        state = load_file(path)
+    except (OSError, SafetensorError) as error:
+        raise WeightsError(
+            f"{path}: not a whole safetensors file ({error}); fetch or train the weights again."
+        ) from error
+    network = PairNetwork(size)
+    try:
+        network.load_state_dict(state)
+    except RuntimeError as error:
+        raise WeightsError(f"{path}: the weights do not fit the architecture they name; {error}") from error
+    if not all(torch.isfinite(value).all() for value in state.values()):
+        raise WeightsError(f"{path}: the weights hold numbers that are not finite; train them again.")
+    return network.eval()
+
+
+def weights_fingerprint(path: Path) -> str:
+    """Return the first 12 hexadecimal digits of the file's SHA-256."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+
+
+def card_path(path: Path) -> Path:
+    """Return where the card of weights lies."""
+    return path.with_suffix(".card.json")
+
+
+def read_card(path: Path) -> dict[str, Any]:
+    """Return the card of weights, empty where there is none. Raises WeightsError if it cannot be read as JSON."""
+    try:
+        return json.loads(card_path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise WeightsError(f"{card_path(path)}: not a readable card ({error}).") from error
+
+
+def _architecture(metadata: Mapping[str, str], path: Path) -> Architecture:
+    if metadata.get("schema") != SCHEMA:
+        raise WeightsError(f"{path}: holds {metadata.get('schema', 'something else')!r}, not {SCHEMA!r} weights.")
+    if metadata.get("name") != Architecture().name:
+        raise WeightsError(
+            f"{path}: made for the architecture {metadata.get('name')!r}; this version knows {Architecture().name!r}."
+        )
+    try:
+        sizes: dict[str, Any] = {
+            field.name: int(metadata[field.name]) for field in fields(Architecture) if field.name != "name"
+        }
+    except (KeyError, ValueError) as error:
+        raise WeightsError(f"{path}: the description of the architecture is damaged ({error}).") from error
+    return Architecture(**sizes)

@@ -54,11 +54,19 @@ class BuildMap(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Select(Command):
+    """Choose a node as the goal without going there yet."""
+
+    label: ClassVar[str] = "choose a goal"
+    node: NodeId
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class NavigateTo(Command):
-    """Drive to a node of the map."""
+    """Drive to a node of the map, or to the one that was chosen."""
 
     label: ClassVar[str] = "navigate"
-    node: NodeId
+    node: NodeId | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,16 +79,9 @@ class NavigateToPicture(Command):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pause(Command):
-    """Hold the navigation task; the robot stands still."""
+    """Hold the navigation task or the replay, or go on with it."""
 
     label: ClassVar[str] = "pause"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Resume(Command):
-    """Go on with the paused navigation task."""
-
-    label: ClassVar[str] = "resume"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,11 +130,10 @@ class Seek(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Play(Command):
-    """Let the replay run, or hold it."""
+class SeekBy(Command):
+    """Show the replay so many seconds later, or earlier."""
 
-    label: ClassVar[str] = "play"
-    playing: bool
+    seconds: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -41,7 +41,11 @@ ACCENT = Rgb8(56, 139, 253)
 def probability_colours(p: ArrayLike) -> NDArray[np.uint8]:
     """Colour probabilities (N,) in [0, 1] as (N, 3)."""
     steps = np.linspace(0, 1, len(RAMP))
-    return np.stack([np.interp(p, steps, channel) for channel in RAMP.T], axis=-1).round().astype(np.uint8)
+    return (
+        np.stack([np.interp(np.asarray(p, np.float64), steps, channel) for channel in RAMP.T], axis=-1)
+        .round()
+        .astype(np.uint8)
+    )
 
 
 def faded(colour: Rgb8, ages_s: NDArray[np.float64], over_s: float) -> NDArray[np.uint8]:

@@ -87,6 +87,8 @@ class Snapshot:
     recordings: tuple[str, ...] = ()
     """Files of the recordings folder, newest first."""
     replay: ReplayStatus | None = None
+    selected: NodeId | None = None
+    """The goal that was chosen; shown with a pin."""
     gallery: tuple[NodeId, ...] = ()
     """Nodes offered as goals by their pictures."""
     lookalikes: tuple[NodeId, ...] = ()

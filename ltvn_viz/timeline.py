@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import compose, wrap_angle
+from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.nav.events import GraphChanged, Stamped
 from ltvn_core.types import FrameId, Pose
 from ltvn_viz.columns import Columns
@@ -21,6 +22,8 @@ FADE_S = 3.0
 """How long an edge that came or went stays highlighted."""
 TRAJECTORY_POINTS = 2000
 """The trajectory is thinned to at most this many points."""
+NO_LINE = np.empty((0, 3))
+NO_PROGRESS = Progress()
 SMOOTH_WITHIN_S = 0.35
 """Frames no further apart than this are joined by interpolation when a replay runs."""
 
@@ -35,14 +38,14 @@ class Moment:
     """The newest image; None before the first."""
     robot: Pose | None = None
     """(3,) for drawing."""
-    trajectory: NDArray[np.float64] = np.empty((0, 3))
+    trajectory: NDArray[np.float64] = NO_LINE
     """(T, 3) poses driven so far, thinned."""
     frames: int = 0
     """Images taken so far."""
     graph: GraphView = NO_GRAPH
     came: Fading = NOTHING_FADING
     went: Fading = NOTHING_FADING
-    progress: Progress = Progress()
+    progress: Progress = NO_PROGRESS
     ghost: Pose | None = None
     """(3,) where the network thinks the present subgoal is."""
 
@@ -59,7 +62,7 @@ class Timeline:
         self._versions: list[int] = []
         self._progress: list[Progress] = []
         self.events: list[Stamped] = []
-        self._line: tuple[int, NDArray[np.float64]] = (0, np.empty((0, 3)))
+        self._line: tuple[int, NDArray[np.float64]] = (0, NO_LINE)
 
     @property
     def start_s(self) -> float:
@@ -86,9 +89,9 @@ class Timeline:
         stamp = max(stamped.stamp, self._stamps[-1]) if self._stamps else stamped.stamp
         if isinstance(stamped.event, GraphChanged):
             delta = stamped.event.delta
-            node = getattr(delta, "node", None)
-            self.history.apply(delta, stamp, self._poses.get(getattr(node, "id", None)))
-        self._progress.append(after(self._progress[-1] if self._progress else Progress(), stamped.event))
+            seen_from = self._poses.get(delta.node.id) if isinstance(delta, NodeAdded) else None
+            self.history.apply(delta, stamp, seen_from)
+        self._progress.append(after(self._progress[-1] if self._progress else NO_PROGRESS, stamped.event))
         self._stamps.append(stamp)
         self._versions.append(self.history.version)
         self.events.append(stamped)
@@ -101,7 +104,7 @@ class Timeline:
             known = bisect_right(self._stamps, stamp)
         frames = int(np.searchsorted(self._frames["stamp"], stamp, "right"))
         version = self._versions[known - 1] if known else 0
-        progress = self._progress[known - 1] if known else Progress()
+        progress = self._progress[known - 1] if known else NO_PROGRESS
         return Moment(
             stamp=stamp,
             frame=int(self._frames["step"][frames - 1]) if frames else None,

@@ -53,14 +53,14 @@ class NodesLayer:
         """Draw the nodes of the map; the goal and the node where the robot thinks it is stand out."""
         graph, progress = snapshot.moment.graph, snapshot.moment.progress
         here = progress.localised.node if progress.localised is not None else None
-        marked = (progress.goal, here)
+        marked = (snapshot.selected, here)
         if graph is self._drawn and marked == self._marked:
             return
         if graph is not self._drawn and len(graph.ids):
             self._handle.batched_positions = points(graph.poses, NODE_Z)
             self._handle.batched_wxyzs = wxyz(graph.poses[:, 2])
         if len(graph.ids):
-            self._handle.batched_colors = self._colours(graph, progress.goal, here)
+            self._handle.batched_colors = self._colours(graph, snapshot.selected, here)
         self._handle.visible = bool(len(graph.ids))
         self._drawn, self._marked = graph, marked
 

@@ -60,8 +60,8 @@ class GoalLayer:
         )
 
     def show(self, snapshot: Snapshot) -> None:
-        """Put the pin at the goal of the present or latest task."""
-        goal = snapshot.moment.progress.goal
+        """Put the pin at the chosen goal."""
+        goal = snapshot.selected
         poses = snapshot.moment.graph.poses_of(() if goal is None else (goal,))
         if len(poses):
             self._pin.position = points(poses[0], 0.0)

@@ -1,0 +1,64 @@
+"""Builds a map anew from all images at hand, while the robot stands still.
+
+Owns progress and cancelling. The old map stays until the new one is whole.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.nav.events import GraphChanged
+from ltvn_viz.live import Live
+from ltvn_viz.modes import Mode
+from ltvn_viz.snapshot import Work
+from ltvn_viz.worker import Worker
+
+Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
+"""Builds the map, reporting images done and in all, and returns every change from the old one."""
+
+
+class BuildingCancelled(Exception):
+    """A person gave up building."""
+
+
+class Building:
+    """One run of Algorithm 1."""
+
+    mode = Mode.BUILDING
+
+    def __init__(self, live: Live, worker: Worker, rebuild: Rebuild) -> None:
+        """Stop the robot and start building in the worker's thread."""
+        self._live = live
+        self._cancelled = threading.Event()
+        self._share = 0.0
+        self.over = False
+        live.robot.stop()
+        worker.submit(lambda: self._run(rebuild), self._built)
+
+    @property
+    def work(self) -> Work:
+        """How far it is."""
+        return Work("Building the map", self._share)
+
+    def give_up(self) -> None:
+        """Keep the old map; takes effect at the next image."""
+        self._cancelled.set()
+
+    def tick(self) -> None:
+        """Wait."""
+
+    def _run(self, rebuild: Rebuild) -> Sequence[GraphDelta] | None:
+        try:
+            return rebuild(self._progress)
+        except BuildingCancelled:
+            return None
+
+    def _progress(self, done: int, total: int) -> None:
+        if self._cancelled.is_set():
+            raise BuildingCancelled
+        self._share = done / max(total, 1)
+
+    def _built(self, deltas: Sequence[GraphDelta] | None) -> None:
+        for delta in deltas or ():
+            self._live.emit(GraphChanged(delta))
+        self.over = True

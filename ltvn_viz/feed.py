@@ -1,0 +1,85 @@
+"""The live camera for the person: larger than the method's picture, drawn in a thread of its own.
+
+The newest pose wins: while one picture is drawn, older wishes are dropped and counted. So showing never holds up
+driving.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ltvn_core.types import Depth, Pose, Rgb
+from ltvn_viz.snapshot import CameraView
+
+logger = logging.getLogger(__name__)
+
+PICTURES_PER_S = 12.0
+
+
+class Picture(NamedTuple):
+    """A picture on show and how fresh it is."""
+
+    view: CameraView | None
+    age_s: float
+    dropped: int
+    """Pictures that were never drawn because a newer one was wanted."""
+
+
+class CameraFeed:
+    """Draws what is seen from the newest pose, some times a second."""
+
+    def __init__(self, render: Callable[[Pose], tuple[Rgb, Depth]]) -> None:
+        """Start the thread; `render` is called in it alone."""
+        self._render = render
+        self._change = threading.Condition()
+        self._wanted: Pose | None = None
+        self._asked: Pose | None = None
+        self._view: CameraView | None = None
+        self._drawn_at = self._changed_at = time.monotonic()
+        self._dropped = 0
+        self._closing = False
+        self._thread = threading.Thread(target=self._draw_forever, name="camera feed", daemon=True)
+        self._thread.start()
+
+    def look(self, pose: Pose) -> Picture:
+        """Ask for a picture from `pose` (3,) and return the newest one there is."""
+        with self._change:
+            if self._asked is None or not np.array_equal(pose, self._asked):
+                self._dropped += self._wanted is not None
+                self._asked = self._wanted = pose
+                self._changed_at = time.monotonic()
+                self._change.notify()
+            # A picture of a robot that stands is as good as new, however old it is.
+            late_s = time.monotonic() - self._drawn_at if self._wanted is not None else 0.0
+            return Picture(self._view, late_s, self._dropped)
+
+    def close(self) -> None:
+        """End the thread."""
+        with self._change:
+            self._closing = True
+            self._change.notify()
+        self._thread.join(timeout=2.0)
+
+    def _draw_forever(self) -> None:
+        while (pose := self._next()) is not None:
+            begun = time.monotonic()
+            try:
+                view = CameraView(*self._render(pose))
+            except Exception:
+                logger.exception("the camera view could not be drawn")
+                return
+            with self._change:
+                self._view, self._drawn_at = view, time.monotonic()
+                self._change.wait_for(
+                    lambda: self._closing, timeout=max(0.0, begun + 1 / PICTURES_PER_S - time.monotonic())
+                )
+
+    def _next(self) -> Pose | None:
+        with self._change:
+            self._change.wait_for(lambda: self._closing or self._wanted is not None)
+            pose, self._wanted = self._wanted, None
+            return None if self._closing else pose

@@ -1,0 +1,100 @@
+"""The live map with its pictures and the network that reads them; everything here runs in the worker's thread.
+
+Owns when the map is replaced as a whole. The decisions are `ltvn_core.graph`'s.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.errors import MapError
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta, NodeDropped
+from ltvn_core.graph.online import OnlineBuilder
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.views import Views
+from ltvn_core.nav.episode import judge
+from ltvn_core.nav.events import Event, Outcome, QueryEnded, Tick
+from ltvn_core.nav.navigator import Navigator
+from ltvn_core.types import FrameId, Intrinsics, NodeId, Observation, Predictor, Rgb
+from ltvn_viz import gallery
+from ltvn_viz.live import LiveRobot
+
+
+class Mapping:
+    """A map that grows, is rebuilt, and is navigated by."""
+
+    def __init__(self, predictor: Predictor, method: Method, rng: np.random.Generator) -> None:
+        """Begin with an empty map."""
+        self._predictor, self._method, self._rng = predictor, method, rng
+        self.graph = TopologicalGraph()
+        self.views = Views(predictor)
+        self._online = self._new_online()
+        self._navigator: Navigator | None = None
+
+    def load(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> Sequence[GraphDelta]:
+        """Take a map with its pictures in place of the present one and return the deltas that make it up."""
+        self.views = Views(self._predictor)
+        self.views.add(observations)
+        self._replace(graph)
+        return graph.deltas(Cause.LOAD)
+
+    def offer(self, observation: Observation) -> Sequence[GraphDelta]:
+        """Let the map grow by one picture; returns what changed."""
+        deltas = self._online.offer(observation)
+        for delta in deltas:
+            self.graph.apply(delta)
+        return deltas
+
+    def rebuild(self, progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
+        """Build anew from all pictures at hand; returns every change from the old map. Raises MapError for none."""
+        seen = [self.views.observation(frame) for frame in self.views.frames]
+        if not seen:
+            raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
+        built = build(seen, self.views, self._predictor, self._method, self._rng, progress=progress)
+        fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
+        released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
+        self._replace(TopologicalGraph(built))
+        return [*fell, *released, *built]
+
+    def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
+        """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
+        if self._navigator is None:
+            self._navigator = Navigator(
+                robot, self.graph, self.views, self._predictor, self._method, self._rng, intrinsics=Intrinsics()
+            )
+        return self._judged(robot, self._navigator.query(goal, query), goal)
+
+    def cancel(self) -> None:
+        """End the navigation task at its next pull, with its events. Safe from any thread."""
+        if self._navigator is not None:
+            self._navigator.cancel()
+
+    def _judged(self, robot: LiveRobot, task: Iterator[Event | Tick], goal: NodeId) -> Iterator[Event | Tick]:
+        for event in task:
+            yield event
+            if isinstance(event, QueryEnded) and event.outcome is not Outcome.CANCELLED:
+                truth = self.views.observation(goal).exact_pose
+                if truth is not None:
+                    yield judge(event.query, robot.exact_pose, truth)
+
+    def pictures(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
+        """Return the pictures of those of `frames` that are still at hand."""
+        return [(frame, self.views.observation(frame).rgb) for frame in frames if frame in self.views]
+
+    def lookalikes(self, rgb: Rgb, count: int) -> Sequence[NodeId]:
+        """Return the nodes that look most like a picture (H, W, 3), best first; raises MapError in an empty map."""
+        nodes = list(self.graph.nodes)
+        if not nodes:
+            raise MapError("The map is empty, so there is nowhere to go yet; hold W A S D and drive a little first.")
+        known = np.stack([gallery.signature(self.views.observation(node).rgb) for node in nodes])
+        return [nodes[row] for row in gallery.most_alike(gallery.signature(rgb), known, count)]
+
+    def _replace(self, graph: TopologicalGraph) -> None:
+        self.graph = graph
+        self._online = self._new_online()
+        self._navigator = None
+
+    def _new_online(self) -> OnlineBuilder:
+        return OnlineBuilder(self.graph, self.views, self._predictor, self._method)

@@ -1,0 +1,126 @@
+"""Carries out what a person asked for.
+
+Owns the meaning of each command. Whether it is legal now is `modes`; runs in the session's thread alone.
+"""
+
+from collections.abc import Sequence
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.nav.events import Severity
+from ltvn_core.types import FrameId, NodeId, Rgb
+from ltvn_viz import commands as c
+from ltvn_viz.building import Building
+from ltvn_viz.goals import LOOKALIKES
+from ltvn_viz.modes import Mode, refusal
+from ltvn_viz.navigation import Navigation
+from ltvn_viz.replay import Replay
+from ltvn_viz.snapshot import Work
+from ltvn_viz.stage import Stage
+
+
+def obey(stage: Stage, command: c.Command) -> None:
+    """Carry out a command, or say in the page why not."""
+    if (why_not := refusal(command, stage.activity.mode)) is not None:
+        stage.say(why_not, Severity.WARN)
+        return
+    try:
+        _carry_out(stage, command)
+    except LtvnError as error:
+        stage.say(str(error), Severity.ERROR)
+
+
+def _carry_out(stage: Stage, command: c.Command) -> None:
+    match command:
+        case c.Stop():
+            _stop(stage)
+        case c.Cancel():
+            stage.give_up("Cancelled.")
+        case c.TakeOver():
+            stage.give_up("You took over; the task was cancelled.")
+        case c.BuildMap():
+            stage.activity = Building(stage.live, stage.worker, stage.mapping.rebuild)
+        case c.Select(node):
+            stage.goals.selected = node
+        case c.NavigateTo(node):
+            _navigate(stage, node)
+        case c.NavigateToPicture(rgb):
+            _find_and_go(stage, rgb)
+        case c.Report(text):
+            stage.say(text, Severity.ERROR)
+        case c.StartRecording() | c.KeepRecording() | c.DiscardRecording():
+            _record(stage, command)
+        case _:
+            _play(stage, command)
+
+
+def _stop(stage: Stage) -> None:
+    stage.live.robot.stop()
+    if isinstance(stage.activity, Navigation):
+        stage.give_up("Stopped; the task was cancelled.")
+
+
+def _play(stage: Stage, command: c.Command) -> None:
+    """Commands that mean something to a task or a replay under way."""
+    match command, stage.activity:
+        case c.Pause(), Replay() as replay:
+            replay.play(playing=not replay.playing)
+        case c.Pause(), Navigation() as navigation:
+            navigation.resume() if navigation.mode is Mode.PAUSED else navigation.pause()
+        case c.StepOnce(), Navigation() as navigation:
+            navigation.step()
+        case c.Seek(time_s), Replay() as replay:
+            replay.seek(time_s)
+        case c.SeekBy(seconds), Replay() as replay:
+            replay.seek(replay.time_s + seconds)
+        case c.OpenRecording(name), _:
+            _open(stage, name)
+        case c.CloseRecording(), _:
+            stage.activity = stage.teleop
+
+
+def _navigate(stage: Stage, node: NodeId | None) -> None:
+    goal = stage.goals.selected if node is None else node
+    if goal is None:
+        raise OptionError("Choose a goal first: click a node in the scene or a picture under “Go”.")
+    stage.live.robot.stop()
+    stage.goals.selected = goal
+    stage.queries += 1
+    task = stage.mapping.query(stage.live.robot, goal, stage.queries)
+    stage.activity = Navigation(stage.live, stage.worker, goal, task, stage.mapping.cancel)
+
+
+def _find_and_go(stage: Stage, rgb: Rgb) -> None:
+    def find() -> tuple[Sequence[NodeId], Sequence[tuple[FrameId, Rgb]]]:
+        nodes = stage.mapping.lookalikes(rgb, LOOKALIKES)
+        return nodes, stage.mapping.pictures(nodes)
+
+    def go(found: tuple[Sequence[NodeId], Sequence[tuple[FrameId, Rgb]]]) -> None:
+        stage.goals.offer_lookalikes(*found)
+        if stage.activity is stage.teleop:
+            stage.say("Going to the place that looks most like your picture. Others that look like it are shown below.")
+            _navigate(stage, found[0][0])
+
+    stage.worker.submit(find, go)
+
+
+def _record(stage: Stage, command: c.Command) -> None:
+    recorder = stage.live.recorder
+    # What the map has learned must be in the timeline before a recording begins with it, or ends.
+    stage.worker.settle()
+    match command:
+        case c.StartRecording():
+            recorder.start(stage.worker)
+        case c.KeepRecording():
+            stage.say(f"Kept as {recorder.keep().name}. Open it under “Replay”.")
+        case c.DiscardRecording():
+            stage.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
+
+
+def _open(stage: Stage, name: str) -> None:
+    def show(replay: Replay) -> None:
+        stage.work = None
+        stage.activity = replay
+
+    stage.live.robot.stop()
+    stage.work = Work(f"Opening {name}")
+    stage.worker.submit(lambda: stage.open_replay(name), show)

@@ -1,0 +1,79 @@
+"""Draws snapshots in a thread of its own; the newest wins.
+
+So a slow page, or a big map that has just changed, holds up neither the robot nor the person who drives it.
+"""
+
+import logging
+import threading
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+from ltvn_viz.snapshot import Snapshot
+
+logger = logging.getLogger(__name__)
+
+
+class Showing(Protocol):
+    """A layer or a panel."""
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show `snapshot`."""
+        ...
+
+
+class Painter:
+    """Hands the newest snapshot to all layers and panels."""
+
+    def __init__(self, parts: Sequence[Showing], batch: "Batch") -> None:
+        """Draw `parts`, in this order, each time within `batch()` so that the page applies it as one."""
+        self._parts, self._batch = parts, batch
+        self._change = threading.Condition()
+        self._newest: Snapshot | None = None
+        self._closing = False
+        self._thread = threading.Thread(target=self._paint_forever, name="painter", daemon=True)
+
+    def start(self) -> None:
+        """Begin drawing."""
+        self._thread.start()
+
+    def publish(self, snapshot: Snapshot) -> None:
+        """Take a snapshot to draw, in place of one that is still waiting. Never blocks for long."""
+        with self._change:
+            self._newest = snapshot
+            self._change.notify()
+
+    def paint(self, snapshot: Snapshot) -> None:
+        """Draw one snapshot now; a part that fails is logged and does not keep the others from drawing."""
+        with self._batch():
+            for part in self._parts:
+                try:
+                    part.show(snapshot)
+                except Exception:
+                    logger.exception("%s could not be drawn", type(part).__name__)
+
+    def close(self) -> None:
+        """Stop drawing."""
+        with self._change:
+            self._closing = True
+            self._change.notify()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def _paint_forever(self) -> None:
+        while (snapshot := self._next()) is not None:
+            self.paint(snapshot)
+
+    def _next(self) -> Snapshot | None:
+        with self._change:
+            self._change.wait_for(lambda: self._closing or self._newest is not None)
+            snapshot, self._newest = self._newest, None
+            return None if self._closing else snapshot
+
+
+class Batch(Protocol):
+    """Groups what is sent to the page, such as `viser.ViserServer.atomic`."""
+
+    def __call__(self) -> AbstractContextManager[None]:
+        """Begin a group."""
+        ...

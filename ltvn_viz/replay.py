@@ -1,0 +1,111 @@
+"""A recording in the page: the same moments as live, at any time one likes.
+
+Owns the place in time and the pictures on show. Never writes, and keeps no pictures but the one on show.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.graph.deltas import Cause
+from ltvn_core.nav.events import GraphChanged, Stamped
+from ltvn_core.types import FrameId, Observation, Pose
+from ltvn_viz.live import TICK_S
+from ltvn_viz.modes import Mode
+from ltvn_viz.snapshot import CameraView, ReplayStatus
+from ltvn_viz.timeline import Moment, Timeline
+
+
+class Pictures(Protocol):
+    """Where a replay finds the images of its frames."""
+
+    @property
+    def frames(self) -> Sequence[FrameId]:
+        """All frames in order."""
+        ...
+
+    def observation(self, frame: FrameId) -> Observation:
+        """Read one image."""
+        ...
+
+
+class Replay:
+    """An open recording."""
+
+    mode = Mode.REPLAY
+
+    def __init__(self, name: str, scene: str, timeline: Timeline, pictures: Pictures) -> None:
+        """Show the recording `name`, made in `scene`, from its beginning."""
+        self.name, self.scene = name, scene
+        self._timeline, self._pictures = timeline, pictures
+        self._start_s = timeline.start_s
+        self.length_s = max(0.0, timeline.end_s - self._start_s)
+        self.time_s = 0.0
+        self.playing = False
+        self._shown: tuple[FrameId | None, CameraView | None] = (None, None)
+
+    @property
+    def status(self) -> ReplayStatus:
+        """Where in the recording we are."""
+        return ReplayStatus(self.name, self.length_s, self.time_s, self.playing)
+
+    def seek(self, time_s: float) -> None:
+        """Go to so many seconds after the beginning; beyond either end means the end."""
+        self.time_s = min(max(0.0, time_s), self.length_s)
+
+    def play(self, *, playing: bool) -> None:
+        """Run or hold; running from the end begins again."""
+        if playing and self.time_s >= self.length_s:
+            self.time_s = 0.0
+        self.playing = playing
+
+    def tick(self) -> None:
+        """Let a tick of recorded time pass."""
+        if self.playing:
+            self.seek(self.time_s + TICK_S)
+            self.playing = self.time_s < self.length_s
+
+    def moment(self) -> Moment:
+        """Return the world at the present place in time."""
+        return self._timeline.at(self._start_s + self.time_s)
+
+    def camera(self, frame: FrameId | None) -> CameraView | None:
+        """Return the picture of a frame; None when it cannot be read."""
+        if frame != self._shown[0]:
+            self._shown = frame, self._read(frame)
+        return self._shown[1]
+
+    def picture(self, frame: FrameId) -> Observation | None:
+        """Return an image of the recording, for a thumbnail; None when it has none."""
+        try:
+            return self._pictures.observation(frame)
+        except LtvnError:
+            return None
+
+    def _read(self, frame: FrameId | None) -> CameraView | None:
+        seen = None if frame is None else self.picture(frame)
+        return None if seen is None else CameraView(seen.rgb, seen.depth)
+
+
+def timeline_of(frames: Sequence[tuple[FrameId, float, Pose]], events: Sequence[Stamped]) -> Timeline:
+    """Fold a recording's frames (step, stamp, pose) and events into a timeline.
+
+    Frames of a map that was loaded before the run say where its nodes are; they were not driven in this run.
+    """
+    timeline = Timeline()
+    loaded = _loaded_until(events)
+    for step, stamp, pose in frames:
+        if step <= loaded:
+            timeline.place(step, pose)
+        else:
+            timeline.frame(step, stamp, pose)
+    for stamped in events:
+        timeline.event(stamped)
+    return timeline
+
+
+def _loaded_until(events: Sequence[Stamped]) -> FrameId:
+    for stamped in events[:1]:
+        if isinstance(stamped.event, GraphChanged) and stamped.event.delta.cause is Cause.LOAD:
+            return stamped.step
+    return -1

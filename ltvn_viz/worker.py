@@ -1,0 +1,47 @@
+"""Hands long jobs to one thread and brings their results back to the session's.
+
+The worker's thread owns map and model, so jobs run strictly one after another; what they return is dealt with in the
+session's thread, in the same order.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, wait
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+class Worker:
+    """A queue of jobs with something to do after each."""
+
+    def __init__(self, executor: Executor) -> None:
+        """Run jobs on `executor`, which must have a single thread."""
+        self._executor = executor
+        self._jobs: deque[tuple[Future[Any], Callable[[Any], None]]] = deque()
+
+    @property
+    def pending(self) -> int:
+        """How many jobs are not dealt with yet."""
+        return len(self._jobs)
+
+    def submit(self, job: Callable[[], T], then: Callable[[T], None]) -> None:
+        """Run `job` in the worker's thread and, from `collect`, `then` with its result."""
+        self._jobs.append((self._executor.submit(job), then))
+
+    def collect(self) -> None:
+        """Deal with all jobs that are done; raises what a job raised, once."""
+        while self._jobs and self._jobs[0][0].done():
+            future, then = self._jobs.popleft()
+            then(future.result())
+
+    def settle(self) -> None:
+        """Wait for all jobs and deal with them; raises what a job raised."""
+        while self._jobs:
+            wait([self._jobs[0][0]])
+            self.collect()
+
+    def close(self) -> None:
+        """Wait for the job under way and drop the rest."""
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._jobs = deque(job for job in self._jobs if not job[0].cancelled())

@@ -1,0 +1,44 @@
+"""`ltvn bench`: the budgets of docs/architecture.md, measured on this machine."""
+
+import os
+import platform
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.benchmarks.measurement import Measurement
+
+
+@dataclass(frozen=True)
+class Benched:
+    """All measured budgets."""
+
+    machine: str
+    measurements: "list[Measurement]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench(Verb):
+    """Measure the speed budgets of docs/architecture.md; takes a few minutes."""
+
+    only: str | None = None
+    """Measure only those whose module bears this name, for instance planning."""
+
+    def run(self) -> Summary:
+        """Measure one budget after the other."""
+        from tqdm import tqdm
+
+        from ltvn_core.benchmarks import camera, driving, matching, planning, recording
+
+        jobs = {
+            "camera": camera.render_large_mesh,
+            "driving": driving.key_to_command,
+            "matching": matching.localise_and_build,
+            "planning": planning.plan_large_map,
+            "recording": recording.write_and_read,
+        }
+        chosen = {name: job for name, job in jobs.items() if self.only in (None, name)}
+        rows = [row for job in tqdm(chosen.values(), desc="bench") for row in job()]
+        return Benched(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}", rows)

@@ -59,7 +59,8 @@ def overlap(
     """
     rays = _rays(camera)
     half = POINT_STEP // 2
-    metres = target_depth[:, half::POINT_STEP, half::POINT_STEP].reshape(len(waypoints), -1).astype(np.float32)
+    metres = target_depth[:, half::POINT_STEP, half::POINT_STEP].reshape(len(waypoints), rays.shape[1])
+    metres = metres.astype(np.float32)
     x, y = metres, metres * rays[0]
     cos, sin = (f(waypoints[:, 2:]).astype(np.float32) for f in (np.cos, np.sin))
     ahead = cos * x - sin * y + waypoints[:, :1].astype(np.float32)

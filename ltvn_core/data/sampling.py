@@ -61,10 +61,10 @@ def _free_neighbours(floor: Floor, rng: np.random.Generator, parents: Pose, spec
     """Return one free pose (N, 3) beside each parent."""
     steps = _steps(rng, (len(parents), _TRIES), spec)
     proposals = compose(np.repeat(parents[:, None], _TRIES, axis=1), steps)
-    free = np.asarray(floor.at(proposals[..., :2]) >= spec.min_clearance_m)
+    free = floor.at(proposals[..., :2]) >= spec.min_clearance_m
     chosen = proposals[np.arange(len(parents)), free.argmax(1)]
     on_the_spot = compose(parents, steps[:, 0] * [0, 0, 1])
-    return np.where(free.any(1)[:, None], chosen, on_the_spot)
+    return np.where(free.any(1, keepdims=True), chosen, on_the_spot)
 
 
 def _steps(rng: np.random.Generator, shape: tuple[int, int], spec: ClusterSampling) -> Waypoint:

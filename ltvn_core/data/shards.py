@@ -4,9 +4,12 @@ Owns the shard's fields and file format: safetensors, written aside and then ren
 content. Does not know how shards are made.
 """
 
+import json
 import os
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,14 +64,16 @@ def shard_path(folder: Path, name: str) -> Path:
 def write_shard(shard: Shard, path: Path) -> None:
     """Write a shard so that the file is either whole or not there. Raises DatasetError if the disk will not take it."""
     partial = path.with_suffix(".partial")
-    metadata = {"schema": SCHEMA, "name": shard.name, "recipe": shard.recipe}
+    # One entry only: safetensors writes several in random order, and the bytes must not vary.
+    metadata = {"ltvn": json.dumps({"schema": SCHEMA, "name": shard.name, "recipe": shard.recipe})}
     arrays = {name: np.ascontiguousarray(getattr(shard, name)) for name in _ARRAYS}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         save_file(arrays, partial, metadata)
         os.replace(partial, path)
     except (OSError, SafetensorError) as error:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink()
         raise DatasetError(
             f"{path}: the shard could not be written ({error}); free some space and run again."
         ) from error
@@ -78,7 +83,7 @@ def read_shard(path: Path) -> Shard:
     """Read a shard. Raises DatasetError if it is missing, cut or of another format."""
     try:
         with safe_open(path, framework="numpy") as file:
-            metadata = file.metadata() or {}
+            metadata = _metadata(file)
             _check_schema(metadata, path)
             arrays = {name: file.get_tensor(name) for name in _ARRAYS}
     except (OSError, SafetensorError) as error:
@@ -90,10 +95,18 @@ def read_recipe(path: Path) -> str | None:
     """Return the recipe of a whole shard, or None where there is none."""
     try:
         with safe_open(path, framework="numpy") as file:
-            metadata = file.metadata() or {}
+            metadata = _metadata(file)
     except (OSError, SafetensorError):
         return None
     return metadata.get("recipe") if metadata.get("schema") == SCHEMA else None
+
+
+def _metadata(file: Any) -> dict[str, str]:
+    """Return what an open safetensors file says of itself, empty for a foreign file."""
+    try:
+        return json.loads((file.metadata() or {})["ltvn"])
+    except (KeyError, ValueError):
+        return {}
 
 
 def _check_schema(metadata: dict[str, str], path: Path) -> None:

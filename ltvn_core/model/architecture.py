@@ -3,7 +3,7 @@
 Owns the numbers that must match between training and use. Knows nothing of training, files or images.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH
 
@@ -56,7 +56,3 @@ class Architecture:
     def depth_count(self) -> int:
         """Samples of the kept depth per image."""
         return self.depth_grid[0] * self.depth_grid[1]
-
-    def as_text(self) -> dict[str, str]:
-        """Return the fields as strings, the form in which a weights file keeps them."""
-        return {key: str(value) for key, value in asdict(self).items()}

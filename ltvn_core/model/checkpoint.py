@@ -5,6 +5,7 @@ Owns the file format. Holds the learner's state and the time spent; everything e
 
 import json
 import os
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -35,7 +36,8 @@ def save_checkpoint(learner: Learner, path: Path, *, seconds: float) -> None:
         save_file(_tensors(learner), partial, metadata)
         os.replace(partial, path)
     except (OSError, SafetensorError) as error:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink()
         raise WeightsError(f"{path}: the checkpoint could not be written ({error}); free some space.") from error
 
 

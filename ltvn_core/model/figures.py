@@ -83,9 +83,9 @@ def drive_figures(near: NDArray[np.float64], far: NDArray[np.float64]) -> DriveF
         far_pairs=len(far),
         near_pairs=len(near),
         threshold_at_tpr60=threshold,
-        far_fpr_at_tpr60=float((far >= threshold).mean()),
-        far_fpr_at_half=float((far > 0.5).mean()),
-        near_tpr_at_half=float((near > 0.5).mean()),
+        far_fpr_at_tpr60=share(far >= threshold),
+        far_fpr_at_half=share(far > 0.5),
+        near_tpr_at_half=share(near > 0.5),
     )
 
 
@@ -104,6 +104,11 @@ def calibration_error(probability: NDArray[np.float64], positive: NDArray[np.boo
     return float(np.abs(gaps).sum() / max(len(probability), 1))
 
 
-def quantile(numbers: NDArray[np.float64], share: float) -> float:
+def share(chosen: NDArray[np.bool_]) -> float:
+    """Return the share that is true, nan of nothing."""
+    return float(chosen.mean()) if len(chosen) else float("nan")
+
+
+def quantile(numbers: NDArray[np.float64], part: float) -> float:
     """Return a quantile, nan of nothing."""
-    return float(np.quantile(numbers, share)) if len(numbers) else float("nan")
+    return float(np.quantile(numbers, part)) if len(numbers) else float("nan")

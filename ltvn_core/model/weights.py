@@ -7,7 +7,8 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import fields
+from contextlib import suppress
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +30,16 @@ SCHEMA = "ltvn-weights-1"
 def save_weights(network: PairNetwork, path: Path, card: Mapping[str, Any] | None = None) -> str:
     """Write weights, and their card where there is one, and return the fingerprint; an old file stays until then."""
     partial = path.with_suffix(".partial")
-    metadata = {"schema": SCHEMA, **network.size.as_text()}
+    # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
+    metadata = {"ltvn": json.dumps({"schema": SCHEMA, **asdict(network.size)})}
     state = {name: value.detach().contiguous() for name, value in network.state_dict().items()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         save_file(state, partial, metadata)
         os.replace(partial, path)
     except (OSError, SafetensorError) as error:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink()
         raise WeightsError(f"{path}: the weights could not be written ({error}); free some space.") from error
     fingerprint = weights_fingerprint(path)
     if card is not None:
@@ -88,15 +91,19 @@ def read_card(path: Path) -> dict[str, Any]:
 
 
 def _architecture(metadata: Mapping[str, str], path: Path) -> Architecture:
-    if metadata.get("schema") != SCHEMA:
-        raise WeightsError(f"{path}: holds {metadata.get('schema', 'something else')!r}, not {SCHEMA!r} weights.")
-    if metadata.get("name") != Architecture().name:
+    try:
+        found = json.loads(metadata["ltvn"])
+    except (KeyError, ValueError):
+        found = {}
+    if found.get("schema") != SCHEMA:
+        raise WeightsError(f"{path}: holds {found.get('schema', 'something else')!r}, not {SCHEMA!r}.")
+    if found.get("name") != Architecture().name:
         raise WeightsError(
-            f"{path}: made for the architecture {metadata.get('name')!r}; this version knows {Architecture().name!r}."
+            f"{path}: made for the architecture {found.get('name')!r}; this version knows {Architecture().name!r}."
         )
     try:
         sizes: dict[str, Any] = {
-            field.name: int(metadata[field.name]) for field in fields(Architecture) if field.name != "name"
+            field.name: int(found[field.name]) for field in fields(Architecture) if field.name != "name"
         }
     except (KeyError, ValueError) as error:
         raise WeightsError(f"{path}: the description of the architecture is damaged ({error}).") from error

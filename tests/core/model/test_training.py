@@ -1,0 +1,114 @@
+"""Training lowers the loss, goes on after an interruption as if nothing had happened, and keeps the best weights."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.geometry import relative
+from ltvn_core.model.calibration import fit_platt
+from ltvn_core.model.checkpoint import resume, save_checkpoint
+from ltvn_core.model.examples import Confusion, ExamplePool
+from ltvn_core.model.learner import Learner, LearningPlan, schedule
+from ltvn_core.model.mining import Far, find_confusions
+from ltvn_core.model.precision import Precision
+from ltvn_core.model.predictor import load_predictor
+from ltvn_core.model.training import TrainingPlan, train
+from tests.core.model.examples import SMALL, tiny_drive, tiny_shard
+
+PLAN = LearningPlan(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)
+FULL = Precision(bfloat16=False)
+
+
+def learner() -> Learner:
+    return Learner(PLAN, SMALL)
+
+
+def test_a_few_steps_lower_the_loss() -> None:
+    pool, learning = ExamplePool([tiny_shard()]), learner()
+    losses = [learning.step(pool, FULL, 0.1 + step / 100).total for step in range(40)]
+    assert np.mean(losses[-5:]) < 0.85 * np.mean(losses[:5])
+
+
+def test_a_resumed_training_equals_an_uninterrupted_one(tmp_path: Path) -> None:
+    pool, straight = ExamplePool([tiny_shard()]), learner()
+    straight.confusions = [Confusion(0, 0, 20)]
+    for step in range(4):
+        if step == 2:
+            save_checkpoint(straight, tmp_path / "c.safetensors", seconds=1.5)
+        straight.step(pool, FULL, 0.2)
+    resumed = learner()
+    assert resume(resumed, tmp_path / "c.safetensors") == 1.5
+    for _ in range(2):
+        resumed.step(pool, FULL, 0.2)
+    for part in ("network", "average"):
+        expected, found = getattr(straight, part).state_dict(), getattr(resumed, part).state_dict()
+        for name, value in expected.items():
+            torch.testing.assert_close(found[name], value, msg=name)
+
+
+def test_a_checkpoint_of_another_plan_or_a_cut_one_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.safetensors"
+    save_checkpoint(learner(), path, seconds=0.0)
+    with pytest.raises(WeightsError, match="another plan"):
+        resume(Learner(replace(PLAN, alpha=9.0), SMALL), path)
+    path.write_bytes(path.read_bytes()[:-50])
+    with pytest.raises(WeightsError, match="not a whole checkpoint"):
+        resume(learner(), path)
+
+
+def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, minutes=None, steps=3, validations=1, minings=1, mined_scenes=1, validation_pairs=40)
+    result = train([tiny_shard()], [tiny_shard("b")], [tiny_drive()], plan, tmp_path)
+    assert result.steps == 3
+    assert result.best.drives is not None
+    assert result.best.drives.far_pairs == tiny_drive().far.sum()
+    assert (tmp_path / "validation.jsonl").read_text().count("\n") == 1
+    assert len(load_predictor(result.weights).fingerprint) == 12
+
+
+def test_positives_are_drawn_more_evenly_over_distance_than_they_occur() -> None:
+    shard, pool = tiny_shard(), ExamplePool([tiny_shard()])
+    batches = [pool.draw(np.random.default_rng(seed), groups=6, pairs_per_group=12) for seed in range(20)]
+
+    def far_share(waypoints: np.ndarray) -> float:
+        return float((np.hypot(waypoints[:, 0], waypoints[:, 1]) > 0.8).mean())
+
+    drawn = [b.waypoints(b.sources[b.reachable], b.targets[b.reachable]) for b in batches]
+    reachable = shard.reachable
+    existing = relative(shard.poses[shard.sources[reachable]], shard.poses[shard.targets[reachable]])
+    assert far_share(np.concatenate(drawn)) > far_share(existing)
+
+
+def test_a_batch_holds_both_ends_of_each_confusion_as_a_negative() -> None:
+    shard, pool = tiny_shard(), ExamplePool([tiny_shard()])
+    batch = pool.draw(np.random.default_rng(0), groups=3, pairs_per_group=2, confusions=[Confusion(0, 0, 30)])
+    assert not batch.reachable[-1]
+    np.testing.assert_array_equal(batch.poses[batch.sources[-1]], shard.poses[0])
+    np.testing.assert_array_equal(batch.poses[batch.targets[-1]], shard.poses[30])
+
+
+def test_mined_confusions_are_far_pairs() -> None:
+    shard, learning = tiny_shard(), learner()
+    found = find_confusions(
+        learning.average, FULL, shard, 0, Far(), np.random.default_rng(0), images=30, candidates=50, above=0.0
+    )
+    assert found
+    for confusion in found:
+        pair = shard.poses[[confusion.source, confusion.target]]
+        assert Far().pairs(pair[:1], pair[1:])[0, 0]
+
+
+def test_the_rate_rises_then_falls() -> None:
+    assert schedule(0.0, 0.1) < schedule(0.05, 0.1) < schedule(0.1, 0.1) == 1
+    assert schedule(1.0, 0.1) == pytest.approx(0.01)
+
+
+def test_calibration_recovers_a_known_scale_and_offset() -> None:
+    rng = np.random.default_rng(0)
+    logits = rng.normal(0, 2, 20000)
+    positive = rng.random(20000) < 1 / (1 + np.exp(-(0.5 * logits - 0.7)))
+    assert fit_platt(logits, positive) == pytest.approx((0.5, -0.7), abs=0.06)

@@ -62,6 +62,13 @@ class Select(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Pick(Command):
+    """Choose a node as the goal, and go there if the robot is free."""
+
+    node: NodeId
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class NavigateTo(Command):
     """Drive to a node of the map, or to the one that was chosen."""
 

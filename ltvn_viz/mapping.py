@@ -79,6 +79,10 @@ class Mapping:
                 if truth is not None:
                     yield judge(event.query, robot.exact_pose, truth)
 
+    def kept(self) -> Sequence[Observation]:
+        """Return the pictures that make up the map: of its nodes and its reserve."""
+        return [self.views.observation(frame) for frame in sorted([*self.graph.nodes, *self.graph.reserve])]
+
     def pictures(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
         """Return the pictures of those of `frames` that are still at hand."""
         return [(frame, self.views.observation(frame).rgb) for frame in frames if frame in self.views]

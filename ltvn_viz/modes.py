@@ -36,7 +36,8 @@ LEGAL: dict[type[c.Command], frozenset[Mode]] = {
     c.KeepRecording: LIVE,
     c.DiscardRecording: LIVE,
     c.BuildMap: frozenset({Mode.TELEOP}),
-    c.Select: frozenset({Mode.TELEOP, Mode.NAVIGATING, Mode.PAUSED}),
+    c.Select: LIVE,
+    c.Pick: LIVE,
     c.NavigateTo: frozenset({Mode.TELEOP}),
     c.NavigateToPicture: frozenset({Mode.TELEOP}),
     c.OpenRecording: frozenset({Mode.TELEOP, Mode.REPLAY}),
@@ -53,4 +54,5 @@ def refusal(command: c.Command, mode: Mode) -> str | None:
         return None
     when = " or ".join(sorted(LEGAL[type(command)]))
     possible = ", ".join(kind.label for kind, modes in LEGAL.items() if mode in modes and kind.label)
-    return f"“{command.label}” works while {when}; now the app is {mode}. You can: {possible}."
+    label = command.label or "That"
+    return f"“{label}” works while {when}; now the app is {mode}. You can: {possible}."

@@ -41,6 +41,8 @@ def _carry_out(stage: Stage, command: c.Command) -> None:
             stage.activity = Building(stage.live, stage.worker, stage.mapping.rebuild)
         case c.Select(node):
             stage.goals.selected = node
+        case c.Pick(node):
+            _pick(stage, node)
         case c.NavigateTo(node):
             _navigate(stage, node)
         case c.NavigateToPicture(rgb):
@@ -76,6 +78,13 @@ def _play(stage: Stage, command: c.Command) -> None:
             _open(stage, name)
         case c.CloseRecording(), _:
             stage.activity = stage.teleop
+
+
+def _pick(stage: Stage, node: NodeId) -> None:
+    if stage.activity is stage.teleop:
+        _navigate(stage, node)
+    else:
+        stage.goals.selected = node
 
 
 def _navigate(stage: Stage, node: NodeId | None) -> None:

@@ -19,11 +19,6 @@ from ltvn_viz.timeline import Moment, Timeline
 class Pictures(Protocol):
     """Where a replay finds the images of its frames."""
 
-    @property
-    def frames(self) -> Sequence[FrameId]:
-        """All frames in order."""
-        ...
-
     def observation(self, frame: FrameId) -> Observation:
         """Read one image."""
         ...

@@ -5,7 +5,7 @@ get the same `Moment`. Images are not kept here.
 """
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ class Moment:
     """The newest image; None before the first."""
     robot: Pose | None = None
     """(3,) for drawing."""
-    trajectory: NDArray[np.float64] = NO_LINE
+    trajectory: NDArray[np.float64] = field(default_factory=lambda: NO_LINE)
     """(T, 3) poses driven so far, thinned."""
     frames: int = 0
     """Images taken so far."""

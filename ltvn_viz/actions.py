@@ -1,0 +1,57 @@
+"""From what a page asks for on its drive socket to the session's commands.
+
+Owns the table from keys' and buttons' actions to commands. Driving and stopping are not in it:
+they go through the seat.
+"""
+
+from collections.abc import Callable
+
+from ltvn_core.types import Twist
+from ltvn_viz import commands as c
+from ltvn_viz.drive_socket import DriveListener
+from ltvn_viz.driving import ClientId, StopReason
+from ltvn_viz.keymap import Action
+from ltvn_viz.session import Session
+
+SEEK_S = 1.0
+
+PLAIN: dict[Action, Callable[[], c.Command]] = {
+    Action.RECORD: c.StartRecording,
+    Action.KEEP: c.KeepRecording,
+    Action.DISCARD: c.DiscardRecording,
+    Action.BUILD: c.BuildMap,
+    Action.CANCEL: c.Cancel,
+    Action.PAUSE: c.Pause,
+    Action.STEP: c.StepOnce,
+    Action.SEEK_BACK: lambda: c.SeekBy(-SEEK_S),
+    Action.SEEK_FORWARD: lambda: c.SeekBy(SEEK_S),
+}
+
+
+def command_for(action: Action, target: int | None) -> c.Command | None:
+    """Return what an action asks the session for, None when it is no business of the session's."""
+    if action is Action.GOAL:
+        return c.NavigateTo(target)
+    if action is Action.SELECT and target is not None:
+        return c.Select(target)
+    make = PLAIN.get(action)
+    return make() if make is not None else None
+
+
+def listener(session: Session) -> DriveListener:
+    """Return whom the drive socket should tell, so that the session hears at once."""
+
+    def on_drive(_client: ClientId, _twist: Twist) -> None:
+        session.wake()
+
+    def on_stop(_client: ClientId | None, reason: StopReason) -> None:
+        if reason in (StopReason.STOPPED, StopReason.TAKEN_OVER):
+            session.send(c.Stop())
+        session.wake()
+
+    def on_action(_client: ClientId, action: Action, target: int | None) -> None:
+        command = command_for(action, target)
+        if command is not None:
+            session.send(command)
+
+    return DriveListener(on_drive, on_stop, on_action)

@@ -1,0 +1,93 @@
+"""The “Go” tab: goals by picture, and the task under way."""
+
+import asyncio
+from collections.abc import Callable
+
+import viser
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.nav.events import Outcome
+from ltvn_core.types import NodeId
+from ltvn_viz.commands import Command, NavigateToPicture, Report
+from ltvn_viz.keymap import Action
+from ltvn_viz.modes import Mode
+from ltvn_viz.panels.markup import Markup, Press, buttons, note
+from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.uploads import picture_of
+
+
+class GoPanel:
+    """Pictures to go to, and how it goes."""
+
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
+        """Add the controls to the tab that is open; `send` takes commands and returns at once."""
+        Markup(gui, note("Click a picture, or a node in the scene, and the robot drives there by what it sees."))
+        self._task, self._state, self._gallery = Markup(gui), Markup(gui), Markup(gui)
+        self._upload = gui.add_upload_button(
+            "Go to an uploaded picture", icon=viser.Icon.PHOTO_UP, mime_type="image/*", hint="JPEG, PNG or WebP"
+        )
+        self._lookalikes = Markup(gui)
+
+        @self._upload.on_upload
+        async def _(_: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+            file = self._upload.value
+            try:
+                send(NavigateToPicture(await asyncio.to_thread(picture_of, file.name, file.content)))
+            except LtvnError as error:
+                send(Report(str(error)))
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show the goals on offer and the task."""
+        self._task.show(_task(snapshot))
+        self._state.show(_state(snapshot))
+        self._gallery.show(
+            _pictures(snapshot.gallery, snapshot, "Drive a little: goal pictures appear as the map grows.")
+        )
+        self._lookalikes.show(_pictures(snapshot.lookalikes, snapshot, ""))
+
+
+def _task(snapshot: Snapshot) -> str:
+    busy, paused = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED), snapshot.mode is Mode.PAUSED
+    ready = snapshot.mode is Mode.TELEOP and snapshot.selected is not None
+    pause = Press(Action.PAUSE, "Resume" if paused else "Pause", "P", is_main=paused, is_enabled=busy)
+    return buttons(
+        Press(Action.GOAL, "Navigate", "G", "go to the chosen goal", is_main=True, is_enabled=ready),
+        pause,
+        Press(Action.STEP, "Step", ".", "one control step, then pause", is_enabled=busy),
+        Press(Action.CANCEL, "Cancel", "Esc", "end the task", is_enabled=busy),
+        Press(Action.CANCEL, "Take over", "W A S D", "end the task and drive yourself", is_enabled=busy),
+    )
+
+
+def _state(snapshot: Snapshot) -> str:
+    progress = snapshot.moment.progress
+    if progress.query is not None:
+        text = f"{progress.navigator} · {len(progress.plan)} nodes planned"
+        if progress.localised is not None and progress.localised.node is not None:
+            text += f" · at node {progress.localised.node} (d {progress.localised.distance:.2f})"
+    elif progress.ended is not None:
+        text = _ending(progress.ended.outcome, snapshot)
+    elif snapshot.selected is not None:
+        text = f"Goal: node {snapshot.selected}."
+    else:
+        text = "No goal yet."
+    return note(text)
+
+
+def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
+    judged = snapshot.moment.progress.judged
+    truth = "" if judged is None else f", in truth {judged.position_error_m:.2f} m from the goal"
+    return f"Last task: {outcome}{truth}."
+
+
+def _pictures(nodes: tuple[NodeId, ...], snapshot: Snapshot, instead: str) -> str:
+    if not nodes:
+        return note(instead) if instead else ""
+    # While a task runs a click only chooses the next goal.
+    action = Action.GOAL if snapshot.mode is Mode.TELEOP else Action.SELECT
+    images = "".join(
+        f'<img src="/thumb/{node}.jpg" data-ltvn-action="{action}" data-id="{node}" alt="goal {node}" '
+        f'title="go to node {node}" class="{"lt-chosen" if node == snapshot.selected else ""}">'
+        for node in map(int, nodes)
+    )
+    return f'<div class="lt"><div class="lt-gallery" role="group" aria-label="goal pictures">{images}</div></div>'

@@ -1,0 +1,95 @@
+"""The page's composition: which layers and panels there are, and where they stand.
+
+Owns the layout and the theme. What each shows is in `layers` and `panels`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from ltvn_viz import palette
+from ltvn_viz.commands import Command, Pick
+from ltvn_viz.follow import FollowCamera
+from ltvn_viz.layers.changes import ChangesLayer
+from ltvn_viz.layers.graph import EdgesLayer, NodesLayer
+from ltvn_viz.layers.intent import GhostLayer, GoalLayer, PlanLayer
+from ltvn_viz.layers.robot import RobotLayer
+from ltvn_viz.layers.scene import SceneLayer
+from ltvn_viz.layers.trajectory import TrajectoryLayer
+from ltvn_viz.painter import Showing
+from ltvn_viz.panels.camera import CameraPanel
+from ltvn_viz.panels.drive import DrivePanel
+from ltvn_viz.panels.go import GoPanel
+from ltvn_viz.panels.notices import Notices
+from ltvn_viz.panels.replay import ReplayPanel
+from ltvn_viz.panels.status import StatusPanel
+
+PANEL_PX = 380
+CAMERA_PX = 520
+TITLE = "Lifelong Topological Visual Navigation"
+
+
+@dataclass(frozen=True, slots=True)
+class Assets:
+    """What is drawn from files."""
+
+    scene_glb: Callable[[str], bytes]
+    """Loads the scene of a name, ceiling cut away; raises SceneError."""
+    robot_glb: bytes
+
+
+def furnish(server: viser.ViserServer, send: Callable[[Command], None], assets: Assets) -> Sequence[Showing]:
+    """Put all layers and panels onto a page; returns them in the order in which they should be drawn."""
+    accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
+    server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=accent)
+    server.gui.set_panel_label(TITLE)
+    server.gui.main_panel.dock_right()
+    server.gui.main_panel.set_width(PANEL_PX)
+    return [*_panels(server, send), *_layers(server.scene, send, assets)]
+
+
+def look_from_above(server: viser.ViserServer, low: Sequence[float], high: Sequence[float]) -> None:
+    """Begin with a view over the floor between corners `low` and `high` (x_m, y_m), from above and at an angle."""
+    middle = (np.asarray(low) + np.asarray(high)) / 2
+    size = float(max(np.asarray(high) - np.asarray(low)))
+    server.initial_camera.look_at = (middle[0], middle[1], 0.0)
+    server.initial_camera.position = (middle[0], middle[1] - 0.62 * size, 0.85 * size)
+
+
+def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[Showing]:
+    gui = server.gui
+
+    def clients() -> list[viser.ClientHandle]:
+        return list(server.get_clients().values())
+
+    status = StatusPanel(gui)
+    tabs = gui.add_tab_group()
+    with tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL):
+        drive, follow = DrivePanel(gui), FollowCamera(gui, clients)
+    with tabs.add_tab("Go", viser.Icon.MAP_PIN):
+        go = GoPanel(gui, send)
+    with tabs.add_tab("Replay", viser.Icon.HISTORY):
+        replay = ReplayPanel(gui, send)
+    gui.add_html(palette.legend_html())
+    window = gui.add_panel()
+    with window.add_tab("Camera and depth", viser.Icon.CAMERA):
+        camera = CameraPanel(gui)
+    window.float(x=16, y=16, width=CAMERA_PX)
+    return [status, camera, drive, follow, go, replay, Notices(clients)]
+
+
+def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: Assets) -> list[Showing]:
+    scene.configure_default_lights(cast_shadow=False)
+    return [
+        RobotLayer(scene, assets.robot_glb),
+        SceneLayer(scene, assets.scene_glb),
+        NodesLayer(scene, on_pick=lambda node: send(Pick(node))),
+        PlanLayer(scene),
+        GoalLayer(scene),
+        GhostLayer(scene),
+        ChangesLayer(scene),
+        TrajectoryLayer(scene),
+        EdgesLayer(scene),
+    ]

@@ -1,0 +1,200 @@
+"""A whole session for tests: a flat world, a robot and predictor that know it, and a driver that does what it is told.
+
+Everything runs in one thread, in simulated time; nothing sleeps. Owns no assertion.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import compose
+from ltvn_core.nav.events import GraphChanged, Stamped
+from ltvn_core.types import FrameId, Observation, Pose, Twist
+from ltvn_viz import commands as c
+from ltvn_viz.feed import Picture
+from ltvn_viz.goals import Goals
+from ltvn_viz.library import Library
+from ltvn_viz.live import CONTROL_STEP_S, Live
+from ltvn_viz.mapping import Mapping
+from ltvn_viz.recorder import Recorder
+from ltvn_viz.replay import Replay, timeline_of
+from ltvn_viz.session import Session
+from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.stage import Stage
+from ltvn_viz.thumbnails import Thumbnails
+from ltvn_viz.timeline import Timeline
+from ltvn_viz.worker import Worker
+from tests.core.world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
+
+
+class Inline(Executor):
+    """Does each job at once, in the caller's thread."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        try:
+            done.set_result(fn(*args, **kwargs))
+        except BaseException as error:
+            done.set_exception(error)
+        return done
+
+
+class LiveFlatRobot(FlatRobot):
+    """A flat robot whose time passes in any portions."""
+
+    def __init__(self, world: FlatWorld, pose: tuple[float, float, float], *, first_step: int = 0) -> None:
+        super().__init__(world, pose, first_step=first_step)
+        self.broken: Exception | None = None
+        self._owed_s = 0.0
+
+    @property
+    def exact_pose(self) -> Pose:
+        return self.pose
+
+    @property
+    def stamp(self) -> float:
+        return self.step * CONTROL_STEP_S + self._owed_s
+
+    def advance(self, duration_s: float = CONTROL_STEP_S) -> None:
+        if self.broken is not None:
+            raise self.broken
+        self._owed_s += duration_s
+        while self._owed_s >= CONTROL_STEP_S - 1e-9:
+            self._owed_s = max(0.0, self._owed_s - CONTROL_STEP_S)
+            super().advance()
+
+
+@dataclass
+class Tape:
+    """A writer that keeps everything in memory, and fails when it is told to."""
+
+    path: Path
+    frames: list[Observation] = field(default_factory=list)
+    events: list[Stamped] = field(default_factory=list)
+    closed: bool = False
+    full: bool = False
+
+    def frame(self, observation: Observation) -> None:
+        if self.full:
+            raise OSError(28, "No space left on device")
+        if observation.step not in {seen.step for seen in self.frames}:
+            self.frames.append(observation)
+
+    def event(self, stamped: Stamped) -> None:
+        self.events.append(stamped)
+
+    def graph(self, graph: object, step: FrameId, stamp: float) -> None:
+        """Draw nothing."""
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@dataclass
+class PuppetDriver:
+    """Holds what the test says."""
+
+    twist: Twist | None = None
+
+    def current_twist(self) -> Twist | None:
+        return self.twist
+
+
+class NoFeed:
+    """A camera for the person that never has a picture."""
+
+    def look(self, pose: Pose) -> Picture:
+        return Picture(None, 0.0, 0)
+
+
+class Theatre:
+    """A session with handles on all its parts."""
+
+    def __init__(self, folder: Path, world: FlatWorld | None = None, *, mapped: bool = True) -> None:
+        """Set the stage; with a map of a tour through the room unless told otherwise."""
+        self.world = world or one_room()
+        self.driver = PuppetDriver()
+        self.shown: list[Snapshot] = []
+        self.tapes: list[Tape] = []
+        self.library = Library(folder)
+        self.thumbnails = Thumbnails()
+        seen = list(tour(((1.0, 1.0), (4.0, 1.0), (4.0, 3.0)))) if mapped else []
+        first_step = max((picture.step for picture in seen), default=-1) + 1
+        self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
+        worker = Worker(Inline())
+        mapping = Mapping(FlatPredictor(self.world), ROBUST, np.random.default_rng(0))
+        live = Live(self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
+        goals = Goals(mapping, worker, self.thumbnails)
+        self.stage = Stage("flat", live, mapping, worker, self.library, self.open_replay, NoFeed(), goals)
+        self.session = Session(self.stage, self.driver, self.shown.append)
+        if seen:
+            self._map(seen)
+
+    @property
+    def now(self) -> Snapshot:
+        """What the page shows."""
+        return self.shown[-1]
+
+    def do(self, *commands: c.Command, ticks: int = 1) -> Snapshot:
+        """Send commands, let ticks pass, and return what the page shows then."""
+        for command in commands:
+            self.session.send(command)
+        return self.wait(ticks)
+
+    def wait(self, ticks: int = 1) -> Snapshot:
+        """Let ticks pass and return what the page shows then."""
+        for _ in range(ticks):
+            self.session.tick()
+        return self.now
+
+    def until(self, holds: Callable[[Snapshot], bool], ticks: int = 9000) -> Snapshot:
+        """Let ticks pass until something holds."""
+        for _ in range(ticks):
+            if holds(self.wait()):
+                return self.now
+        raise AssertionError(f"never happened; at last: {self.now}")
+
+    def open_replay(self, name: str) -> Replay:
+        """Play a tape back."""
+        self.library.path(name)
+        tape = next(tape for tape in self.tapes if tape.path.name == name)
+        frames = [(seen.step, seen.stamp, np.asarray(seen.exact_pose)) for seen in tape.frames]
+        pictures = {seen.step: seen for seen in tape.frames}
+        return Replay(name, "flat", timeline_of(frames, tape.events), _Pictures(pictures))
+
+    def _open_writer(self, path: Path) -> Tape:
+        path.touch(exist_ok=False)
+        tape = Tape(path)
+        self.tapes.append(tape)
+        mapping = self.stage.mapping
+        for seen in mapping.kept():
+            tape.frame(seen)
+        last = max((seen.step for seen in mapping.kept()), default=0)
+        for delta in mapping.graph.deltas():
+            tape.event(Stamped(last, last * CONTROL_STEP_S, GraphChanged(delta)))
+        return tape
+
+    def _map(self, seen: list[Observation]) -> None:
+        for picture in seen:
+            self.stage.live.timeline.place(picture.step, np.asarray(picture.exact_pose))
+            for delta in self.stage.mapping.offer(picture):
+                self.stage.live.emit(GraphChanged(delta))
+
+
+@dataclass
+class _Pictures:
+    by_frame: dict[FrameId, Observation]
+
+    def observation(self, frame: FrameId) -> Observation:
+        return self.by_frame[frame]
+
+
+def ahead(pose: Pose, metres: float) -> Pose:
+    """Return the pose so far straight ahead."""
+    return compose(pose, np.array([metres, 0.0, 0.0]))

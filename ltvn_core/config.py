@@ -18,8 +18,8 @@ class Matching:
     """How two images are compared."""
 
     both_directions: bool = True
-    """Ask the network both ways and keep the more reachable answer, its waypoint inverted if need be. Our reading of
-    "only targets in front are positive; the way back is driven in reverse", so it is on in both presets."""
+    """Ask the network both ways and keep the more reachable answer, its waypoint inverted if need be; our reading
+    of the paper's "only targets in front are positive, the way back is driven in reverse", on in both presets."""
     temporal_support: bool = True
     """Trust r only as far as the 3 x 3 median over the frames before and after both images agrees (ours)."""
     support_gap: float = 0.8

@@ -4,8 +4,8 @@ Owns the passes over the images. Every image is encoded once and meets every nod
 operators (`graph.operators`) nor the map itself: it returns deltas.
 """
 
-import logging
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ltvn_core.graph.operators import Gates, connectable, mergeable, node_of, no
 from ltvn_core.graph.views import Views
 from ltvn_core.types import FrameId, Observation, Predictor
 
-_LOG = logging.getLogger(__name__)
+_MERGE_CANDIDATES = 3
 
 Progress = Callable[[int, int], None]
 """Called with images done and images in all."""
@@ -84,13 +84,15 @@ class _Construction:
         self._matcher = matcher
         self._method = method
         self._gates = Gates.building(method.building)
+        second = method.building.second_pass_reachability or method.building.connect_reachability
+        self._weak_gates = replace(self._gates, connect_reachability=second)
         self._goals = set(goals)
         self._deltas: list[GraphDelta] = []
         self.nodes: dict[FrameId, None] = {}
         self._merged: list[FrameId] = []
         self._left: list[Observation] = []
         self._met: dict[FrameId, int] = {}
-        self._weak: dict[FrameId, Matches] = {}
+        self._known: dict[FrameId, Matches] = {}
 
     @property
     def reserve(self) -> tuple[FrameId, ...]:
@@ -135,38 +137,38 @@ class _Construction:
 
     def _consumed(self, seen: Observation, *, second: bool) -> bool:
         """Merge or connect an image; tell whether it is dealt with."""
-        matches = self._candidates(seen.step)
-        if seen.step not in self._goals and mergeable(matches, self._gates).any():
+        known = self._known_matches(seen.step)
+        if seen.step not in self._goals and self._merges(known, seen.step):
             self._merged.append(seen.step)
             return True
-        chosen = self._weak_best(matches) if second else matches.take(connectable(matches, self._gates))
-        if not len(chosen):
-            return False
-        self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
-        return True
+        gates = self._weak_gates if second else self._gates
+        near = connectable(known, gates)
+        trusted = self._matcher.supported(known.take(near), seen.step)
+        chosen = trusted.take(connectable(trusted, gates))
+        if second:
+            best = np.argsort(-chosen.reachability, kind="stable")
+            chosen = chosen.take(best[: self._method.building.second_pass_edges])
+        if len(chosen):
+            self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
+            return True
+        known.reachability[near] = trusted.reachability  # What was looked at closely once stays decided.
+        self._known[seen.step] = known
+        return False
 
-    def _candidates(self, frame: FrameId) -> Matches:
-        """Return supported matches that could matter, comparing only with nodes that came since the last time."""
+    def _known_matches(self, frame: FrameId) -> Matches:
+        """Return the matches that could matter, comparing only with nodes that came since the last time."""
         nodes = tuple(self.nodes)
         fresh = nodes[self._met.get(frame, 0) :]
         self._met[frame] = len(nodes)
         found = self._matcher.match(self._matcher.views.features([frame]), fresh)
-        found = self._matcher.supported(found.take(self._promising(found)), frame)
-        known = _joined(self._weak[frame], found) if frame in self._weak else found
-        self._weak[frame] = known
-        return known
+        found = found.take(mergeable(found, self._gates) | connectable(found, self._weak_gates))
+        return _joined(self._known[frame], found) if frame in self._known else found
 
-    def _promising(self, matches: Matches) -> np.ndarray:
-        config = self._method.building
-        cuts = [config.connect_reachability, config.second_pass_reachability or 1.0, config.merge_reachability]
-        reach = max(config.connect_distance, config.merge_distance)
-        return (matches.reachability > min(cuts)) & (matches.distances < reach)
-
-    def _weak_best(self, matches: Matches) -> Matches:
-        config = self._method.building
-        near = matches.distances < config.connect_distance
-        chosen = matches.take(near & (matches.reachability > config.second_pass_reachability))
-        return chosen.take(np.argsort(-chosen.reachability, kind="stable")[: config.second_pass_edges])
+    def _merges(self, known: Matches, frame: FrameId) -> bool:
+        alike = known.take(mergeable(known, self._gates))
+        # The nearest few decide: temporal support costs nine comparisons each.
+        nearest = alike.take(np.argsort(alike.distances, kind="stable")[:_MERGE_CANDIDATES])
+        return bool(mergeable(self._matcher.supported(nearest, frame), self._gates).any())
 
     def _enter(self, deltas: Sequence[GraphDelta]) -> None:
         self._deltas.extend(deltas)

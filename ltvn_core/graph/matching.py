@@ -61,7 +61,8 @@ class Matcher:
         if not nodes:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0))
         reachability, waypoints = self._ask(image, self._views.features(nodes))
-        return Matches(tuple(nodes), reachability, waypoints, distance(waypoints))
+        distances = np.where(_says_nothing(reachability, waypoints), np.inf, distance(waypoints))
+        return Matches(tuple(nodes), reachability, waypoints, distances)
 
     def supported(self, matches: Matches, frame: FrameId) -> Matches:
         """Return `matches` of a held frame, each r lowered to the 3 x 3 median over both images' neighbours in time.
@@ -92,7 +93,16 @@ class Matcher:
         forward = self._predictor.predict(image, targets)
         if not self._config.both_directions:
             return np.asarray(forward.reachability), np.asarray(forward.waypoints)
-        backward = self._predictor.predict(targets, np.broadcast_to(image, targets.shape))
-        ahead = forward.reachability >= backward.reachability
-        waypoints = np.where(ahead[:, None], forward.waypoints, invert(backward.waypoints))
-        return np.where(ahead, forward.reachability, backward.reachability), waypoints
+        reachability, waypoints = np.array(forward.reachability), np.array(forward.waypoints)
+        # What the predictor did not look at closely one way it need not look at the other way.
+        close = np.flatnonzero(~_says_nothing(reachability, waypoints))
+        backward = self._predictor.predict(targets[close], np.broadcast_to(image, (len(close), image.shape[1])))
+        better = backward.reachability > reachability[close]
+        reachability[close[better]] = backward.reachability[better]
+        waypoints[close[better]] = invert(backward.waypoints[better])
+        return reachability, waypoints
+
+
+def _says_nothing(reachability: NDArray[np.float64], waypoints: Waypoint) -> NDArray[np.bool_]:
+    """Tell (N,) which pairs a predictor passed over: it calls them unreachable and gives a waypoint of zeros."""
+    return (reachability < 0.5) & ~waypoints.any(axis=1)

@@ -31,17 +31,17 @@ class FlatWorld:
 
     walls: np.ndarray
 
-    def clearance(self, xy: np.ndarray) -> float:
-        """Return metres from a point (2,) to the nearest wall."""
-        start, end = self.walls[:, 0], self.walls[:, 1]
-        along = end - start
-        t = np.clip(((xy - start) * along).sum(1) / (along**2).sum(1), 0, 1)
-        return float(np.hypot(*(start + t[:, None] * along - xy).T).min())
+    def clearance(self, xy: np.ndarray) -> np.ndarray:
+        """Return metres (...) from points (..., 2) to the nearest wall."""
+        start, along = self.walls[:, 0], self.walls[:, 1] - self.walls[:, 0]
+        offset = xy[..., None, :] - start
+        t = np.clip((offset * along).sum(-1) / (along**2).sum(-1), 0, 1)
+        return np.linalg.norm(offset - t[..., None] * along, axis=-1).min(-1)
 
-    def line_free(self, start: np.ndarray, end: np.ndarray) -> bool:
-        """Tell whether the robot fits along a straight line."""
-        count = max(2, int(np.hypot(*(end - start)) / 0.05))
-        return all(self.clearance(start + t * (end - start)) > RADIUS_M - 0.01 for t in np.linspace(0, 1, count))
+    def line_free(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Tell (N,) whether the robot fits along straight lines from (N, 2) to (N, 2)."""
+        share = np.linspace(0, 1, 20)[:, None, None]
+        return np.all(self.clearance(starts + share * (ends - starts)) > RADIUS_M - 0.01, axis=0)  # type: ignore[return-value]
 
 
 def box(width: float, height: float) -> list[list[list[float]]]:
@@ -94,8 +94,8 @@ class FlatRobot:
         self.step += 1
         move = np.array([self.twist.linear_m_s * STEP_S, 0.0, self.twist.angular_rad_s * STEP_S])
         after = compose(self.pose, move)
-        free = self.world.clearance(after[:2])
-        bumps = bool(move[0]) and free < RADIUS_M and free < self.world.clearance(self.pose[:2])
+        free = float(self.world.clearance(after[:2]))
+        bumps = bool(move[0]) and free < RADIUS_M and free < float(self.world.clearance(self.pose[:2]))
         if bumps:
             after[:2] = self.pose[:2]
             move[0] = 0.0
@@ -131,21 +131,18 @@ class FlatPredictor:
         return np.array([[*seen.exact_pose, seen.step] for seen in observations if seen.exact_pose is not None])
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
-        sources, targets = np.broadcast_arrays(sources, targets)
+        sources, targets = (np.asarray(each, np.float64) for each in np.broadcast_arrays(sources, targets))
         self.compared += len(targets)
-        answers = [self._answer(source, target) for source, target in zip(sources, targets, strict=True)]
-        return Prediction(np.array([r for r, _ in answers]), np.array([w for _, w in answers]).reshape(-1, 3))
-
-    def _answer(self, source: np.ndarray, target: np.ndarray) -> tuple[float, Waypoint]:
-        lie = self.lies.get((int(source[3]), int(target[3])))
-        if lie is not None:
-            return 0.95, lie
-        waypoint = relative(source[:3], target[:3])
-        away = float(np.hypot(waypoint[0], waypoint[1]))
-        ahead = away < 0.25 or (waypoint[0] > 0 and abs(np.arctan2(waypoint[1], waypoint[0])) < 0.6)
-        seen = ahead and away < self.sight_m and abs(waypoint[2]) < 1.05
-        reachable = seen and self.world.line_free(source[:2], target[:2])
-        return (0.95 if reachable else 0.05), waypoint
+        waypoints = relative(sources[:, :3], targets[:, :3])
+        away, bearing = np.hypot(waypoints[:, 0], waypoints[:, 1]), np.arctan2(waypoints[:, 1], waypoints[:, 0])
+        ahead = (away < 0.25) | (np.abs(bearing) < 0.6)
+        seen = ahead & (away < self.sight_m) & (np.abs(waypoints[:, 2]) < 1.05)
+        seen[seen] = self.world.line_free(sources[seen, :2], targets[seen, :2])
+        reachability = np.where(seen, 0.95, 0.05)
+        for k, (source, target) in enumerate(zip(sources[:, 3], targets[:, 3], strict=True)):
+            if self.lies and (lie := self.lies.get((int(source), int(target)))) is not None:
+                reachability[k], waypoints[k] = 0.95, lie
+        return Prediction(reachability, waypoints)
 
 
 def tour(points: Sequence[Sequence[float]], *, first_step: int = 0, spins: bool = True) -> Iterator[Observation]:

@@ -1,0 +1,116 @@
+"""The nearest node, first around the plan, then anywhere, and how sure that is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded, PoseRow
+from ltvn_core.graph.localizer import GLOBAL, LOCAL, Fix, Localizer, around
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.operators import node_of
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.views import Views
+from tests.core.world import FlatPredictor, look_at, one_room
+
+IMAGES = [look_at(np.array([0.5 + 0.5 * k, 1.0, 0.0]), k) for k in range(8)]
+
+
+def line(predictor: FlatPredictor, method: Method) -> tuple[Localizer, TopologicalGraph]:
+    """Return a map of eight nodes in a row, 0.5 m apart."""
+    views = Views(predictor)
+    views.add(IMAGES)
+    graph = TopologicalGraph(NodeAdded(node_of(seen), Cause.BUILD) for seen in IMAGES)
+    for k in range(7):
+        edge = Edge(k, k + 1, PoseRow(0.5, 0.0, 0.0), Belief(0.9, 0.5, 0.02))
+        graph.apply(EdgeAdded(edge, Cause.BUILD))
+    return Localizer(Matcher(predictor, views, method.matching), method.localising), graph
+
+
+def fix_at(x: float, y: float = 1.0, yaw: float = 0.0, plan: tuple[int, ...] = (), method: Method = ROBUST) -> Fix:
+    predictor = FlatPredictor(one_room())
+    localizer, graph = line(predictor, method)
+    return localizer.localise(predictor.encode([look_at(np.array([x, y, yaw]), 99)]), graph, plan)
+
+
+@pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
+def test_the_robot_is_at_the_nearest_node(method: Method) -> None:
+    fix = fix_at(2.05, method=method)
+    assert (fix.node, fix.scope) == (3, GLOBAL)
+    assert fix.distance == pytest.approx(0.05)
+    assert np.allclose(fix.waypoint, [-0.05, 0, 0])
+    assert fix.runner_up == 4
+    assert fix.margin == pytest.approx(0.4, abs=0.01)
+
+
+def test_half_way_between_two_nodes_the_margin_is_small() -> None:
+    assert fix_at(2.25).margin == pytest.approx(0.0, abs=0.01)
+
+
+def test_the_neighbours_of_the_last_plan_come_first() -> None:
+    fix = fix_at(2.05, plan=(4, 5))
+    assert (fix.node, fix.scope) == (4, LOCAL)
+
+
+def test_far_from_the_plan_the_whole_map_is_searched() -> None:
+    fix = fix_at(0.5, plan=(6, 7))
+    assert (fix.node, fix.scope) == (0, GLOBAL)
+
+
+def test_nodes_of_the_plan_that_have_left_the_map_are_no_obstacle() -> None:
+    assert fix_at(2.05, plan=(77, 78)).node == 3
+
+
+def test_turned_away_the_robot_is_lost_but_the_best_node_is_reported() -> None:
+    fix = fix_at(2.0, yaw=3.1)
+    assert fix.node is None
+    assert np.isfinite(fix.distance)
+
+
+def test_in_an_empty_map_the_robot_is_lost() -> None:
+    predictor = FlatPredictor(one_room())
+    localizer, _ = line(predictor, ROBUST)
+    fix = localizer.localise(predictor.encode([IMAGES[0]]), TopologicalGraph())
+    assert fix.node is None
+    assert fix.distance == np.inf
+    assert fix.runner_up is None
+
+
+def test_a_false_match_that_its_neighbours_in_time_deny_is_not_believed() -> None:
+    predictor = FlatPredictor(one_room(), lies={(99, 6): np.array([0.01, 0, 0])})
+    here = predictor.encode([look_at(np.array([0.7, 1.0, 0.0]), 99)])
+    robust, graph = line(predictor, ROBUST)
+    assert robust.localise(here, graph).node == 0
+    paper, graph = line(predictor, PAPER)
+    assert paper.localise(here, graph).node == 6
+
+
+def test_doubt_counts_against_a_node_in_the_robust_score() -> None:
+    class Doubting(FlatPredictor):
+        def predict(self, sources: np.ndarray, targets: np.ndarray):  # noqa: ANN202
+            answer = super().predict(sources, targets)
+            doubtful = (targets[:, 3] == 3) | (np.broadcast_to(sources, targets.shape)[:, 3] == 3)
+            answer.reachability[doubtful] *= 0.6
+            return answer
+
+    predictor = Doubting(one_room())
+    here = predictor.encode([look_at(np.array([2.2, 1.0, 0.0]), 99)])
+    plain = replace(ROBUST, matching=PAPER.matching)
+    localizer, graph = line(predictor, plain)
+    assert localizer.localise(here, graph).node == 4
+    localizer, graph = line(predictor, replace(plain, localising=PAPER.localising))
+    assert localizer.localise(here, graph).node == 3
+
+
+def test_the_nodes_that_look_like_a_picture_come_best_first() -> None:
+    predictor = FlatPredictor(one_room())
+    localizer, graph = line(predictor, ROBUST)
+    ranked = localizer.nearest_nodes(predictor.encode([IMAGES[4]]), graph, 3)
+    assert ranked[0][0] == 4
+    assert {node for node, _ in ranked[1:]} == {3, 5}
+
+
+def test_around_a_plan_are_its_nodes_and_where_their_edges_lead() -> None:
+    _, graph = line(FlatPredictor(one_room()), ROBUST)
+    assert set(around(graph, (2, 3))) == {2, 3, 4}

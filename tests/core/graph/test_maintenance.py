@@ -1,0 +1,135 @@
+"""Driving strengthens edges, weakens them, prunes them in time, and adds what nobody knew."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.graph.deltas import (
+    Belief,
+    BeliefUpdated,
+    Cause,
+    Edge,
+    EdgeAdded,
+    EdgePruned,
+    Node,
+    NodeAdded,
+    PoseRow,
+)
+from ltvn_core.graph.maintenance import Attempt, novel_node, update_edge
+from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.topograph import TopologicalGraph
+from tests.core.world import look_at
+
+HERE = PoseRow(0.0, 0.0, 0.0)
+
+
+def one_edge(p: float = 0.8, *, protected: bool = False) -> TopologicalGraph:
+    edge = Edge(1, 2, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.02), protected=protected)
+    nodes = [NodeAdded(Node(frame, HERE), Cause.BUILD) for frame in (1, 2)]
+    return TopologicalGraph([*nodes, EdgeAdded(edge, Cause.BUILD)])
+
+
+def attempt(graph: TopologicalGraph, method: Method, *, succeeded: bool, failed_before: bool = False) -> list[str]:
+    """Drive the edge once; return what happened to it."""
+    deltas = update_edge(graph, Attempt(1, 2, 1.2, succeeded, failed_before), method.believing)
+    for delta in deltas:
+        graph.apply(delta)
+    return [type(delta).__name__ for delta in deltas]
+
+
+def test_a_success_raises_p_and_measures_the_length() -> None:
+    graph = one_edge()
+    assert attempt(graph, ROBUST, succeeded=True) == ["BeliefUpdated"]
+    edge = graph.edges[1, 2]
+    assert edge.belief.p > 0.8
+    assert edge.belief.mu == pytest.approx(1.1)
+    assert (edge.attempts, edge.successes) == (1, 1)
+
+
+def test_the_literal_method_prunes_at_the_first_failure_below_the_threshold() -> None:
+    graph = one_edge(p=0.6)
+    assert attempt(graph, PAPER, succeeded=False) == ["BeliefUpdated", "EdgePruned"]
+    assert not graph.edges
+
+
+def test_a_success_never_prunes() -> None:
+    assert attempt(one_edge(p=0.05), PAPER, succeeded=True) == ["BeliefUpdated"]
+
+
+def test_the_robust_method_waits_for_failures_in_two_queries() -> None:
+    graph = one_edge(p=0.6)
+    assert attempt(graph, ROBUST, succeeded=False) == ["BeliefUpdated"]
+    assert attempt(graph, ROBUST, succeeded=False, failed_before=True) == []
+    assert attempt(graph, ROBUST, succeeded=False) == ["BeliefUpdated", "EdgePruned"]
+
+
+def test_an_edge_with_a_long_record_survives_some_failures() -> None:
+    graph = one_edge()
+    for _ in range(5):
+        attempt(graph, ROBUST, succeeded=True)
+    attempt(graph, ROBUST, succeeded=False)
+    assert (1, 2) in graph.edges
+
+
+@pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
+def test_an_edge_that_always_fails_leaves_the_map(method: Method) -> None:
+    graph = one_edge(p=0.95)
+    for _ in range(8):
+        attempt(graph, method, succeeded=False)
+    assert not graph.edges
+
+
+def test_a_protected_edge_is_never_pruned() -> None:
+    graph = one_edge(protected=True)
+    for _ in range(8):
+        attempt(graph, PAPER, succeeded=False)
+    assert graph.edges[1, 2].belief.p < 0.1
+
+
+def test_an_edge_that_has_left_the_map_is_not_updated() -> None:
+    graph = one_edge()
+    graph.apply(EdgePruned(1, 2, Cause.HAND))
+    assert attempt(graph, ROBUST, succeeded=True) == []
+
+
+def test_updates_name_their_cause() -> None:
+    updated = update_edge(one_edge(), Attempt(1, 2, 1.0, succeeded=True), ROBUST.believing)[0]
+    assert isinstance(updated, BeliefUpdated)
+    assert updated.cause is Cause.ATTEMPT
+
+
+def matches(distance: float, reachability: float = 0.9) -> Matches:
+    return Matches((1,), np.array([reachability]), np.array([[distance, 0.0, 0.0]]), np.array([distance]))
+
+
+NOVEL = look_at(np.array([2.0, 1.0, 0.0]), 50)
+
+
+def test_a_novel_node_is_tied_in_from_farther_away_than_in_building() -> None:
+    graph, far = one_edge(), 1.2 * ROBUST.building.connect_distance
+    deltas = novel_node(graph, NOVEL, matches(far), ROBUST)
+    for delta in deltas:
+        graph.apply(delta)
+    assert 50 in graph.nodes
+    assert (50, 1) in graph.edges
+    assert (1, 50) in graph.edges
+    assert {delta.cause for delta in deltas if isinstance(delta, NodeAdded)} == {Cause.NOVEL}
+
+
+def test_what_is_almost_a_node_already_is_not_novel() -> None:
+    assert novel_node(one_edge(), NOVEL, matches(0.05), ROBUST) == ()
+    closer = replace(ROBUST, expanding=replace(ROBUST.expanding, merge_factor=0.0))
+    assert novel_node(one_edge(), NOVEL, matches(0.05), closer) != ()
+
+
+def test_what_touches_nothing_does_not_become_a_node() -> None:
+    assert novel_node(one_edge(), NOVEL, matches(1.0, reachability=0.1), ROBUST) == ()
+
+
+def test_a_frame_becomes_a_node_only_once() -> None:
+    graph = one_edge()
+    for delta in novel_node(graph, NOVEL, matches(1.0 * 1.1), ROBUST):
+        graph.apply(delta)
+    assert novel_node(graph, NOVEL, matches(1.1), ROBUST) == ()

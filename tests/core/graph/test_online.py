@@ -1,0 +1,72 @@
+"""While somebody drives: merge, connect or keep, with the same operators."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.expansion import reachable
+from ltvn_core.graph.online import OnlineBuilder
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.views import Views
+from ltvn_core.types import Observation
+from tests.core.world import FlatPredictor, look_at, one_room, tour
+
+ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7)]
+
+
+def driven(
+    images: Iterable[Observation], method: Method = ROBUST, limit: int = 2000
+) -> tuple[TopologicalGraph, Views, list[GraphDelta]]:
+    graph, predictor, history = TopologicalGraph(), FlatPredictor(one_room()), []
+    views = Views(predictor)
+    online = OnlineBuilder(graph, views, predictor, method, reserve_limit=limit)
+    for seen in images:
+        for delta in online.offer(seen):
+            graph.apply(delta)
+            history.append(delta)
+    return graph, views, history
+
+
+def test_the_map_grows_in_one_piece_and_is_the_fold_of_what_was_told() -> None:
+    images = list(tour(ROUND))
+    graph, views, history = driven(images)
+    assert 10 < len(graph.nodes) < len(images) / 2
+    assert reachable(graph, images[0].step) == set(graph.nodes)
+    assert TopologicalGraph(history) == graph
+    assert set(views.frames) == set(graph.nodes) | set(graph.reserve)
+
+
+def test_the_first_image_is_a_node_and_the_same_image_again_changes_nothing() -> None:
+    seen = look_at(np.array([1.0, 1.0, 0.0]), 5)
+    graph, _, history = driven([seen, seen])
+    assert list(graph.nodes) == [5]
+    assert len(history) == 1
+
+
+def test_standing_still_adds_no_nodes() -> None:
+    graph, _, _ = driven(look_at(np.array([1.0, 1.0, 0.0]), step) for step in range(20))
+    assert len(graph.nodes) == 1
+
+
+def test_the_reserve_is_bounded_and_its_oldest_images_go() -> None:
+    graph, views, _ = driven(tour(ROUND), limit=25)
+    assert len(graph.reserve) == 25
+    assert len(views) == len(graph.nodes) + 25
+
+
+def test_the_literal_method_forgets_merged_images() -> None:
+    graph, views, _ = driven(tour(ROUND), method=PAPER)
+    assert set(views.frames) == set(graph.nodes) | set(graph.reserve)
+    assert not graph.reserve
+
+
+def test_an_image_without_neighbours_waits_until_one_comes() -> None:
+    start, far = look_at(np.array([0.7, 0.7, 0.0]), 0), look_at(np.array([3.5, 0.7, 0.0]), 1)
+    between = [look_at(np.array([x, 0.7, 0.0]), step) for step, x in enumerate((1.4, 2.1, 2.8), 2)]
+    graph, _, _ = driven([start, far])
+    assert list(graph.reserve) == [1]
+    graph, _, _ = driven([start, far, *between])
+    assert set(graph.nodes) == {0, 1, 2, 3, 4}
+    assert not graph.reserve

@@ -1,0 +1,165 @@
+"""A map is the fold of its deltas, and no delta can break its invariants."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ltvn_core.errors import MapError
+from ltvn_core.graph.deltas import (
+    Belief,
+    BeliefUpdated,
+    Cause,
+    Edge,
+    EdgeAdded,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    GraphDelta,
+    Node,
+    NodeAdded,
+    NodeDropped,
+    PoseRow,
+)
+from ltvn_core.graph.topograph import TopologicalGraph
+
+AHEAD = PoseRow(1.0, 0.0, 0.0)
+SURE = Belief(0.9, 1.0, 0.02)
+
+
+def node(frame: int) -> NodeAdded:
+    return NodeAdded(Node(frame, PoseRow(float(frame), 0.0, 0.0)), Cause.BUILD)
+
+
+def edge(source: int, target: int, *, belief: Belief = SURE, protected: bool = False) -> EdgeAdded:
+    return EdgeAdded(Edge(source, target, AHEAD, belief, protected=protected), Cause.BUILD)
+
+
+@st.composite
+def histories(draw: st.DrawFn) -> list[GraphDelta]:
+    """Draw a history of which every delta fits."""
+    graph, history = TopologicalGraph(), []
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    for _ in range(draw(st.integers(0, 60))):
+        delta = _any_delta(graph, rng)
+        if delta is not None:
+            graph.apply(delta)
+            history.append(delta)
+    return history
+
+
+def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta | None:
+    frame = int(rng.integers(25))
+    nodes, edges, reserve = list(graph.nodes), list(graph.edges), list(graph.reserve)
+    free = frame not in graph.nodes and frame not in graph.reserve
+    kind = rng.choice(["node", "edge", "edge", "belief", "prune", "drop", "reserve", "release"])
+    if kind == "node" and free:
+        return node(frame)
+    if kind == "edge" and len(nodes) > 1:
+        source, target = (int(one) for one in rng.choice(nodes, 2, replace=False))
+        return None if (source, target) in graph.edges else edge(source, target)
+    if kind == "belief" and edges:
+        source, target = edges[rng.integers(len(edges))]
+        belief = Belief(float(rng.random()), float(rng.random()), 0.01)
+        return BeliefUpdated(source, target, belief, 3, int(rng.integers(4)), Cause.ATTEMPT)
+    if kind == "prune" and edges:
+        return EdgePruned(*edges[rng.integers(len(edges))], Cause.ATTEMPT)
+    if kind == "drop" and nodes:
+        return NodeDropped(int(rng.choice(nodes)), Cause.HAND)
+    if kind == "reserve" and free:
+        return FramesReserved((frame,), Cause.BUILD)
+    if kind == "release" and reserve:
+        return FramesReleased((int(rng.choice(reserve)),), Cause.EXPAND)
+    return None
+
+
+@given(histories())
+def test_folding_the_history_gives_the_map(history: list[GraphDelta]) -> None:
+    graph = TopologicalGraph()
+    for delta in history:
+        graph.apply(delta)
+    assert TopologicalGraph(history) == graph
+    assert graph.version == len(history)
+
+
+@given(histories())
+def test_the_short_history_of_a_map_folds_to_the_same_map(history: list[GraphDelta]) -> None:
+    graph = TopologicalGraph(history)
+    assert TopologicalGraph(graph.deltas()) == graph
+    assert graph.copy() == graph
+
+
+@settings(max_examples=30)
+@given(histories())
+def test_every_edge_joins_two_nodes_and_both_ends_know_it(history: list[GraphDelta]) -> None:
+    graph = TopologicalGraph(history)
+    for source, target in graph.edges:
+        assert source in graph.nodes
+        assert target in graph.nodes
+        assert target in graph.successors(source)
+        assert source in graph.predecessors(target)
+    assert sum(len(graph.successors(each)) for each in graph.nodes) == len(graph.edges)
+    assert not set(graph.nodes) & set(graph.reserve)
+
+
+def test_a_copy_goes_its_own_way() -> None:
+    graph = TopologicalGraph([node(1), node(2), edge(1, 2)])
+    copy = graph.copy()
+    copy.apply(EdgePruned(1, 2, Cause.HAND))
+    assert graph != copy
+    assert (1, 2) in graph.edges
+
+
+def test_a_dropped_node_takes_its_edges_along() -> None:
+    graph = TopologicalGraph([node(1), node(2), node(3), edge(1, 2), edge(2, 1), edge(2, 3), edge(3, 1)])
+    graph.apply(NodeDropped(2, Cause.HAND))
+    assert set(graph.edges) == {(3, 1)}
+    assert not graph.successors(1)
+    assert not graph.successors(2)
+
+
+@pytest.mark.parametrize(
+    ("delta", "message"),
+    [
+        (node(1), "Node 1 is in the map already"),
+        (node(9), "Frame 9 is in the reserve"),
+        (NodeDropped(5, Cause.HAND), "Node 5 is not in the map"),
+        (edge(1, 5), "Node 5 is not in the map"),
+        (edge(1, 1), "cannot have an edge to itself"),
+        (edge(1, 2), "Edge 1 -> 2 is in the map already"),
+        (edge(2, 1, belief=Belief(1.2, 1.0, 0.1)), r"p = 1.2; it must lie in \[0, 1\]"),
+        (edge(2, 1, belief=Belief(0.5, float("nan"), 0.1)), "mu = nan"),
+        (edge(2, 1, belief=Belief(0.5, 1.0, 0.0)), "sigma2 = 0.0; it must be positive"),
+        (EdgePruned(2, 1, Cause.ATTEMPT), "Edge 2 -> 1 is not in the map"),
+        (BeliefUpdated(1, 2, SURE, 1, 2, Cause.ATTEMPT), "counts 2 successes in 1 attempts"),
+        (FramesReserved((1,), Cause.BUILD), "Frame 1 is a node"),
+        (FramesReserved((9,), Cause.BUILD), "Frame 9 is in the reserve already"),
+        (FramesReleased((8, 9), Cause.EXPAND), "Frame 8 is not in the reserve"),
+    ],
+)
+def test_a_delta_that_does_not_fit_is_refused_and_changes_nothing(delta: GraphDelta, message: str) -> None:
+    graph = TopologicalGraph([node(1), node(2), edge(1, 2), FramesReserved((9,), Cause.BUILD)])
+    before = graph.copy()
+    with pytest.raises(MapError, match=message):
+        graph.apply(delta)
+    assert graph == before
+
+
+def test_only_a_person_prunes_a_protected_edge() -> None:
+    graph = TopologicalGraph([node(1), node(2), edge(1, 2, protected=True)])
+    with pytest.raises(MapError, match="protected"):
+        graph.apply(EdgePruned(1, 2, Cause.ATTEMPT))
+    graph.apply(EdgePruned(1, 2, Cause.HAND))
+    assert not graph.edges
+
+
+def test_a_map_is_never_equal_to_something_else() -> None:
+    assert TopologicalGraph() != "a map"
+
+
+def test_a_map_of_ten_thousand_nodes_and_fifty_thousand_edges_folds() -> None:
+    deltas: list[GraphDelta] = [node(frame) for frame in range(10_000)]
+    deltas += [edge(k, (k + step) % 10_000) for k in range(10_000) for step in (1, 2, 3, 5, 8)]
+    graph = TopologicalGraph(deltas)
+    assert len(graph.edges) == 50_000
+    assert len(graph.deltas()) == 60_000

@@ -8,6 +8,7 @@ from collections import Counter
 
 from ltvn_core.config import Planning
 from ltvn_core.graph.topograph import EdgeKey
+from ltvn_core.nav.events import Outcome
 from ltvn_core.types import NodeId
 
 
@@ -28,6 +29,8 @@ class QueryMemory:
         """Where the robot is held to be, because a leg to there took no step; used once."""
         self.looks_in_vain = 0
         """Looks in a row without a node or without a path."""
+        self.despair = Outcome.LOST
+        """What the query ends with if it is given up: no path counts for more than being lost on the way."""
         self.denials = 0
         """How often a second look at the goal disagreed with the first."""
         self.approached: NodeId | None = None
@@ -53,6 +56,13 @@ class QueryMemory:
         self._failed.add(edge)
         if self._config.failure_penalty:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
+
+    def look_in_vain(self, why: Outcome) -> None:
+        """Count a look without a node or without a path."""
+        if self.looks_in_vain == 0 or why is Outcome.NO_PATH:
+            self.despair = why
+        self.looks_in_vain += 1
+        self.plan = ()
 
     def take_held(self) -> NodeId | None:
         """Return where the robot is held to be, once."""

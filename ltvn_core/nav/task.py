@@ -189,16 +189,15 @@ class Task:
         numbers = seen.distance, seen.reachability, verdict.succeeded, verdict.reason
         return LegEnded(self._query, attempt, source, target, frame, end, *numbers)
 
-    def _recover(self, despair: Outcome) -> Steps[None]:
+    def _recover(self, why: Outcome) -> Steps[None]:
         """Turn on the spot to look again; after a full turn move on a little; in the end give up."""
         yield from self._enter(NavigatorState.RECOVERING)
         recovering, memory = self._method.recovering, self._memory
-        memory.looks_in_vain += 1
-        memory.plan = ()
-        if despair is Outcome.LOST and self._method.maintain:
+        memory.look_in_vain(why)
+        if why is Outcome.LOST and self._method.maintain:
             yield from self._remember_novel()
         if memory.looks_in_vain >= recovering.give_up_after_looks:
-            raise QueryOver(despair)
+            raise QueryOver(memory.despair)
         around = memory.looks_in_vain % recovering.looks_per_turn == 0
         if around and recovering.wander_m and self._leg.is_free(recovering.wander_m):
             yield from self._body.advance(recovering.wander_m, self._method.driving.speed_m_s / 2)

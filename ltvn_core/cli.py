@@ -21,7 +21,6 @@ from ltvn_core.verbs.collect import Collect
 from ltvn_core.verbs.demo import Demo
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.navigate import Lifelong, Navigate
-from ltvn_core.verbs.train import Dataset, Train
 from ltvn_core.verbs.verb import Verb, to_json, to_text
 from ltvn_core.verbs.view import View
 
@@ -34,8 +33,6 @@ AnyVerb: TypeAlias = (
     | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
     | Annotated[Replay, subcommand("replay", prefix_name=False)]
     | Annotated[View, subcommand("view", prefix_name=False)]
-    | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
-    | Annotated[Train, subcommand("train", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]
     | Annotated[Repair, subcommand("repair", prefix_name=False)]

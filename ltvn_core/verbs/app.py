@@ -1,0 +1,87 @@
+"""`ltvn app | replay`: the page in the browser."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.verbs.verb import Summary, Verb
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Served:
+    """The page is closed again."""
+
+    scene: str
+    port: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class App(Verb):
+    """Open the page: drive, map, click a goal, watch. Without options: the demo apartment and its ready-made map."""
+
+    port: int = 8080
+    """Port on 127.0.0.1; 0 takes any free one."""
+    scene: str = "demo"
+    """A scene by name; a wrong name lists the right ones."""
+    map: Path | None = None
+    """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
+    recordings: Path = Path("recordings")
+    """Folder in which recordings are written and found."""
+    predictor: Literal["network", "oracle"] = "network"
+    """What compares images: the trained network, or the simulator's own geometry."""
+    weights: Path | None = None
+    """Weights to use instead of the shipped ones."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The method's settings: robust is ours, paper is the literal method."""
+    seed: int = 0
+    """Draws the robot's start and the odometry noise."""
+
+    def run(self) -> Summary:
+        """Serve the page until interrupted; raises LtvnError."""
+        return _serve(self, replay=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay(Verb):
+    """Open the page on a recording, with a slider over its time."""
+
+    recording: Positional[Path]
+    """The .rrd file."""
+    port: int = 8080
+    """Port on 127.0.0.1; 0 takes any free one."""
+
+    def run(self) -> Summary:
+        """Serve the page until interrupted; raises LtvnError."""
+        from ltvn_core.recording.info import info
+
+        if not self.recording.exists():
+            raise RecordingError(f"{self.recording} does not exist; give the path of a .rrd recording.")
+        scene = info(self.recording).scene
+        app = App(port=self.port, scene=scene, recordings=self.recording.parent)
+        return _serve(app, replay=self.recording.name)
+
+
+def _serve(options: App, replay: str | None) -> Served:
+    from ltvn_viz.app import AppOptions, run_app
+
+    run_app(
+        AppOptions(
+            port=options.port,
+            scene=options.scene,
+            map=options.map,
+            recordings=options.recordings,
+            predictor=options.predictor,
+            weights=options.weights,
+            preset=options.preset,
+            seed=options.seed,
+            replay=replay,
+        ),
+        say=_LOG.info,
+    )
+    return Served(options.scene, options.port)

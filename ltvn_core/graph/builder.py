@@ -15,9 +15,10 @@ from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import Gates, connectable, mergeable, node_of, node_with_edges
 from ltvn_core.graph.views import Views
-from ltvn_core.types import FrameId, Observation, Predictor
+from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
 _MERGE_CANDIDATES = 3
+_NEAR_IN_TIME = 12
 
 Progress = Callable[[int, int], None]
 """Called with images done and images in all."""
@@ -137,10 +138,13 @@ class _Construction:
 
     def _consumed(self, seen: Observation, *, second: bool) -> bool:
         """Merge or connect an image; tell whether it is dealt with."""
-        known = self._known_matches(seen.step)
-        if seen.step not in self._goals and self._merges(known, seen.step):
-            self._merged.append(seen.step)
-            return True
+        for fresh in self._not_met(seen.step):
+            found = self._matcher.match(self._matcher.views.features([seen.step]), fresh)
+            if seen.step not in self._goals and self._merges(found, seen.step):
+                self._merged.append(seen.step)
+                return True
+            self._remember(seen.step, found)
+        known = self._known[seen.step]
         gates = self._weak_gates if second else self._gates
         near = connectable(known, gates)
         trusted = self._matcher.supported(known.take(near), seen.step)
@@ -152,23 +156,29 @@ class _Construction:
             self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
             return True
         known.reachability[near] = trusted.reachability  # What was looked at closely once stays decided.
-        self._known[seen.step] = known
         return False
 
-    def _known_matches(self, frame: FrameId) -> Matches:
-        """Return the matches that could matter, comparing only with nodes that came since the last time."""
+    def _not_met(self, frame: FrameId) -> tuple[tuple[NodeId, ...], ...]:
+        """Return the nodes that came since the last time, those near in time first: most images merge with these."""
         nodes = tuple(self.nodes)
         fresh = nodes[self._met.get(frame, 0) :]
         self._met[frame] = len(nodes)
-        found = self._matcher.match(self._matcher.views.features([frame]), fresh)
-        found = found.take(mergeable(found, self._gates) | connectable(found, self._weak_gates))
-        return _joined(self._known[frame], found) if frame in self._known else found
+        if len(fresh) <= 2 * _NEAR_IN_TIME:
+            return (fresh,)
+        ordered = sorted(fresh, key=lambda node: abs(node - frame))
+        return tuple(ordered[:_NEAR_IN_TIME]), tuple(ordered[_NEAR_IN_TIME:])
 
-    def _merges(self, known: Matches, frame: FrameId) -> bool:
-        alike = known.take(mergeable(known, self._gates))
-        # The nearest few decide: temporal support costs nine comparisons each.
-        nearest = alike.take(np.argsort(alike.distances, kind="stable")[:_MERGE_CANDIDATES])
-        return bool(mergeable(self._matcher.supported(nearest, frame), self._gates).any())
+    def _remember(self, frame: FrameId, found: Matches) -> None:
+        found = found.take(connectable(found, self._weak_gates))
+        self._known[frame] = _joined(self._known[frame], found) if frame in self._known else found
+
+    def _merges(self, found: Matches, frame: FrameId) -> bool:
+        alike = found.take(mergeable(found, self._gates))
+        # One after the other, because temporal support is dear and the nearest nearly always has it.
+        for k in np.argsort(alike.distances, kind="stable")[:_MERGE_CANDIDATES]:
+            if mergeable(self._matcher.supported(alike.take(np.array([k])), frame), self._gates).any():
+                return True
+        return False
 
     def _enter(self, deltas: Sequence[GraphDelta]) -> None:
         self._deltas.extend(deltas)

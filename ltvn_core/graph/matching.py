@@ -96,7 +96,7 @@ class Matcher:
         reachability, waypoints = np.array(forward.reachability), np.array(forward.waypoints)
         # What the predictor did not look at closely one way it need not look at the other way.
         close = np.flatnonzero(~_says_nothing(reachability, waypoints))
-        backward = self._predictor.predict(targets[close], np.broadcast_to(image, (len(close), image.shape[1])))
+        backward = self._predictor.predict(targets[close], np.repeat(image, len(close), axis=0))
         better = backward.reachability > reachability[close]
         reachability[close[better]] = backward.reachability[better]
         waypoints[close[better]] = invert(backward.waypoints[better])

@@ -36,6 +36,4 @@ class Columns:
     def _grow(self) -> None:
         # Doubling replaces the arrays, so a view that somebody still holds keeps its old rows unchanged.
         self._capacity *= 2
-        self._arrays = {
-            name: np.concatenate([array, np.empty_like(array)]) for name, array in self._arrays.items()
-        }
+        self._arrays = {name: np.concatenate([array, np.empty_like(array)]) for name, array in self._arrays.items()}

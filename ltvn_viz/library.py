@@ -26,8 +26,8 @@ class Library:
         try:
             with os.scandir(self.folder) as entries:
                 found = [(entry.stat().st_mtime, entry.name) for entry in entries if _is_recording(entry)]
-        except FileNotFoundError:
-            return ()
+        except OSError:
+            return ()  # No folder yet, or none that can be read; a recording will say which when it begins.
         return tuple(name for _, name in sorted(found, reverse=True))
 
     def path(self, name: str) -> Path:

@@ -76,12 +76,13 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
     window = gui.add_panel()
     with window.add_tab("Camera and depth", viser.Icon.CAMERA):
         camera = CameraPanel(gui)
-    window.float(x=16, y=16, width=CAMERA_PX)
+    window.float(x=-16, y=-16, width=CAMERA_PX)
     return [status, camera, drive, follow, go, replay, Notices(clients)]
 
 
 def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: Assets) -> list[Showing]:
     scene.configure_default_lights(cast_shadow=False)
+    scene.configure_environment_map("warehouse", environment_intensity=0.35)
     return [
         RobotLayer(scene, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb),

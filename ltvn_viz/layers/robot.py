@@ -25,7 +25,7 @@ class RobotLayer:
             "/robot/view",
             fov=float(fov),
             aspect=lens.width / lens.height,
-            scale=0.45,
+            scale=0.25,
             thickness=1.5,
             thickness_units="screen",
             color=palette.ACCENT,

@@ -12,7 +12,7 @@ from ltvn_viz import palette
 from ltvn_viz.keymap import Action
 
 STYLE = f"""<style>
-.lt {{ padding: 0 .75em; font-size: .8125rem; line-height: 1.45; }}
+.lt {{ padding: .3em .75em; font-size: .8125rem; line-height: 1.45; }}
 .lt-line {{ display: flex; flex-wrap: wrap; gap: .3em .9em; align-items: center; color: #a6a7ab; }}
 .lt-line b {{ color: #e9ecef; font-weight: 600; font-variant-numeric: tabular-nums; }}
 .lt-mode {{ padding: .05em .7em; border-radius: 1em; color: #fff; font-weight: 600; background: #495057; }}
@@ -20,7 +20,7 @@ STYLE = f"""<style>
 .lt-mode[data-mode="paused"], .lt-mode[data-mode="building"] {{ background: #845d00; }}
 .lt-mode[data-mode="replay"] {{ background: #5f3dc4; }}
 .lt-mode[data-rec="1"]::before {{ content: "● "; color: {palette.WENT.css}; }}
-.lt-card {{ margin-top: .5em; padding: .5em .75em; border-radius: .5em; background: rgba(56,139,253,.13);
+.lt-card {{ padding: .5em .75em; border-radius: .5em; background: rgba(56,139,253,.13);
   border-left: 3px solid {palette.ACCENT.css}; color: #dee2e6; overflow-wrap: anywhere; }}
 .lt-card[data-severity="WARN"] {{ background: rgba(250,176,5,.12); border-color: #fab005; }}
 .lt-card[data-severity="ERROR"] {{ background: rgba(250,82,82,.14); border-color: #fa5252; }}

@@ -1,0 +1,239 @@
+"""Layers against a real viser server without a browser: what is sent, and that nothing else is."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+
+from ltvn_core.errors import SceneError
+from ltvn_viz import commands as c
+from ltvn_viz import palette
+from ltvn_viz.history import Fading, GraphView
+from ltvn_viz.layers.changes import ChangesLayer
+from ltvn_viz.layers.graph import REDRAW_EVERY_S, EdgesLayer, NodesLayer, lanes
+from ltvn_viz.layers.intent import GhostLayer, GoalLayer, PlanLayer
+from ltvn_viz.layers.placing import arrowhead
+from ltvn_viz.layers.robot import RobotLayer
+from ltvn_viz.layers.scene import SceneLayer
+from ltvn_viz.layers.trajectory import TrajectoryLayer
+from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.timeline import Moment
+from tests.viz.theatre import Theatre
+
+
+class Wire:
+    """Counts what a server sends."""
+
+    def __init__(self, server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.sent: list[Any] = []
+        interface = server.scene._websock_interface
+        send = interface.queue_message
+
+        def count(message: Any) -> None:
+            self.sent.append(message)
+            send(message)
+
+        monkeypatch.setattr(interface, "queue_message", count)
+
+    def taken(self) -> list[Any]:
+        """Return what was sent since the last call."""
+        sent, self.sent = self.sent, []
+        return sent
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def wire(server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch) -> Wire:
+    return Wire(server, monkeypatch)
+
+
+@pytest.fixture
+def snapshot(tmp_path: Path) -> Snapshot:
+    return Theatre(tmp_path).wait(2)
+
+
+class Clock:
+    """Time that the test moves."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def big_graph(nodes: int, edges: int, seed: int = 0) -> GraphView:
+    rng = np.random.default_rng(seed)
+    return GraphView(
+        np.arange(nodes),
+        rng.uniform(0, 20, (nodes, 3)),
+        rng.integers(0, nodes, (edges, 2)),
+        rng.random(edges),
+        np.zeros(edges, np.int64),
+    )
+
+
+def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wire: Wire, snapshot: Snapshot) -> None:
+    clock = Clock()
+    layers = [
+        RobotLayer(server.scene, b"glTF"),
+        SceneLayer(server.scene, lambda _: b"glTF"),
+        NodesLayer(server.scene, lambda _: None),
+        EdgesLayer(server.scene, clock),
+        TrajectoryLayer(server.scene, clock),
+        ChangesLayer(server.scene),
+        PlanLayer(server.scene),
+        GoalLayer(server.scene),
+        GhostLayer(server.scene),
+    ]
+    still = replace(snapshot, moment=replace(snapshot.moment, came=Moment().came))
+    for layer in layers:
+        layer.show(still)
+    wire.taken()
+    for _ in range(100):
+        clock.now += 0.1
+        for layer in layers:
+            layer.show(still)
+    assert wire.taken() == []
+
+
+def test_a_moving_robot_costs_two_small_messages(server: viser.ViserServer, wire: Wire, snapshot: Snapshot) -> None:
+    layer = RobotLayer(server.scene, b"glTF")
+    layer.show(snapshot)
+    wire.taken()
+    layer.show(replace(snapshot, moment=replace(snapshot.moment, robot=np.array([2.0, 1.0, 0.3]))))
+    assert len(wire.taken()) == 2
+
+
+def test_a_big_map_is_redrawn_at_most_every_so_often(server: viser.ViserServer, wire: Wire) -> None:
+    clock = Clock()
+    layer = EdgesLayer(server.scene, clock)
+    wire.taken()
+    for seed in range(60):
+        clock.now += 0.1
+        layer.show(Snapshot(moment=Moment(graph=big_graph(100, 300, seed))))
+    redrawn = sum("points" in getattr(message, "updates", {}) for message in wire.taken())
+    assert redrawn <= 60 * 0.1 / REDRAW_EVERY_S + 1
+
+
+def test_the_last_change_of_a_burst_is_drawn_in_the_end(server: viser.ViserServer) -> None:
+    clock = Clock()
+    layer = EdgesLayer(server.scene, clock)
+    layer.show(Snapshot(moment=Moment(graph=big_graph(10, 20, seed=0))))
+    last = Snapshot(moment=Moment(graph=big_graph(10, 25, seed=1)))
+    layer.show(last)
+    clock.now += REDRAW_EVERY_S
+    layer.show(last)
+    assert len(layer._lines._handle.points) == 25
+
+
+def test_recolouring_a_big_map_stays_small(server: viser.ViserServer, wire: Wire) -> None:
+    clock, graph = Clock(), big_graph(10_000, 50_000)
+    layer = EdgesLayer(server.scene, clock)
+    layer.show(Snapshot(moment=Moment(graph=graph)))
+    wire.taken()
+    clock.now += 1.0
+    layer.show(Snapshot(moment=Moment(graph=replace(graph, p=1 - graph.p))))
+    arrays = [value for message in wire.taken() for value in message.updates.values() if isinstance(value, np.ndarray)]
+    assert sum(array.nbytes for array in arrays) <= 400_000
+
+
+def test_edges_are_coloured_by_p(server: viser.ViserServer) -> None:
+    layer = EdgesLayer(server.scene)
+    graph = replace(big_graph(3, 2), p=np.array([0.0, 1.0]))
+    layer.show(Snapshot(moment=Moment(graph=graph)))
+    np.testing.assert_array_equal(layer._lines._handle.colors[:, 0], palette.probability_colours([0.0, 1.0]))
+
+
+def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    layer = NodesLayer(server.scene, lambda _: None)
+    chosen = int(snapshot.moment.graph.ids[3])
+    layer.show(replace(snapshot, selected=chosen))
+    colours = Counter(map(tuple, layer._handle.batched_colors.tolist()))
+    assert colours[tuple(palette.GOAL)] == 1
+    assert colours[tuple(palette.NODE)] == len(snapshot.moment.graph.ids) - 1
+
+
+def test_the_pin_stands_at_the_goal_and_is_hidden_without_one(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    layer = GoalLayer(server.scene)
+    layer.show(snapshot)
+    assert not layer._pin.visible
+    layer.show(replace(snapshot, selected=int(snapshot.moment.graph.ids[3])))
+    assert layer._pin.visible
+    np.testing.assert_allclose(layer._pin.position[:2], snapshot.moment.graph.poses[3, :2], atol=1e-6)
+
+
+def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, tmp_path: Path) -> None:
+    theatre = Theatre(tmp_path)
+    ghost, plan = GhostLayer(server.scene), PlanLayer(server.scene)
+    theatre.do(c.NavigateTo(int(theatre.wait().moment.graph.ids[-1])))
+    shown = theatre.until(lambda now: now.moment.ghost is not None and len(now.moment.progress.plan) > 2)
+    ghost.show(shown)
+    plan.show(shown)
+    assert ghost._ghost.visible
+    assert len(plan._lines._handle.points) == len(shown.moment.progress.plan) - 1
+    shown = theatre.until(lambda now: now.moment.progress.query is None)
+    ghost.show(shown)
+    plan.show(shown)
+    assert not ghost._ghost.visible
+    assert not plan._lines._handle.visible
+
+
+def test_pruned_edges_rise_and_fade(server: viser.ViserServer) -> None:
+    layer = ChangesLayer(server.scene)
+    heights, brightness = [], []
+    for age in (0.0, 1.0, 2.0):
+        went = Fading(np.array([[[0.0, 0.0], [1.0, 0.0]]]), np.array([age]))
+        layer.show(Snapshot(moment=Moment(went=went)))
+        heights.append(float(layer._went._handle.points[0, 0, 2]))
+        brightness.append(int(layer._went._handle.colors[0, 0].max()))
+    assert heights == sorted(heights)
+    assert heights[0] < heights[-1]
+    assert brightness == sorted(brightness, reverse=True)
+    layer.show(Snapshot())
+    assert not layer._went._handle.visible
+
+
+def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserServer) -> None:
+    def load(name: str) -> bytes:
+        if name == "foreign":
+            raise SceneError("no such scene")
+        return b"glTF"
+
+    layer = SceneLayer(server.scene, load)
+    layer.show(Snapshot(scene="here"))
+    layer.show(Snapshot(scene="foreign"))
+    assert layer._handle is not None
+    assert not layer._handle.visible
+    layer.show(Snapshot(scene="here"))
+    assert layer._handle.visible
+
+
+def test_there_and_back_are_two_lines() -> None:
+    there = np.array([[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]]])
+    moved = lanes(there)
+    assert np.all(moved[0, :, 1] < 0)
+    assert np.all(moved[1, :, 1] > 0)
+
+
+def test_the_node_marker_points_ahead_and_is_closed() -> None:
+    vertices, faces = arrowhead(0.2, 0.03)
+    assert vertices[:, 0].max() == pytest.approx(0.2)
+    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    assert set(Counter(map(tuple, sides.tolist())).values()) == {2}
+
+
+def test_colours_of_p_are_told_apart_at_the_ends() -> None:
+    low, high = palette.probability_colours([0.0, 1.0]).astype(int)
+    assert np.abs(low - high).sum() > 250

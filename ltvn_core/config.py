@@ -101,9 +101,11 @@ class Driving:
     through_map: bool = True
     """Where the node is in sight but its successor is not, aim along the edge's own waypoint (ours)."""
     depth_veto: bool = True
-    """Stop before contact when the depth image shows something in the swept width (ours)."""
-    veto_margin_m: float = 0.05
-    """How much wider than the robot, and how much before it, the way must be free (ours)."""
+    """Refuse a command that would touch what the last depth images showed (ours)."""
+    swerve: bool = True
+    """Bend such a command before refusing it (ours)."""
+    veto_margin_m: float = 0.04
+    """How much wider than the robot the way must be (ours)."""
     back_off_m: float = 0.25
     """How far to back off after a collision (ours; the paper says nothing)."""
 
@@ -226,7 +228,12 @@ PAPER = Method(
     localising=Localising(reachability_weight=0.0, shortlist=0),
     planning=Planning(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
     driving=Driving(
-        look_every_steps=0, departure_reachability=0.0, through_map=False, depth_veto=False, back_off_m=0.1
+        look_every_steps=0,
+        departure_reachability=0.0,
+        through_map=False,
+        depth_veto=False,
+        swerve=False,
+        back_off_m=0.1,
     ),
     judging=Judging(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
     believing=Believing(one_failure_per_query=False, prune_after_failures=1),

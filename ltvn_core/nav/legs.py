@@ -10,16 +10,14 @@ import numpy as np
 
 from ltvn_core.config import Driving
 from ltvn_core.geometry import compose, relative
-from ltvn_core.nav.body import CONTROL_STEP_S, Body
+from ltvn_core.nav.body import Body
 from ltvn_core.nav.controller import drives_backwards, steer
 from ltvn_core.nav.events import Event, LegEnd, Tick
 from ltvn_core.nav.eyes import Eyes
-from ltvn_core.nav.obstacle import is_blocked
+from ltvn_core.nav.obstacle import Surroundings
+from ltvn_core.nav.swerve import free_command
 from ltvn_core.types import Intrinsics, NodeId, Pose, Twist, Waypoint
 
-_VETO_EVERY_STEPS = 2
-_BRAKING_S = 0.3
-"""Time in which the robot stops, so what it covers until then must be free."""
 _LONGEST_LEG_M = 2.5
 """No waypoint is believed beyond the range in which the network learned."""
 _FINISH_M = 0.3
@@ -44,7 +42,7 @@ class Leg:
         self._body = body
         self._eyes = eyes
         self._config = config
-        self._intrinsics = intrinsics
+        self._surroundings = Surroundings(intrinsics)
 
     def drive(self, target: NodeId, waypoint: Waypoint) -> Generator[Event | Tick, None, LegResult]:
         """Drive to a waypoint (3,) given in the robot's frame now, at which `target` should be."""
@@ -61,7 +59,8 @@ class Leg:
             twist = steer(relative(body.odometry, goal), config, backwards=backwards)
             if twist is None:
                 return LegResult(LegEnd.REACHED, step, goal)
-            if self._vetoed(twist, step, goal):
+            twist = self.cleared(twist, float(np.hypot(*relative(body.odometry, goal)[:2])))
+            if twist is None:
                 return LegResult(LegEnd.BLOCKED, step, goal)
             yield from body.move(twist)
             if body.collisions > touched or (step == 0 and body.touching and twist.linear_m_s):
@@ -74,17 +73,13 @@ class Leg:
         left = relative(self._body.odometry, goal)
         return bool(every and step and step % every == 0 and np.hypot(left[0], left[1]) > _FINISH_M)
 
-    def is_free(self, ahead_m: float) -> bool:
-        """Tell whether the current picture shows nothing in the way for `ahead_m`."""
-        margin_m = self._config.veto_margin_m
-        return not is_blocked(self._eyes.observation.depth, self._intrinsics, ahead_m=ahead_m, margin_m=margin_m)
-
-    def _vetoed(self, twist: Twist, step: int, goal: Pose) -> bool:
-        if not self._config.depth_veto or twist.linear_m_s <= 0 or step % _VETO_EVERY_STEPS:
-            return False
-        left = relative(self._body.odometry, goal)
-        ahead_m = min(float(np.hypot(left[0], left[1])), twist.linear_m_s * (_BRAKING_S + CONTROL_STEP_S))
-        return not self.is_free(ahead_m)
+    def cleared(self, twist: Twist, length_m: float) -> Twist | None:
+        """Return a command as near to `twist` as what stands around allows, None if nothing does."""
+        if not self._config.depth_veto or not twist.linear_m_s:
+            return twist
+        self._surroundings.add(self._eyes.observation)
+        points = self._surroundings.around(self._body.odometry)
+        return free_command(twist, points, length_m, self._config)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
         length_m = self._config.back_off_m if backwards else -self._config.back_off_m

@@ -1,37 +1,57 @@
-"""Does the depth image show something in the way? Geometry of one image; no memory, no planning.
+"""What stands in the robot's way, as far as its depth images showed it in the last moments.
 
-Sees only what the camera sees: nothing behind, nothing beside, and nothing low close by.
+Owns the points and for how long they are remembered: a door frame leaves the picture before the robot has passed it.
+Sees nothing that no image showed, and nothing low close by. Decides nothing: `nav.swerve` does.
 """
+
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.types import Depth, Intrinsics
+from ltvn_core.geometry import rotation
+from ltvn_core.types import Depth, Intrinsics, Observation, Pose
 
-ROBOT_RADIUS_M = 0.18
 _LOW_M, _HIGH_M = 0.04, 0.65
 """Between these heights above the floor things stop the robot."""
-_TRUSTED_PIXELS = 3
-"""Fewer pixels than this are noise."""
+_NEAR_M = 1.5
+"""Things farther away cannot matter before the next image."""
+_REMEMBERED_IMAGES = 12
+_EVERY_PIXEL = 2
 
 
-def points(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]:
-    """Return (M, 3) x forward, y left, z above the floor of all pixels with a return."""
-    rows, columns = np.nonzero(depth > 0)
-    metres = depth[rows, columns].astype(np.float64)
-    left = -(columns + 0.5 - intrinsics.width / 2) / intrinsics.focal_px * metres
-    up = -(rows + 0.5 - intrinsics.height / 2) / intrinsics.focal_px * metres
-    return np.stack([metres, left, up + intrinsics.height_m], axis=-1)
+def solid_points(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]:
+    """Return (M, 2) x forward, y left of what a robot could touch nearby, from every second pixel."""
+    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+    rows, columns = np.nonzero((sparse > 0) & (sparse < _NEAR_M))
+    metres = sparse[rows, columns].astype(np.float64)
+    left = -(columns * _EVERY_PIXEL + 0.5 - intrinsics.width / 2) / intrinsics.focal_px * metres
+    up = -(rows * _EVERY_PIXEL + 0.5 - intrinsics.height / 2) / intrinsics.focal_px * metres + intrinsics.height_m
+    solid = (up > _LOW_M) & (up < _HIGH_M)
+    return np.stack([metres[solid], left[solid]], axis=-1)
 
 
-def free_ahead_m(depth: Depth, intrinsics: Intrinsics, half_width_m: float) -> float:
-    """Return how far ahead of the camera the swept width is free; infinite if nothing stands in it."""
-    cloud = points(depth, intrinsics)
-    stopping = (np.abs(cloud[:, 1]) < half_width_m) & (cloud[:, 2] > _LOW_M) & (cloud[:, 2] < _HIGH_M)
-    ahead = np.sort(cloud[stopping, 0])
-    return float(ahead[_TRUSTED_PIXELS - 1]) if len(ahead) >= _TRUSTED_PIXELS else np.inf
+class Surroundings:
+    """Solid points of the last images, kept where odometry puts them."""
 
+    def __init__(self, intrinsics: Intrinsics) -> None:
+        """Know nothing yet."""
+        self._intrinsics = intrinsics
+        self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
+        self._last_step = -1
 
-def is_blocked(depth: Depth, intrinsics: Intrinsics, *, ahead_m: float, margin_m: float) -> bool:
-    """Tell whether the robot would touch something within `ahead_m` straight ahead."""
-    return free_ahead_m(depth, intrinsics, ROBOT_RADIUS_M + margin_m) < ROBOT_RADIUS_M + margin_m + ahead_m
+    def add(self, observation: Observation) -> None:
+        """Remember what an image shows; the same image again changes nothing."""
+        if observation.step == self._last_step:
+            return
+        self._last_step = observation.step
+        here = solid_points(observation.depth, self._intrinsics)
+        pose = observation.odometry
+        self._seen.append(here @ rotation(float(pose[2])).T + pose[:2])
+
+    def around(self, odometry: Pose) -> NDArray[np.float64]:
+        """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby."""
+        if not self._seen:
+            return np.empty((0, 2))
+        points = (np.concatenate(self._seen) - odometry[:2]) @ rotation(float(odometry[2]))
+        return points[np.abs(points).max(axis=1) < _NEAR_M]

@@ -35,7 +35,7 @@ from ltvn_core.nav.judgement import Verdict, agree, is_at_goal, judge_attempt
 from ltvn_core.nav.legs import Leg, LegResult
 from ltvn_core.nav.memory import QueryMemory
 from ltvn_core.nav.mind import Mind
-from ltvn_core.types import NodeId
+from ltvn_core.types import NodeId, Twist
 
 _T = TypeVar("_T")
 Steps: TypeAlias = Generator[Event | Tick, None, _T]
@@ -198,9 +198,10 @@ class Task:
             yield from self._remember_novel()
         if memory.looks_in_vain >= recovering.give_up_after_looks:
             raise QueryOver(memory.despair)
+        ahead = Twist(self._method.driving.speed_m_s / 2, 0.0)
         around = memory.looks_in_vain % recovering.looks_per_turn == 0
-        if around and recovering.wander_m and self._leg.is_free(recovering.wander_m):
-            yield from self._body.advance(recovering.wander_m, self._method.driving.speed_m_s / 2)
+        if around and recovering.wander_m and self._leg.cleared(ahead, recovering.wander_m) == ahead:
+            yield from self._body.advance(recovering.wander_m, ahead.linear_m_s)
         yield from self._turn(recovering.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:

@@ -1,11 +1,19 @@
-"""The depth image stops the robot for what stands in its way, and for nothing else."""
+"""The depth images stop or bend the robot for what stands in its way, and for nothing else."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from ltvn_core.nav.obstacle import free_ahead_m, is_blocked, points
-from ltvn_core.types import Intrinsics
+from ltvn_core.config import ROBUST
+from ltvn_core.nav.obstacle import Surroundings, solid_points
+from ltvn_core.nav.swerve import free_command
+from ltvn_core.types import Intrinsics, Twist
+from tests.core.world import look_at
 
 LENS = Intrinsics()
+AHEAD = Twist(0.5, 0.0)
+STRAIGHT = replace(ROBUST.driving, swerve=False)
 
 
 def scene(*boxes: tuple[float, float, float, float]) -> np.ndarray:
@@ -20,43 +28,77 @@ def scene(*boxes: tuple[float, float, float, float]) -> np.ndarray:
     return np.where(depth < 8.0, depth, 0.0).astype(np.float32)
 
 
+def command(depth: np.ndarray, length_m: float = 2.0, twist: Twist = AHEAD) -> Twist | None:
+    return free_command(twist, solid_points(depth, LENS), length_m, ROBUST.driving)
+
+
 def test_an_empty_floor_is_free() -> None:
-    assert free_ahead_m(scene(), LENS, 0.23) == np.inf
-
-
-def test_the_nearest_thing_in_the_swept_width_counts() -> None:
-    view = scene((1.5, 0.1, -0.1, 0.5), (0.9, 0.3, 0.1, 0.6))
-    assert np.isclose(free_ahead_m(view, LENS, 0.23), 0.9)
-
-
-def test_a_door_frame_beside_the_way_does_not_stop_the_robot() -> None:
-    view = scene((0.8, 1.0, 0.35, 2.0), (0.8, -0.35, -1.0, 2.0))
-    assert not is_blocked(view, LENS, ahead_m=0.9, margin_m=0.05)
-
-
-def test_a_wall_stops_it_in_time_and_not_before() -> None:
-    wall = scene((1.0, 5.0, -5.0, 3.0))
-    assert is_blocked(wall, LENS, ahead_m=0.8, margin_m=0.05)
-    assert not is_blocked(wall, LENS, ahead_m=0.7, margin_m=0.05)
-
-
-def test_a_lamp_overhead_does_not_stop_it() -> None:
-    depth = scene()
-    depth[:20] = 1.0  # So near, the upper rows are higher than the robot.
-    assert points(depth, LENS)[:, 2].max() > 0.65
-    assert not is_blocked(depth, LENS, ahead_m=1.5, margin_m=0.05)
-
-
-def test_missing_returns_and_two_stray_pixels_stop_nothing() -> None:
-    depth = np.zeros((72, 96), np.float32)
-    depth[40, 48] = depth[41, 48] = 0.5
-    assert not is_blocked(depth, LENS, ahead_m=2.0, margin_m=0.05)
+    assert len(solid_points(scene(), LENS)) == 0
+    assert command(scene()) == AHEAD
 
 
 def test_points_lie_where_the_camera_sees_them() -> None:
-    depth = np.zeros((72, 96), np.float32)
-    depth[36, 10] = 2.0
-    x, y, z = points(depth, LENS)[0]
-    assert x == 2.0
-    assert y > 0  # The left half of the picture is on the left.
-    assert abs(z - LENS.height_m) < 0.03
+    points = solid_points(scene((0.9, 0.5, 0.3, 0.5)), LENS)
+    assert np.allclose(points[:, 0], 0.9)
+    assert points[:, 1].min() > 0.28
+    assert points[:, 1].max() < 0.52
+
+
+def test_a_wall_across_the_way_stops_the_robot_in_time_and_not_before() -> None:
+    wall = scene((0.5, 5.0, -5.0, 3.0))
+    assert command(wall) is None
+    assert command(wall, length_m=0.2) == AHEAD
+    assert command(scene((1.2, 5.0, -5.0, 3.0))) == AHEAD
+
+
+def test_a_door_frame_beside_the_way_does_not_bother_the_robot() -> None:
+    assert command(scene((0.5, 1.0, 0.27, 2.0), (0.5, -0.27, -1.0, 2.0))) == AHEAD
+
+
+def test_a_post_on_the_left_bends_the_way_to_the_right() -> None:
+    post = scene((0.45, 0.3, 0.12, 0.6))
+    bent = command(post)
+    assert bent is not None
+    assert bent.angular_rad_s < 0
+    assert 0 < bent.linear_m_s < AHEAD.linear_m_s
+    assert free_command(AHEAD, solid_points(post, LENS), 2.0, STRAIGHT) is None
+
+
+def test_what_hangs_overhead_and_two_stray_pixels_stop_nothing() -> None:
+    depth = scene()
+    depth[:20] = 1.0
+    depth[40, 48] = depth[42, 48] = 0.3
+    assert command(depth) == AHEAD
+
+
+def test_a_turn_on_the_spot_is_always_allowed() -> None:
+    turn = Twist(0.0, 1.0)
+    assert command(scene((0.2, 5.0, -5.0, 3.0)), twist=turn) == turn
+
+
+def test_a_robot_too_near_to_something_may_leave_it() -> None:
+    beside = np.array([[0.0, 0.19]] * 10)
+    assert free_command(AHEAD, beside, 1.0, STRAIGHT) == AHEAD
+    before = np.array([[0.19, 0.0]] * 10)
+    assert free_command(AHEAD, before, 1.0, STRAIGHT) is None
+    assert free_command(Twist(-0.5, 0.0), before, 1.0, STRAIGHT) == Twist(-0.5, 0.0)
+
+
+def test_what_was_seen_before_is_remembered_where_it_was() -> None:
+    surroundings = Surroundings(LENS)
+    surroundings.add(replace(look_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6))))
+    passed = surroundings.around(np.array([1.4, 0.0, 0.0]))
+    assert np.allclose(passed[:, 0], -0.4, atol=1e-6)
+    assert free_command(Twist(-0.5, 0.0), passed, 1.0, STRAIGHT) is None
+    turned = surroundings.around(np.array([1.0, 0.5, np.pi / 2]))
+    assert np.isclose(turned[:, 0].mean(), -0.5, atol=0.02)
+
+
+@pytest.mark.parametrize("count", [1, 40])
+def test_memory_is_bounded_and_one_image_counts_once(count: int) -> None:
+    surroundings = Surroundings(LENS)
+    image = replace(look_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6)))
+    for k in range(count):
+        surroundings.add(replace(image, step=k))
+        surroundings.add(replace(image, step=k))
+    assert len(surroundings.around(np.zeros(3))) == min(count, 12) * len(solid_points(image.depth, LENS))

@@ -1,13 +1,9 @@
-"""Which nodes to offer as goals, and which look like a picture.
+"""Which nodes to offer as goals: places far from each other. The pictures themselves are in `thumbnails`."""
 
-Pure functions over arrays; the pictures themselves are in `thumbnails`.
-"""
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.types import Pose, Rgb
+from ltvn_core.types import Pose
 
 RADIAN_IN_M = 0.5
 """A turn by a radian makes two views as different as this many metres."""
@@ -26,15 +22,3 @@ def spread(poses: Pose, count: int) -> NDArray[np.int64]:
         chosen.append(int(np.argmax(gap)))
         gap = np.minimum(gap, np.linalg.norm(embedded - embedded[chosen[-1]], axis=1))
     return np.array(chosen)
-
-
-def signature(rgb: Rgb) -> NDArray[np.float32]:
-    """Return (F,) a tiny, brightness-free version of a picture (H, W, 3), of length 1."""
-    tiny = cv2.resize(rgb, (24, 18), interpolation=cv2.INTER_AREA).astype(np.float32)
-    tiny -= tiny.mean()
-    return (tiny / max(float(np.linalg.norm(tiny)), 1e-6)).ravel()
-
-
-def most_alike(picture: NDArray[np.float32], candidates: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Return up to `count` rows of signatures (N, F), those most like the signature `picture` (F,) first."""
-    return np.argsort(-(candidates @ picture), kind="stable")[:count]

@@ -5,6 +5,7 @@ the start and without keyframes. The live page appends and looks at the end; the
 coordinates; does not own the map that the robot navigates by (`ltvn_core.graph`).
 """
 
+from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +70,7 @@ class GraphHistory:
         self._beliefs = Columns({"edge": int, "at": int, "p": float, "attempts": int})
         self._node_rows: dict[NodeId, int] = {}
         self._edge_rows: dict[tuple[NodeId, NodeId], int] = {}
+        self._touching: defaultdict[NodeId, set[tuple[NodeId, NodeId]]] = defaultdict(set)
         self._latest: tuple[int, GraphView] = (0, NO_GRAPH)
 
     def apply(self, delta: d.GraphDelta, stamp: float, pose: Pose | None = None) -> None:
@@ -114,6 +116,8 @@ class GraphHistory:
             source=source, target=target, born=self.version, died=NEVER, came_s=came, went_s=-np.inf
         )
         self._edge_rows[edge.source, edge.target] = row
+        for node in (edge.source, edge.target):
+            self._touching[node].add((edge.source, edge.target))
         self._believe(row, edge.belief.p, edge.attempts)
 
     def _believe(self, row: int | None, p: float, attempts: int) -> None:
@@ -123,6 +127,8 @@ class GraphHistory:
     def _cut(self, pair: tuple[NodeId, NodeId], cause: d.Cause, stamp: float) -> None:
         row = self._edge_rows.pop(pair, None)
         if row is not None:
+            for node in pair:
+                self._touching[node].discard(pair)
             self._edges["died"][row] = self.version
             self._edges["went_s"][row] = -np.inf if cause in QUIET else stamp
 
@@ -131,7 +137,7 @@ class GraphHistory:
         if row is None:
             return
         self._nodes["died"][row] = self.version
-        for pair in [pair for pair in self._edge_rows if node in pair]:
+        for pair in self._touching.pop(node, set()).copy():
             self._cut(pair, cause, stamp)
 
     def _view(self, version: int) -> GraphView:

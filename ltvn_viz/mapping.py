@@ -11,6 +11,7 @@ from ltvn_core.config import Method
 from ltvn_core.errors import MapError
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta, NodeDropped
+from ltvn_core.graph.lookalike import nearest_pictures
 from ltvn_core.graph.online import OnlineBuilder
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.graph.views import Views
@@ -18,7 +19,6 @@ from ltvn_core.nav.episode import judge
 from ltvn_core.nav.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.nav.navigator import Navigator
 from ltvn_core.types import FrameId, Intrinsics, NodeId, Observation, Predictor, Rgb
-from ltvn_viz import gallery
 from ltvn_viz.live import LiveRobot
 
 
@@ -89,11 +89,9 @@ class Mapping:
 
     def lookalikes(self, rgb: Rgb, count: int) -> Sequence[NodeId]:
         """Return the nodes that look most like a picture (H, W, 3), best first; raises MapError in an empty map."""
-        nodes = list(self.graph.nodes)
-        if not nodes:
+        if not self.graph.nodes:
             raise MapError("The map is empty, so there is nowhere to go yet; hold W A S D and drive a little first.")
-        known = np.stack([gallery.signature(self.views.observation(node).rgb) for node in nodes])
-        return [nodes[row] for row in gallery.most_alike(gallery.signature(rgb), known, count)]
+        return [node for node, _ in nearest_pictures(rgb, self.views, list(self.graph.nodes), count)]
 
     def _replace(self, graph: TopologicalGraph) -> None:
         self.graph = graph

@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from ltvn_viz.building import Building
 from ltvn_viz.hints import hint
 from ltvn_viz.rates import RateMeter
@@ -50,10 +52,10 @@ class Portrait:
 
 def _live(stage: Stage) -> Snapshot:
     robot = stage.live.robot
-    moment = stage.live.timeline.at(robot.stamp)
-    moment = replace(moment, robot=robot.exact_pose)
+    moment, pose = stage.live.timeline.at(robot.stamp), robot.exact_pose
+    moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     stage.goals.refresh(moment.graph)
-    picture = stage.feed.look(robot.exact_pose)
+    picture = stage.feed.look(pose)
     return Snapshot(
         scene=stage.scene,
         moment=moment,

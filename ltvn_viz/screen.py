@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import viser
+from numpy.typing import ArrayLike
 
 from ltvn_viz import palette
 from ltvn_viz.commands import Command, Pick
@@ -50,7 +51,7 @@ def furnish(server: viser.ViserServer, send: Callable[[Command], None], assets: 
     return [*_panels(server, send), *_layers(server.scene, send, assets)]
 
 
-def look_from_above(server: viser.ViserServer, low: Sequence[float], high: Sequence[float]) -> None:
+def look_from_above(server: viser.ViserServer, low: ArrayLike, high: ArrayLike) -> None:
     """Begin with a view over the floor between corners `low` and `high` (x_m, y_m), from above and at an angle."""
     middle = (np.asarray(low) + np.asarray(high)) / 2
     size = float(max(np.asarray(high) - np.asarray(low)))

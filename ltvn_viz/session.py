@@ -90,6 +90,7 @@ class Session:
                 if self._clock() < due:
                     continue  # Woken early: the command is carried out already, time is not due yet.
                 self._guarded(self._advance)
+                self._guarded(self._show)
                 ticks += 1
                 due = due + TICK_S if self._clock() - due < STALL_S else self._clock()
         finally:
@@ -99,6 +100,7 @@ class Session:
         """React, let one tick of robot time pass, and publish; what `run` does, without waiting."""
         self._guarded(self._react)
         self._guarded(self._advance)
+        self._guarded(self._show)
 
     def close(self) -> None:
         """Stop the robot and keep the recording under way."""
@@ -120,7 +122,7 @@ class Session:
         stage.teleop.obey(twist if stage.activity is stage.teleop else None)
 
     def _advance(self) -> None:
-        """Let a tick of robot time pass, and show it."""
+        """Let a tick of robot time pass."""
         stage = self._stage
         stage.worker.collect()
         stage.activity.tick()
@@ -129,7 +131,9 @@ class Session:
         if stage.worker.pending == 0:
             # Nobody changes the map now, so the recording may draw it.
             stage.live.recorder.graph(stage.mapping.graph, stage.live.robot.step, stage.live.robot.stamp)
-        self._publish(self._portrait.take(stage))
+
+    def _show(self) -> None:
+        self._publish(self._portrait.take(self._stage))
 
     def _guarded(self, part: Callable[[], None]) -> None:
         """Run a part of the loop; whatever goes wrong there, the robot stands, the page says so, the loop goes on."""

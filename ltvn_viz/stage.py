@@ -45,6 +45,7 @@ class Stage:
     """Reads a recording by its name in the library; runs in the worker's thread."""
     feed: Feed
     goals: Goals
+    teleop: Teleop
     message: Message | None = None
     work: Work | None = None
     """A job that the page should wait for, beside what an activity says itself."""
@@ -52,13 +53,13 @@ class Stage:
 
     def __post_init__(self) -> None:
         """Begin with a person driving."""
-        self.teleop = Teleop(self.live, self.worker, self.mapping.offer)
         self.activity: Activity = self.teleop
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Show a message in the page."""
-        number = self.message.number + 1 if self.message is not None else 1
-        self.message = Message(text, severity, number)
+        if self.message is None or (text, severity) != (self.message.text, self.message.severity):
+            # An error that comes back with every tick is one message.
+            self.message = Message(text, severity, self.message.number + 1 if self.message is not None else 1)
 
     def give_up(self, notice: str) -> None:
         """Leave a task before its end, and say so."""

@@ -15,7 +15,7 @@ from PIL import Image
 from ltvn_core.errors import ImageError
 from ltvn_core.nav.events import Severity
 from ltvn_viz import commands as c
-from ltvn_viz.gallery import most_alike, signature, spread
+from ltvn_viz.gallery import spread
 from ltvn_viz.keymap import Action
 from ltvn_viz.modes import Mode
 from ltvn_viz.painter import Painter
@@ -219,13 +219,6 @@ def test_gallery_pictures_lie_far_apart() -> None:
     rows = spread(poses, 3)
     apart = np.linalg.norm(poses[rows][:, None, :2] - poses[rows][None, :, :2], axis=-1)
     assert apart[~np.eye(3, dtype=bool)].min() > 4
-
-
-def test_the_picture_itself_is_most_alike() -> None:
-    pictures = np.random.default_rng(0).integers(0, 255, (20, 72, 96, 3), dtype=np.uint8)
-    signatures = np.stack([signature(picture) for picture in pictures])
-    darker = (pictures[7] * 0.7).astype(np.uint8)
-    assert most_alike(signature(darker), signatures, 3)[0] == 7
 
 
 def test_thumbnails_are_bounded() -> None:

@@ -17,7 +17,7 @@ from ltvn_core.geometry import compose
 from ltvn_core.nav.events import GraphChanged, Stamped
 from ltvn_core.types import FrameId, Observation, Pose, Twist
 from ltvn_viz import commands as c
-from ltvn_viz.feed import Picture
+from ltvn_viz.absent import AbsentFeed
 from ltvn_viz.goals import Goals
 from ltvn_viz.library import Library
 from ltvn_viz.live import CONTROL_STEP_S, Live
@@ -27,6 +27,7 @@ from ltvn_viz.replay import Replay, timeline_of
 from ltvn_viz.session import Session
 from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.stage import Stage
+from ltvn_viz.teleop import Teleop
 from ltvn_viz.thumbnails import Thumbnails
 from ltvn_viz.timeline import Timeline
 from ltvn_viz.worker import Worker
@@ -106,13 +107,6 @@ class PuppetDriver:
         return self.twist
 
 
-class NoFeed:
-    """A camera for the person that never has a picture."""
-
-    def look(self, pose: Pose) -> Picture:
-        return Picture(None, 0.0, 0)
-
-
 class Theatre:
     """A session with handles on all its parts."""
 
@@ -131,7 +125,8 @@ class Theatre:
         mapping = Mapping(FlatPredictor(self.world), ROBUST, np.random.default_rng(0))
         live = Live(self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(mapping, worker, self.thumbnails)
-        self.stage = Stage("flat", live, mapping, worker, self.library, self.open_replay, NoFeed(), goals)
+        teleop = Teleop(live, worker, mapping.offer)
+        self.stage = Stage("flat", live, mapping, worker, self.library, self.open_replay, AbsentFeed(), goals, teleop)
         self.session = Session(self.stage, self.driver, self.shown.append)
         if seen:
             self._map(seen)

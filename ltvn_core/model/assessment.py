@@ -51,13 +51,21 @@ def assess_pairs(
     return pair_figures(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
 
 
-def assess_drives(predictor: Predictor, drives: Sequence[Drive]) -> DriveFigures:
-    """Judge a predictor on all near and far ordered pairs of drives, each pair by itself."""
+def assess_drives(
+    predictor: Predictor, drives: Sequence[Drive], rng: np.random.Generator, *, limit: int | None = None
+) -> DriveFigures:
+    """Judge a predictor on the near and far ordered pairs of drives, each pair by itself.
+
+    Where `limit` is given, only so many far pairs of each drive, drawn at random, are looked at.
+    """
     near, far = [], []
     for drive in drives:
         features = encode_images(predictor, drive.rgb, drive.depth_mm)
         for mask, scores in ((drive.near, near), (drive.far, far)):
-            scores.append(predict_pairs(predictor, features, *np.nonzero(mask)).reachability)
+            pairs = np.argwhere(mask)
+            if limit is not None and len(pairs) > limit:
+                pairs = pairs[np.sort(rng.choice(len(pairs), limit, replace=False))]
+            scores.append(predict_pairs(predictor, features, *pairs.T).reachability)
     return drive_figures(np.concatenate(near), np.concatenate(far))
 
 

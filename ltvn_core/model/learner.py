@@ -19,6 +19,7 @@ from ltvn_core.model.mining import Far, hardest
 from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.precision import Precision
 from ltvn_core.model.predictor import images_to_tensors
+from ltvn_core.model.team import ALONE, Team
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +36,15 @@ class LearningPlan:
     """Weight of the auxiliary loss on token matches."""
     place: float = 0.1
     """Weight of the auxiliary loss on the cheap place score."""
-    groups: int = 20
-    """Clusters of images per step."""
+    groups: int = 10
+    """Clusters of images per step and process."""
     pairs_per_group: int = 14
     """Labelled pairs per cluster."""
-    confusions: int = 6
+    confusions: int = 3
     """Mined far pairs per step, each bringing both its clusters along."""
-    hard: int = 80
+    hard: int = 40
     """Far pairs of the step's images that look most alike by place score."""
-    random: int = 24
+    random: int = 12
     """Far pairs drawn at random."""
     rate: float = 2e-3
     """Peak learning rate of AdamW."""
@@ -86,9 +87,9 @@ class Learner:
         self.steps = 0
         self.confusions: list[Confusion] = []
 
-    def step(self, pool: ExamplePool, precision: Precision, progress: float) -> StepReport:
-        """Learn from one batch; progress in [0, 1] sets the learning rate."""
-        rng = np.random.default_rng([self.plan.seed, self.steps])
+    def step(self, pool: ExamplePool, precision: Precision, progress: float, team: Team = ALONE) -> StepReport:
+        """Learn from one batch per process; progress in [0, 1] sets the learning rate."""
+        rng = np.random.default_rng([self.plan.seed, self.steps, team.rank])
         generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
         mined = [self.confusions[k] for k in rng.permutation(len(self.confusions))[: self.plan.confusions]]
         batch = pool.draw(rng, groups=self.plan.groups, pairs_per_group=self.plan.pairs_per_group, confusions=mined)
@@ -98,6 +99,7 @@ class Learner:
         self.optimiser.zero_grad(set_to_none=True)
         loss, total, pairs = self._losses(batch, precision, rng, generator)
         total.backward()
+        team.average_gradients(self.network)
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
         self.optimiser.step()
         self.steps += 1

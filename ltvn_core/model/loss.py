@@ -78,12 +78,12 @@ def true_correspondence(
 def matching_loss(matching: Matching, true: Correspondence) -> Tensor:
     """Return the mean negative log-likelihood of matches and of "no match" (auxiliary, ours)."""
     at = (true.pair, true.source, true.target)
-    rows, columns = matching.row_norm[at[0], at[1]], matching.column_norm[at[0], at[2]]
-    matched = (rows + columns) / 2 - matching.scores[at]
+    rows, columns = matching.row_total[at[0], at[1]], matching.column_total[at[0], at[2]]
+    matched = (rows.log() + columns.log()) / 2 - matching.strength[at].clamp(min=1e-30).log()
     lonely = torch.cat(
         [
-            (matching.row_norm - matching.row_unmatched)[true.lonely_source],
-            (matching.column_norm - matching.column_unmatched)[true.lonely_target],
+            (matching.row_total / matching.row_unmatched)[true.lonely_source].log(),
+            (matching.column_total / matching.column_unmatched)[true.lonely_target].log(),
         ]
     )
     return matched.sum() / max(len(matched), 1) + lonely.sum() / max(len(lonely), 1)

@@ -17,22 +17,25 @@ from ltvn_core.model.verification import MEASURES, Verification
 
 
 class Matching(NamedTuple):
-    """Log-probabilities of a soft assignment between T source and T target tokens, with "no match" on both sides."""
+    """A soft assignment between T source and T target tokens, with "no match" on both sides.
 
-    scores: Tensor
-    """(P, T, T)"""
-    row_norm: Tensor
-    """(P, T): log of the sum over targets and "no match"."""
-    column_norm: Tensor
-    """(P, T): log of the sum over sources and "no match"."""
+    Unit vectors bound the scores, so their exponentials are kept as they are, without the usual detour by logarithms.
+    """
+
+    strength: Tensor
+    """(P, T, T): exponential of how well two tokens match, at most 1."""
+    row_total: Tensor
+    """(P, T): sum over targets and "no match"."""
+    column_total: Tensor
+    """(P, T): sum over sources and "no match"."""
     row_unmatched: Tensor
-    """(P, T) scores of "no match" for source tokens."""
+    """(P, T): strength of "no match" for source tokens."""
     column_unmatched: Tensor
-    """(P, T) scores of "no match" for target tokens."""
+    """(P, T): strength of "no match" for target tokens."""
 
     def mutual(self) -> Tensor:
         """Return (P, T, T): probability that both tokens choose each other."""
-        return torch.exp(2 * self.scores - self.row_norm[..., None] - self.column_norm[:, None])
+        return (self.strength / self.row_total[..., None]) * (self.strength / self.column_total[:, None])
 
 
 class PairOutput(NamedTuple):
@@ -67,7 +70,7 @@ class PairHead(nn.Module):
         first = self.match(source, target)
         matched, mass = gather(first.mutual(), target)
         rough = align(source.points, matched[..., :3], self.weights(source, mass))
-        second = self.match_in_space(first.scores, source, target, rough.detach())
+        second = self.match_in_space(first, source, target, rough.detach())
         matched_again, mass_again = gather(second.mutual(), target)
         motion = align(source.points, matched_again[..., :3], self.weights(source, mass_again))
         tokens, residual = self.tokens(source, matched_again, mass, mass_again, motion)
@@ -92,21 +95,24 @@ class PairHead(nn.Module):
     def match(self, source: ImageFeatures, target: ImageFeatures) -> Matching:
         """Match descriptors; each side may also decline."""
         scores = (source.descriptors * self.sharpness) @ target.descriptors.transpose(1, 2)
-        return normalise(scores, source, target)
+        strength = torch.exp(scores - self.sharpness.abs())
+        declined = (torch.exp(side.unmatched - self.sharpness.abs()) for side in (source, target))
+        return assign(strength, *declined)
 
-    def match_in_space(self, scores: Tensor, source: ImageFeatures, target: ImageFeatures, motion: Motion) -> Matching:
-        """Match again, with a penalty for pairs of tokens that the motion leaves apart.
+    def match_in_space(self, first: Matching, source: ImageFeatures, target: ImageFeatures, motion: Motion) -> Matching:
+        """Match again, weaker for pairs of tokens that the motion leaves apart.
 
         The tolerance grows with distance, as a token covers more surface there.
         """
         there = motion.apply(target.points)
-        strictness = self.closeness.abs() / spread(source)
         squares = (
             source.points.square().sum(-1)[..., None]
             + there.square().sum(-1)[:, None]
             - 2 * source.points @ there.transpose(1, 2)
         )
-        return normalise(scores - strictness[..., None] * squares.clamp(min=0), source, target)
+        strictness = self.closeness.abs() / spread(source)
+        near = torch.exp(-strictness[..., None] * squares.clamp(min=0))
+        return assign(first.strength * near, first.row_unmatched, first.column_unmatched)
 
     def weights(self, source: ImageFeatures, mass: Tensor) -> Tensor:
         """Return (P, T): how much each source token counts in the alignment."""
@@ -134,16 +140,10 @@ class PairHead(nn.Module):
         return torch.cat([(share * tokens).sum(1), tokens.mean(1)], dim=-1)
 
 
-def normalise(scores: Tensor, source: ImageFeatures, target: ImageFeatures) -> Matching:
-    """Return the matching whose scores (P, T, T) compete with each side's "no match"."""
-    scores = scores.float()
-    return Matching(
-        scores,
-        torch.logaddexp(torch.logsumexp(scores, 2), source.unmatched),
-        torch.logaddexp(torch.logsumexp(scores, 1), target.unmatched),
-        source.unmatched,
-        target.unmatched,
-    )
+def assign(strength: Tensor, row_unmatched: Tensor, column_unmatched: Tensor) -> Matching:
+    """Return the matching in which strengths (P, T, T) compete with each side's "no match" (P, T)."""
+    rows, columns = strength.sum(2) + row_unmatched, strength.sum(1) + column_unmatched
+    return Matching(strength, rows, columns, row_unmatched, column_unmatched)
 
 
 def gather(mutual: Tensor, target: ImageFeatures) -> tuple[Tensor, Tensor]:

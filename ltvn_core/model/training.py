@@ -7,8 +7,9 @@ import json
 import logging
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from ltvn_core.model.mining import find_confusions
 from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.precision import Precision, choose_precision
 from ltvn_core.model.predictor import NetworkPredictor
+from ltvn_core.model.team import ALONE, Team, run_team
 from ltvn_core.model.weights import load_weights, save_weights
 
 log = logging.getLogger(__name__)
@@ -51,7 +53,9 @@ class TrainingPlan:
     patience: int = 4
     """Stop after this many validations in a row without a better one."""
     validation_pairs: int = 2500
-    """Labelled pairs of each validation scene to look at during training."""
+    """Labelled pairs of each validation scene to look at during training,"""
+    validation_far: int = 12000
+    """and far pairs of each drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +79,8 @@ class TrainingResult:
 
     weights: Path
     """The best weights, calibrated."""
-    best: Assessment
-    """Their figures on validation, before calibration."""
+    best: Assessment | None
+    """Their figures on validation, before calibration; only the leading process knows them."""
     steps: int
     """Steps in all."""
     pairs: int
@@ -85,35 +89,46 @@ class TrainingResult:
     """Time in all."""
 
 
-def train(
-    scenes: Sequence[Examples],
-    validation: Sequence[Examples],
-    drives: Sequence[Drive],
-    plan: TrainingPlan,
-    folder: Path,
-) -> TrainingResult:
-    """Train on scenes, keep the best weights on the validation scenes and drives in `folder`, and return their path.
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """What a network is trained and judged on."""
+
+    scenes: Sequence[Examples]
+    """To learn from."""
+    validation: Sequence[Examples]
+    """To choose the best weights and the calibration by."""
+    drives: Sequence[Drive] = ()
+    """To count wormholes on, in scenes that are not learned from."""
+
+
+def train(data: TrainingData, plan: TrainingPlan, folder: Path, team: Team = ALONE) -> TrainingResult:
+    """Train, keep the best weights on the validation data in `folder`, and return their path.
 
     A checkpoint in the folder is resumed. Raises WeightsError if that is of another plan.
     """
-    course = _Course(scenes, validation, drives, plan, folder)
-    return course.run()
+    folder.mkdir(parents=True, exist_ok=True)
+    return _Course(data, plan, folder, team).run()
+
+
+def train_together(
+    load: Callable[[], TrainingData], plan: TrainingPlan, folder: Path, *, processes: int
+) -> TrainingResult:
+    """Train in several processes, each of which loads the data itself; `load` must be picklable."""
+    return run_team(partial(_train_member, load, plan, folder), processes)
+
+
+def _train_member(load: Callable[[], TrainingData], plan: TrainingPlan, folder: Path, team: Team) -> TrainingResult:
+    if team.size > 1:
+        logging.basicConfig(level=logging.INFO if team.leads else logging.WARNING, format="%(asctime)s %(message)s")
+    return train(load(), plan, folder, team)
 
 
 class _Course:
     """The state of one training."""
 
-    def __init__(
-        self,
-        scenes: Sequence[Examples],
-        validation: Sequence[Examples],
-        drives: Sequence[Drive],
-        plan: TrainingPlan,
-        folder: Path,
-    ) -> None:
-        self.plan, self.folder = plan, folder
-        self.scenes, self.validation, self.drives = scenes, validation, drives
-        self.pool = ExamplePool(scenes)
+    def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, team: Team) -> None:
+        self.data, self.plan, self.folder, self.team = data, plan, folder, team
+        self.pool = ExamplePool(data.scenes)
         self.learner = Learner(plan.learning)
         self.checkpoint, self.best_path = folder / "checkpoint.safetensors", folder / "best.safetensors"
         self.spent = resume(self.learner, self.checkpoint) if self.checkpoint.exists() else 0.0
@@ -128,22 +143,20 @@ class _Course:
             total=100.0,
             initial=round(100 * self.progress(), 1),
             desc="training",
-            unit="%",
             bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}",
+            disable=not self.team.leads,
+            mininterval=1.0,
         )
         mean = math.nan
-        while (progress := self.progress()) < 1 and self.worse_in_a_row < self.plan.patience:
-            report = self.learner.step(self.pool, precision, progress)
-            self.spent = time.monotonic() - start
-            self.pairs += report.pairs
+        while (before := self.progress()) < 1 and self.team.follow(self.worse_in_a_row) < self.plan.patience:
+            report = self.learner.step(self.pool, precision, before, self.team)
+            self.spent = self.team.follow(time.monotonic() - start)
+            self.pairs += report.pairs * self.team.size
             mean = report.loss if math.isnan(mean) else 0.98 * mean + 0.02 * report.loss
-            bar.set_postfix(step=self.learner.steps, loss=f"{mean:.3f}", images=report.images, pairs=report.pairs)
+            bar.set_postfix(step=self.learner.steps, loss=f"{mean:.3f}", refresh=False)
             bar.update(100 * min(self.progress(), 1) - bar.n)
-            if _due(progress, self.progress(), self.plan.minings, begin=0.1):
-                self._mine(precision)
-            if _due(progress, self.progress(), self.plan.validations, begin=0.0):
-                self._validate()
-            if time.monotonic() - saved > _CHECKPOINT_SECONDS:
+            self._look_up(before, precision)
+            if self.team.leads and time.monotonic() - saved > _CHECKPOINT_SECONDS:
                 save_checkpoint(self.learner, self.checkpoint, seconds=self.spent)
                 saved = time.monotonic()
         bar.close()
@@ -155,10 +168,20 @@ class _Course:
             return self.learner.steps / self.plan.steps
         return self.spent / (60 * self.plan.minutes)
 
+    def _look_up(self, before: float, precision: Precision) -> None:
+        """Validate and mine where it is time to; while the leader validates, the others mine."""
+        validating = _due(before, self.progress(), self.plan.validations, begin=0.0)
+        mining = _due(before, self.progress(), self.plan.minings, begin=0.1)
+        if validating and self.team.leads:
+            self._validate()
+        elif mining or (validating and self.plan.minings > 0 and self.progress() > 0.1):
+            self._mine(precision)
+
     def _mine(self, precision: Precision) -> None:
-        rng = np.random.default_rng([self.plan.learning.seed, self.learner.steps, 1])
-        for number in rng.choice(len(self.scenes), min(self.plan.mined_scenes, len(self.scenes)), replace=False):
-            scene, kept = self.scenes[int(number)], [c for c in self.learner.confusions if c.scene != number]
+        rng = np.random.default_rng([self.plan.learning.seed, self.learner.steps, self.team.rank, 1])
+        scenes = self.data.scenes
+        for number in rng.choice(len(scenes), min(self.plan.mined_scenes, len(scenes)), replace=False):
+            scene, kept = scenes[int(number)], [c for c in self.learner.confusions if c.scene != number]
             found = find_confusions(self.learner.average, precision, scene, int(number), self.plan.learning.far, rng)
             self.learner.confusions = kept + found[:200]
         log.info("mined %d confusions", len(self.learner.confusions))
@@ -169,8 +192,10 @@ class _Course:
         rng = np.random.default_rng(0)
         found = Assessment(
             self.learner.steps,
-            assess_pairs(predictor, self.validation, rng, limit=self.plan.validation_pairs),
-            assess_drives(predictor, self.drives) if self.drives else None,
+            assess_pairs(predictor, self.data.validation, rng, limit=self.plan.validation_pairs),
+            assess_drives(predictor, self.data.drives, rng, limit=self.plan.validation_far)
+            if self.data.drives
+            else None,
         )
         log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
         with (self.folder / "validation.jsonl").open("a", encoding="utf-8") as file:
@@ -183,14 +208,14 @@ class _Course:
             self.worse_in_a_row += 1
 
     def _finish(self) -> TrainingResult:
-        save_checkpoint(self.learner, self.checkpoint, seconds=self.spent)
-        if self.best is None or self.best.steps != self.learner.steps:
-            self._validate()
-        assert self.best is not None  # `_validate` keeps the first.
-        network = load_weights(self.best_path)
-        calibrate(network, self.validation)
         weights = self.folder / "weights.safetensors"
-        save_weights(network, weights)
+        if self.team.leads:
+            save_checkpoint(self.learner, self.checkpoint, seconds=self.spent)
+            if self.best is None or self.best.steps != self.learner.steps:
+                self._validate()
+            network = load_weights(self.best_path)
+            calibrate(network, self.data.validation)
+            save_weights(network, weights)
         return TrainingResult(weights, self.best, self.learner.steps, self.pairs, self.spent)
 
 

@@ -10,6 +10,7 @@ from ltvn_core.data.sampling import ClusterSampling
 from ltvn_core.data.shards import Shard
 from ltvn_core.model.architecture import Architecture
 from ltvn_core.model.assessment import Drive
+from ltvn_core.model.training import TrainingData
 from ltvn_core.types import Observation
 from tests.core.data.box_world import two_rooms
 
@@ -26,6 +27,10 @@ def tiny_drive() -> Drive:
     world = two_rooms()
     poses = drive_poses(world.floor, np.random.default_rng(0), 40)
     return Drive("drive", *render_all(world.camera, poses), *classify_pairs(poses, world.floor))
+
+
+def tiny_data() -> TrainingData:
+    return TrainingData([tiny_shard()], [tiny_shard("b")], [tiny_drive()])
 
 
 def tiny_observations(count: int) -> list[Observation]:

@@ -16,8 +16,8 @@ from ltvn_core.model.learner import Learner, LearningPlan, schedule
 from ltvn_core.model.mining import Far, find_confusions
 from ltvn_core.model.precision import Precision
 from ltvn_core.model.predictor import load_predictor
-from ltvn_core.model.training import TrainingPlan, train
-from tests.core.model.examples import SMALL, tiny_drive, tiny_shard
+from ltvn_core.model.training import TrainingPlan, train, train_together
+from tests.core.model.examples import SMALL, tiny_data, tiny_drive, tiny_shard
 
 PLAN = LearningPlan(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)
 FULL = Precision(bfloat16=False)
@@ -62,11 +62,20 @@ def test_a_checkpoint_of_another_plan_or_a_cut_one_is_refused(tmp_path: Path) ->
 
 def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None:
     plan = TrainingPlan(PLAN, minutes=None, steps=3, validations=1, minings=1, mined_scenes=1, validation_pairs=40)
-    result = train([tiny_shard()], [tiny_shard("b")], [tiny_drive()], plan, tmp_path)
+    result = train(tiny_data(), plan, tmp_path)
     assert result.steps == 3
+    assert result.best is not None
     assert result.best.drives is not None
     assert result.best.drives.far_pairs == tiny_drive().far.sum()
     assert (tmp_path / "validation.jsonl").read_text().count("\n") == 1
+    assert len(load_predictor(result.weights).fingerprint) == 12
+
+
+def test_two_processes_train_one_network(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, minutes=None, steps=2, validations=1, minings=0, validation_pairs=20)
+    result = train_together(tiny_data, plan, tmp_path, processes=2)
+    assert result.steps == 2
+    assert result.best is not None
     assert len(load_predictor(result.weights).fingerprint) == 12
 
 

@@ -1,0 +1,88 @@
+"""Several processes that learn together: the same weights, different batches, one shared gradient.
+
+On a few cores, processes of one thread each are steadier than one process of several threads, which waits at every
+layer for whichever thread another program has displaced. Owns the start of the processes and what they share.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import timedelta
+from multiprocessing.queues import SimpleQueue
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeVar
+
+import torch
+from torch import distributed, multiprocessing, nn
+
+Result = TypeVar("Result")
+
+_PATIENCE = timedelta(minutes=30)
+"""A process may validate for so long while the others wait."""
+
+
+@dataclass(frozen=True, slots=True)
+class Team:
+    """One process's place among those that learn together."""
+
+    rank: int = 0
+    """Number of this process; process 0 leads: it validates, saves and reports."""
+    size: int = 1
+    """Number of processes."""
+
+    @property
+    def leads(self) -> bool:
+        """Tell whether this process leads."""
+        return self.rank == 0
+
+    def average_gradients(self, network: nn.Module) -> None:
+        """Replace every gradient of a network by its mean over the processes."""
+        if self.size == 1:
+            return
+        gradients = [each.grad for each in network.parameters() if each.grad is not None]
+        flat = torch.cat([gradient.flatten() for gradient in gradients])
+        distributed.all_reduce(flat)
+        flat /= self.size
+        for gradient, mean in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
+            gradient.copy_(mean.view_as(gradient))
+
+    def follow(self, number: float) -> float:
+        """Return the leader's number."""
+        if self.size == 1:
+            return number
+        shared = torch.tensor(number, dtype=torch.float64)
+        distributed.broadcast(shared, 0)
+        return float(shared)
+
+
+ALONE = Team()
+
+
+def run_team(work: Callable[[Team], Result], processes: int) -> Result:
+    """Run `work` in several new processes at once and return the leader's result; an error in one ends all.
+
+    `work` must be picklable; each process loads its own data. With one process it runs right here.
+    """
+    if processes == 1:
+        return work(ALONE)
+    context = multiprocessing.get_context("spawn")
+    results: SimpleQueue = context.SimpleQueue()
+    with TemporaryDirectory(prefix="ltvn-team-") as folder:
+        arguments = (work, processes, Path(folder) / "meeting", results)
+        multiprocessing.spawn(_member, arguments, nprocs=processes)  # type: ignore[attr-defined]
+    return results.get()
+
+
+def _member(
+    rank: int, work: Callable[[Team], Result], processes: int, meeting: Path, results: "SimpleQueue[Result]"
+) -> None:
+    torch.set_num_threads(1)
+    distributed.init_process_group(
+        "gloo", init_method=meeting.as_uri(), rank=rank, world_size=processes, timeout=_PATIENCE
+    )
+    try:
+        result = work(Team(rank, processes))
+        if rank == 0:
+            results.put(result)
+    finally:
+        distributed.destroy_process_group()

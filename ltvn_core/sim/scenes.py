@@ -1,0 +1,147 @@
+"""Scenes by name: generated once, kept on disk, the same on every machine.
+
+Owns names, seeds and the cache. How an apartment comes about is in `apartment`.
+"""
+
+import logging
+import os
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_cache_path
+
+from ltvn_core.errors import SceneError
+from ltvn_core.sim.apartment import grow
+from ltvn_core.sim.clearance import ClearanceMap
+from ltvn_core.sim.drawing_mesh import to_glb
+from ltvn_core.sim.extrusion import extruded
+from ltvn_core.sim.floorplan import Room, RoomKind
+from ltvn_core.sim.surfaces import Surfaces
+
+log = logging.getLogger(__name__)
+
+GENERATOR_VERSION = 1
+"""Part of the cache's file names; goes up whenever the same seed gives another apartment."""
+
+_OBSTACLE_HEIGHT_M = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A place in which a robot can drive."""
+
+    name: str
+    area_m2: float
+    """Of the floor between the outer walls."""
+    rooms: tuple[Room, ...]
+    clearance: ClearanceMap
+    surfaces: Surfaces
+
+    def collision_triangles(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return vertices (V, 3) and faces (F, 3) of all that a robot can bump into."""
+        return extruded(self.clearance, _OBSTACLE_HEIGHT_M)
+
+    def glb(self, *, with_ceiling: bool) -> bytes:
+        """Return the visible surfaces as a binary glTF, z up."""
+        return to_glb(self.surfaces if with_ceiling else self.surfaces.without_overhead())
+
+
+@dataclass(frozen=True, slots=True)
+class _Recipe:
+    seed: int
+    area_m2: float
+
+
+def _recipes() -> dict[str, _Recipe]:
+    """Name all scenes. Each family draws its seeds from its own thousand, so that training never sees a test scene."""
+    recipes = {"demo": _Recipe(7004, 66.0)}
+    recipes |= {f"apartment-{area}": _Recipe(9000 + area, float(area)) for area in (57, 70, 124, 129)}
+    recipes |= {f"train-{k:02d}": _Recipe(1000 + k, 45.0 + (k * 37) % 85) for k in range(40)}
+    recipes |= {f"tune-{k}": _Recipe(5000 + k, 55.0 + 13 * k) for k in range(6)}
+    return recipes
+
+
+_RECIPES = _recipes()
+
+
+def scene_names() -> tuple[str, ...]:
+    """Return all names that `load_scene` knows."""
+    return tuple(_RECIPES)
+
+
+@lru_cache(maxsize=4)
+def load_scene(name: str) -> Scene:
+    """Return a scene, generated at the first call and read from the user's cache later. Raises SceneError."""
+    if name not in _RECIPES:
+        raise SceneError(f"There is no scene {name!r}. Choose one of: {', '.join(_RECIPES)}.")
+    path = user_cache_path("ltvn") / "scenes" / f"{name}-v{GENERATOR_VERSION}.npz"
+    if (kept := _read(name, path)) is not None:
+        return kept
+    scene = _generate(name)
+    _keep(scene, path)
+    return scene
+
+
+def _generate(name: str) -> Scene:
+    recipe = _RECIPES[name]
+    grown = grow(recipe.seed, recipe.area_m2)
+    plan = grown.plan
+    area_m2 = round(plan.width * plan.depth, 2)
+    return Scene(name, area_m2, plan.rooms, ClearanceMap(grown.blocked, grown.origin), grown.surfaces)
+
+
+def _keep(scene: Scene, path: Path) -> None:
+    """Write a scene to the cache, whole or not at all; without a cache everything works, only slower."""
+    surfaces = scene.surfaces
+    rooms = (
+        np.array([[*RoomKind].index(room.kind) for room in scene.rooms]),
+        np.array([[room.x0, room.y0, room.x1, room.y1] for room in scene.rooms]),
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+            np.savez(
+                part,
+                area=scene.area_m2,
+                room_kinds=rooms[0],
+                room_edges=rooms[1],
+                blocked=scene.clearance.blocked,
+                origin=scene.clearance.origin,
+                vertices=surfaces.vertices,
+                faces=surfaces.faces,
+                corner_uv=surfaces.corner_uv,
+                face_texture=surfaces.face_texture,
+                overhead=surfaces.overhead,
+                **{f"texture{k:04d}": texture for k, texture in enumerate(surfaces.textures)},
+            )
+        os.replace(part.name, path)
+    except OSError as error:
+        log.warning("The scene %s could not be cached at %s: %s", scene.name, path, error)
+
+
+def _read(name: str, path: Path) -> Scene | None:
+    """Read a scene from the cache; None if it is not there or not whole."""
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            textures = tuple(kept[key] for key in sorted(kept.files) if key.startswith("texture"))
+            kinds = [*RoomKind]
+            edges = zip(kept["room_kinds"].tolist(), kept["room_edges"].tolist(), strict=True)
+            return Scene(
+                name,
+                float(kept["area"]),
+                tuple(Room(kinds[kind], *corners) for kind, corners in edges),
+                ClearanceMap(kept["blocked"], kept["origin"]),
+                Surfaces(
+                    kept["vertices"], kept["faces"], kept["corner_uv"], kept["face_texture"], kept["overhead"], textures
+                ),
+            )
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        log.warning("The cached scene %s is damaged and will be made again: %s", path, error)
+        return None

@@ -1,0 +1,64 @@
+"""PyBullet's software renderer behind the camera protocol, for machines without Embree.
+
+Owns one physics client that holds nothing but what can be seen. Colours are one per texture: good enough to go on
+working, not to compare weights.
+"""
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from ltvn_core.sim.camera import MAX_DEPTH_M
+from ltvn_core.sim.surfaces import Surfaces
+from ltvn_core.types import Depth, Intrinsics, Pose, Rgb
+
+_NEAR_M = 0.02
+
+
+class TinyCamera:
+    """Renders with TinyRenderer. Implements `ltvn_core.types.Camera`."""
+
+    name = "TinyRenderer"
+
+    def __init__(self, surfaces: Surfaces) -> None:
+        self._client = pybullet.connect(pybullet.DIRECT)
+        for texture in np.unique(surfaces.face_texture):
+            part = surfaces.only(surfaces.face_texture == texture)
+            self._add(part.vertices[part.faces].reshape(-1, 3), surfaces.textures[texture])
+
+    def close(self) -> None:
+        """Free the renderer; closing twice is fine."""
+        if self._client >= 0:
+            pybullet.disconnect(self._client)
+        self._client = -1
+
+    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
+        """Return rgb (H, W, 3) and depth (H, W) in metres, 0 beyond 10 m."""
+        eye = (pose[0], pose[1], intrinsics.height_m)
+        ahead = (pose[0] + np.cos(pose[2]), pose[1] + np.sin(pose[2]), intrinsics.height_m)
+        view = pybullet.computeViewMatrix(eye, ahead, (0, 0, 1))
+        across = np.tan(intrinsics.horizontal_fov_rad / 2)
+        up_deg = 2 * np.rad2deg(np.arctan(across * intrinsics.height / intrinsics.width))
+        far = 2 * MAX_DEPTH_M
+        lens = pybullet.computeProjectionMatrixFOV(up_deg, intrinsics.width / intrinsics.height, _NEAR_M, far)
+        size = intrinsics.width, intrinsics.height
+        *_, rgba, buffer, _ = pybullet.getCameraImage(
+            *size, view, lens, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self._client
+        )
+        shape = intrinsics.height, intrinsics.width
+        rgb = np.asarray(rgba, np.uint8).reshape(*shape, 4)[..., :3].copy()
+        depth = far * _NEAR_M / (far - (far - _NEAR_M) * np.asarray(buffer, np.float32).reshape(shape))
+        return rgb, np.where(depth <= MAX_DEPTH_M, depth, 0).astype(np.float32)
+
+    def _add(self, corners: NDArray[np.float32], texture: Rgb) -> None:
+        """Show triangles (3 N, 3) from both sides in their texture's mean colour."""
+        order = np.arange(len(corners)).reshape(-1, 3)
+        both_sides = np.concatenate([order, order[:, ::-1]]).ravel()
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=corners.tolist(),
+            indices=both_sides.tolist(),
+            rgbaColor=(*(texture.reshape(-1, 3).mean(0) / 255), 1),
+            physicsClientId=self._client,
+        )
+        pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)

@@ -20,7 +20,7 @@ QUIET = frozenset({d.Cause.LOAD, d.Cause.BUILD})
 """Changes that come in bulk; they neither glow nor fade."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class GraphView:
     """A map at one moment, as arrays for drawing. The same moment gives the same object."""
 
@@ -41,7 +41,7 @@ class GraphView:
         return self.poses[np.concatenate([*rows, np.empty(0, np.int64)])]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Fading:
     """Edges that came or went lately."""
 

@@ -38,7 +38,7 @@ class Moment:
     """The newest image; None before the first."""
     robot: Pose | None = None
     """(3,) for drawing."""
-    trajectory: NDArray[np.float64] = field(default_factory=lambda: NO_LINE)
+    trajectory: NDArray[np.float64] = field(default_factory=lambda: NO_LINE, repr=False)
     """(T, 3) poses driven so far, thinned."""
     frames: int = 0
     """Images taken so far."""

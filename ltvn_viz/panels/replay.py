@@ -9,6 +9,7 @@ from ltvn_viz.modes import Mode
 from ltvn_viz.panels.markup import Markup, note
 from ltvn_viz.snapshot import ReplayStatus, Snapshot
 
+STEP_S = 0.05
 NONE_YET: str = "no recordings yet"
 
 
@@ -20,12 +21,13 @@ class ReplayPanel:
         Markup(gui, note("Watch a recording in this page: the scene shows the world at the time of the slider."))
         self._names = gui.add_dropdown("Recording", [NONE_YET], disabled=True)
         self._open = gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, disabled=True)
-        self._time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=0.05, initial_value=0.0, visible=False)
+        self._time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=STEP_S, initial_value=0.0, visible=False)
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._close = gui.add_button("Back to the robot", icon=viser.Icon.ARROW_BACK_UP, visible=False)
         self._about = Markup(gui)
         self._listed: tuple[str, ...] = ()
         self._opened = ""
+        self._followed = -1.0
         self._bind(send)
 
     def show(self, snapshot: Snapshot) -> None:
@@ -69,8 +71,11 @@ class ReplayPanel:
     def _follow(self, replay: ReplayStatus) -> None:
         if replay.name != self._opened:
             self._opened = replay.name
-            self._time.max = max(replay.length_s, 0.05)
-        self._time.value = round(replay.time_s / 0.05) * 0.05
+            self._time.max = max(replay.length_s, STEP_S)
+        if replay.time_s != self._followed:
+            # Only a place in time that is new may move the slider, else it would jump back under a person's drag.
+            self._followed = replay.time_s
+            self._time.value = min(round(replay.time_s / STEP_S) * STEP_S, self._time.max)
         self._play.label = "Hold" if replay.playing else "Play"
 
 

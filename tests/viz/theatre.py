@@ -3,7 +3,7 @@
 Everything runs in one thread, in simulated time; nothing sleeps. Owns no assertion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -32,6 +32,9 @@ from ltvn_viz.thumbnails import Thumbnails
 from ltvn_viz.timeline import Timeline
 from ltvn_viz.worker import Worker
 from tests.core.world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
+
+WAY = ((1.0, 1.0), (4.0, 1.0), (4.0, 3.0))
+"""A tour through the single room."""
 
 
 class Inline(Executor):
@@ -110,18 +113,26 @@ class PuppetDriver:
 class Theatre:
     """A session with handles on all its parts."""
 
-    def __init__(self, folder: Path, world: FlatWorld | None = None, *, mapped: bool = True) -> None:
-        """Set the stage; with a map of a tour through the room unless told otherwise."""
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        world: FlatWorld | None = None,
+        way: Sequence[Sequence[float]] = WAY,
+        mapped: bool = True,
+        executor: Executor | None = None,
+    ) -> None:
+        """Set the stage, with a map of a tour along `way` unless told otherwise; jobs are done at once by default."""
         self.world = world or one_room()
         self.driver = PuppetDriver()
         self.shown: list[Snapshot] = []
         self.tapes: list[Tape] = []
         self.library = Library(folder)
         self.thumbnails = Thumbnails()
-        seen = list(tour(((1.0, 1.0), (4.0, 1.0), (4.0, 3.0)))) if mapped else []
+        seen = list(tour(way)) if mapped else []
         first_step = max((picture.step for picture in seen), default=-1) + 1
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
-        worker = Worker(Inline())
+        worker = Worker(executor or Inline())
         mapping = Mapping(FlatPredictor(self.world), ROBUST, np.random.default_rng(0))
         live = Live(self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(mapping, worker, self.thumbnails)

@@ -1,0 +1,76 @@
+"""The real page on a flat world, for browser tests: everything but simulator and network is the app's own."""
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from ltvn_core.sim.locobot import locobot_glb
+from ltvn_viz.actions import listener
+from ltvn_viz.driving import DriverSeat
+from ltvn_viz.painter import Painter
+from ltvn_viz.screen import Assets, furnish, look_from_above
+from ltvn_viz.server import GuardedServer
+from ltvn_viz.session import Session
+from ltvn_viz.snapshot import Snapshot
+from tests.core.world import FlatWorld, two_rooms
+from tests.viz.theatre import Theatre
+
+WAY = ((1.0, 1.0), (1.0, 2.0), (3.0, 2.0), (5.0, 2.0), (5.0, 3.2))
+"""A tour through the door of the two rooms."""
+
+
+@dataclass(frozen=True)
+class FlatApp:
+    """A page that is up and running."""
+
+    server: GuardedServer
+    theatre: Theatre
+    session: Session
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[FlatApp]:
+    """Serve the page with a map of both rooms; recordings go into `folder`."""
+    theatre = Theatre(folder, world=two_rooms(), way=WAY, executor=ThreadPoolExecutor(1))
+    # A page drawn by software may stall for longer than the lease of a real one.
+    with GuardedServer(seat=DriverSeat(lease_s=2.0)) as server:
+        server.add_route("/thumb/", theatre.thumbnails.get)
+        look_from_above(server.viser, (0, 0), (6, 4))
+        painters: list[Painter] = []
+        session = Session(theatre.stage, server.seat, lambda snapshot: _show(theatre, painters[0], snapshot))
+        assets = Assets(lambda _: _glb(theatre.world), locobot_glb())
+        painters.append(Painter(furnish(server.viser, session.send, assets), server.viser.atomic))
+        painters[0].start()
+        server.listen(listener(session))
+        thread = threading.Thread(target=session.run, name="session")
+        thread.start()
+        try:
+            yield FlatApp(server, theatre, session)
+        finally:
+            session.stop()
+            thread.join(timeout=10)
+            painters[0].close()
+
+
+def _show(theatre: Theatre, painter: Painter, snapshot: Snapshot) -> None:
+    theatre.shown[:] = [snapshot]
+    painter.publish(snapshot)
+
+
+def _glb(world: FlatWorld) -> bytes:
+    parts = []
+    for start, end in world.walls:
+        along = end - start
+        wall = trimesh.creation.box((float(np.hypot(*along)) + 0.1, 0.1, 0.4))
+        wall.apply_transform(trimesh.transformations.rotation_matrix(np.arctan2(along[1], along[0]), (0, 0, 1)))
+        wall.apply_translation([*(start + end) / 2, 0.2])
+        parts.append(wall)
+    exported = trimesh.Scene(parts).export(file_type="glb")
+    assert isinstance(exported, bytes)
+    return exported

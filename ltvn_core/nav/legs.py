@@ -64,7 +64,8 @@ class Leg:
                 return LegResult(LegEnd.BLOCKED, step, goal)
             yield from body.move(twist)
             if body.collisions > touched or (step == 0 and body.touching and twist.linear_m_s):
-                yield from self._back_off(backwards=backwards)
+                self._surroundings.bump(body.odometry, backwards=twist.linear_m_s < 0)
+                yield from self._back_off(backwards=twist.linear_m_s < 0)
                 return LegResult(LegEnd.COLLISION, step + 1, goal)
         return LegResult(LegEnd.TIMEOUT, config.leg_steps, goal)
 

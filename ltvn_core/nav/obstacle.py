@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import rotation
-from ltvn_core.types import Depth, Intrinsics, Observation, Pose
+from ltvn_core.types import Depth, FrameId, Intrinsics, Observation, Pose
 
 _LOW_M, _HIGH_M = 0.04, 0.65
 """Between these heights above the floor things stop the robot."""
@@ -18,6 +18,11 @@ _NEAR_M = 1.5
 """Things farther away cannot matter before the next image."""
 _REMEMBERED_IMAGES = 12
 _EVERY_PIXEL = 2
+_BUMP_STEPS = 100
+"""A touch is forgotten after so many control steps, because its place is a guess that may close a door."""
+_BUMP_M = 0.2
+_BUMP_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
+"""Each point counts three times, so that it is not taken for noise."""
 
 
 def solid_points(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]:
@@ -38,20 +43,36 @@ class Surroundings:
         """Know nothing yet."""
         self._intrinsics = intrinsics
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
+        self._bumps: deque[tuple[FrameId, NDArray[np.float64]]] = deque()
         self._last_step = -1
 
     def add(self, observation: Observation) -> None:
         """Remember what an image shows; the same image again changes nothing."""
         if observation.step == self._last_step:
             return
+        while self._bumps and observation.step - self._bumps[0][0] > _BUMP_STEPS:
+            self._bumps.popleft()
         self._last_step = observation.step
         here = solid_points(observation.depth, self._intrinsics)
         pose = observation.odometry
         self._seen.append(here @ rotation(float(pose[2])).T + pose[:2])
 
+    def bump(self, odometry: Pose, *, backwards: bool) -> None:
+        """Remember that the bumper touched something before, or behind, a robot at `odometry` (3,).
+
+        No image need have shown it. Where on the bumper it was is unknown, so a narrow piece in the middle is believed;
+        what is wider is felt out touch by touch.
+        """
+        yaw = float(odometry[2]) + (np.pi if backwards else 0.0)
+        directions = yaw + _BUMP_RAD
+        rim = _BUMP_M * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+        self._bumps.append((self._last_step, odometry[:2] + rim))
+
     def around(self, odometry: Pose) -> NDArray[np.float64]:
         """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby."""
-        if not self._seen:
+        if not self._seen and not self._bumps:
             return np.empty((0, 2))
-        points = (np.concatenate(self._seen) - odometry[:2]) @ rotation(float(odometry[2]))
+        points = (np.concatenate([*self._seen, *(rim for _, rim in self._bumps)]) - odometry[:2]) @ rotation(
+            float(odometry[2])
+        )
         return points[np.abs(points).max(axis=1) < _NEAR_M]

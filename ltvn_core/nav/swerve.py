@@ -17,6 +17,8 @@ _BENDS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 _NOISE_POINTS = 2
 """So many stray points are not believed."""
 _GIVE_M = 0.005
+_SQUEEZE, _SQUEEZE_MARGIN_M = 0.4, 0.01
+"""Where the way is too narrow for comfort the robot goes through slowly."""
 
 
 def free_command(twist: Twist, points: NDArray[np.float64], length_m: float, config: Driving) -> Twist | None:
@@ -33,7 +35,8 @@ def free_command(twist: Twist, points: NDArray[np.float64], length_m: float, con
         bent = Twist(twist.linear_m_s * (1 - 0.5 * abs(bend) / config.turn_rad_s), turn)
         if _is_free(bent, points, reach_m, config.veto_margin_m):
             return bent
-    return None
+    slow = Twist(twist.linear_m_s * _SQUEEZE, twist.angular_rad_s)
+    return slow if _is_free(slow, points, reach_m, _SQUEEZE_MARGIN_M) else None
 
 
 def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, margin_m: float) -> bool:

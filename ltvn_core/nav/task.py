@@ -135,8 +135,12 @@ class Task:
         result = yield from self._drive(source, target, sight)
         if result.steps:
             return False
-        # A leg of no step would be planned again for ever, so time passes and the robot is held to have arrived.
         yield from self._body.move_on()
+        if result.end is LegEnd.BLOCKED:
+            # From the same place it would be blocked again, so the robot looks for another way from aside.
+            yield from self._turn(self._method.recovering.turn_rad)
+            return False
+        # A leg of no step would be planned again for ever, so the robot is held to have arrived.
         self._memory.held_at = target
         return source is None and target == self._goal
 

@@ -102,3 +102,22 @@ def test_memory_is_bounded_and_one_image_counts_once(count: int) -> None:
         surroundings.add(replace(image, step=k))
         surroundings.add(replace(image, step=k))
     assert len(surroundings.around(np.zeros(3))) == min(count, 12) * len(solid_points(image.depth, LENS))
+
+
+def test_a_touch_that_no_image_showed_is_remembered_for_a_while() -> None:
+    surroundings = Surroundings(LENS)
+    surroundings.add(look_at(np.zeros(3), 1))
+    surroundings.bump(np.zeros(3), backwards=False)
+    here = surroundings.around(np.zeros(3))
+    assert free_command(AHEAD, here, 1.0, STRAIGHT) is None
+    assert free_command(Twist(-0.5, 0.0), here, 1.0, STRAIGHT) == Twist(-0.5, 0.0)
+    surroundings.add(look_at(np.zeros(3), 200))
+    assert len(surroundings.around(np.zeros(3))) == 0
+
+
+def test_through_a_narrow_gap_the_robot_goes_slowly() -> None:
+    gap = np.array([[0.3, 0.2]] * 5 + [[0.3, -0.2]] * 5)
+    through = free_command(AHEAD, gap, 1.0, ROBUST.driving)
+    assert through is not None
+    assert 0 < through.linear_m_s < 0.5 * AHEAD.linear_m_s
+    assert through.angular_rad_s == 0

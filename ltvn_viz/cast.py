@@ -11,9 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from ltvn_core.sim.scenes import load_scene
 
-from ltvn_core.composition import PredictorName, Simulation, open_predictor, open_simulation
+from ltvn_core.composition import START_CLEARANCE_M, PredictorName, Simulation, open_predictor, open_simulation
 from ltvn_core.config import Method, preset
 from ltvn_core.errors import LtvnError, SceneError, WeightsError
 from ltvn_core.nav.events import GraphChanged
@@ -21,7 +20,8 @@ from ltvn_core.recording.maps import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.sim.camera import EmbreeCamera
-from ltvn_core.types import Intrinsics, Predictor
+from ltvn_core.sim.scenes import Scene, load_scene
+from ltvn_core.types import Intrinsics, Pose, Predictor
 from ltvn_viz.absent import AbsentFeed, AbsentPredictor, AbsentRobot, AbsentTeleop
 from ltvn_viz.feed import CameraFeed
 from ltvn_viz.goals import Goals
@@ -38,6 +38,7 @@ from ltvn_viz.worker import Worker
 
 DEMO_SCENE = "demo"
 DEMO_MAP = "demo-map.rrd"
+START_CANDIDATES = 16
 PERSONS_LENS = Intrinsics(width=320, height=240)
 
 
@@ -86,7 +87,7 @@ def open_stage(options: AppOptions, stack: ExitStack, thumbnails: Thumbnails) ->
     known = _map_of(options)
     if known is not None:
         options = replace(options, scene=known.meta.scene)
-    cast = _cast(options, stack, first_step=0 if known is None else max(known.observations) + 1)
+    cast = _cast(options, stack, known)
     mapping = Mapping(cast.predictor, method, np.random.default_rng(options.seed))
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
     recorder = Recorder(library, lambda path: _new_recording(path, options, method, cast, mapping))
@@ -132,19 +133,34 @@ def floor_of(scene: str) -> tuple[np.ndarray, np.ndarray] | None:
     return vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
 
 
-def _cast(options: AppOptions, stack: ExitStack, *, first_step: int) -> _Cast:
+def _cast(options: AppOptions, stack: ExitStack, known: LoadedMap | None) -> _Cast:
     try:
         predictor = open_predictor(options.predictor, options.scene, options.weights)
-        simulation = open_simulation(options.scene, seed=options.seed, first_step=first_step)
+        scene = load_scene(options.scene)
+        camera = EmbreeCamera(scene.surfaces, supersampling=1)
+        start = _start(scene, camera, known, np.random.default_rng(options.seed))
+        first_step = 0 if known is None else max(known.observations) + 1
+        simulation = open_simulation(options.scene, seed=options.seed, first_step=first_step, start=start)
     except (SceneError, WeightsError) as missing:
         if options.replay is None:
             raise
         return _Cast(AbsentRobot(missing), AbsentPredictor(missing), AbsentFeed(), None)
     stack.callback(simulation.robot.close)
-    camera = EmbreeCamera(simulation.scene.surfaces, supersampling=1)
     feed = CameraFeed(lambda pose: camera.render(pose, PERSONS_LENS))
     stack.callback(feed.close)
     return _Cast(simulation.robot, predictor, feed, simulation)
+
+
+def _start(scene: Scene, camera: EmbreeCamera, known: LoadedMap | None, rng: np.random.Generator) -> Pose:
+    """Draw a place, on the map if there is one, from which there is something to see: nobody likes to face a wall."""
+    candidates = scene.clearance.sample_poses(rng, START_CANDIDATES, min_clearance_m=START_CLEARANCE_M)
+    if known is not None:
+        poses = [known.observations[node].exact_pose for node in known.graph.nodes]
+        mapped = np.array([pose for pose in poses if pose is not None]).reshape(-1, 3)
+        mapped = mapped[scene.clearance.at(mapped[:, :2]) >= START_CLEARANCE_M]
+        candidates = rng.permutation(mapped)[:START_CANDIDATES] if len(mapped) else candidates
+    depths = [float(np.median(camera.render(pose, Intrinsics())[1])) for pose in candidates]
+    return candidates[int(np.argmax(depths))]
 
 
 def _new_recording(path: Path, options: AppOptions, method: Method, cast: _Cast, mapping: Mapping) -> RecordingWriter:

@@ -29,6 +29,13 @@ class Picture(NamedTuple):
     """Pictures that were never drawn because a newer one was wanted."""
 
 
+class _Wish(NamedTuple):
+    """Where to look from, and when that was asked."""
+
+    pose: Pose
+    when: float
+
+
 class CameraFeed:
     """Draws what is seen from the newest pose, some times a second."""
 
@@ -36,10 +43,9 @@ class CameraFeed:
         """Start the thread; `render` is called in it alone."""
         self._render = render
         self._change = threading.Condition()
-        self._wanted: Pose | None = None
-        self._asked: Pose | None = None
-        self._view: CameraView | None = None
-        self._drawn_at = self._changed_at = time.monotonic()
+        self._wanted: _Wish | None = None
+        self._asked = _Wish(np.full(3, np.nan), float("-inf"))
+        self._shown: tuple[CameraView | None, _Wish] = (None, self._asked)
         self._dropped = 0
         self._closing = False
         self._thread = threading.Thread(target=self._draw_forever, name="camera feed", daemon=True)
@@ -47,15 +53,16 @@ class CameraFeed:
 
     def look(self, pose: Pose) -> Picture:
         """Ask for a picture from `pose` (3,) and return the newest one there is."""
+        now = time.monotonic()
         with self._change:
-            if self._asked is None or not np.array_equal(pose, self._asked):
+            if now - self._asked.when >= 1 / PICTURES_PER_S and not np.array_equal(pose, self._asked.pose):
                 self._dropped += self._wanted is not None
-                self._asked = self._wanted = pose
-                self._changed_at = time.monotonic()
+                self._asked = self._wanted = _Wish(pose, now)
                 self._change.notify()
+            view, wish = self._shown
             # A picture of a robot that stands is as good as new, however old it is.
-            late_s = time.monotonic() - self._drawn_at if self._wanted is not None else 0.0
-            return Picture(self._view, late_s, self._dropped)
+            age_s = 0.0 if view is None or np.array_equal(pose, wish.pose) else now - wish.when
+            return Picture(view, age_s, self._dropped)
 
     def close(self) -> None:
         """End the thread."""
@@ -65,21 +72,17 @@ class CameraFeed:
         self._thread.join(timeout=2.0)
 
     def _draw_forever(self) -> None:
-        while (pose := self._next()) is not None:
-            begun = time.monotonic()
+        while (wish := self._next()) is not None:
             try:
-                view = CameraView(*self._render(pose))
+                view = CameraView(*self._render(wish.pose))
             except Exception:
                 logger.exception("the camera view could not be drawn")
                 return
             with self._change:
-                self._view, self._drawn_at = view, time.monotonic()
-                self._change.wait_for(
-                    lambda: self._closing, timeout=max(0.0, begun + 1 / PICTURES_PER_S - time.monotonic())
-                )
+                self._shown = view, wish
 
-    def _next(self) -> Pose | None:
+    def _next(self) -> _Wish | None:
         with self._change:
             self._change.wait_for(lambda: self._closing or self._wanted is not None)
-            pose, self._wanted = self._wanted, None
-            return None if self._closing else pose
+            wish, self._wanted = self._wanted, None
+            return None if self._closing else wish

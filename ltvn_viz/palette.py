@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-RAMP = np.array([[233, 100, 20], [250, 178, 84], [235, 226, 196], [120, 190, 240], [40, 140, 245]], np.float64)
+RAMP = np.array([[235, 90, 10], [250, 170, 70], [235, 226, 196], [95, 175, 250], [25, 115, 250]], np.float64)
 """p = 0 to 1 in equal steps; sRGB."""
 
 
@@ -26,7 +26,7 @@ class Rgb8(NamedTuple):
         return f"rgb({self.red},{self.green},{self.blue})"
 
 
-NODE = Rgb8(214, 222, 235)
+NODE = Rgb8(200, 212, 235)
 LOCALISED = Rgb8(250, 215, 60)
 GOAL = Rgb8(204, 121, 240)
 PLAN = Rgb8(250, 215, 60)

@@ -55,8 +55,9 @@ def look_from_above(server: viser.ViserServer, low: ArrayLike, high: ArrayLike) 
     """Begin with a view over the floor between corners `low` and `high` (x_m, y_m), from above and at an angle."""
     middle = (np.asarray(low) + np.asarray(high)) / 2
     size = float(max(np.asarray(high) - np.asarray(low)))
-    server.initial_camera.look_at = (middle[0], middle[1], 0.0)
-    server.initial_camera.position = (middle[0], middle[1] - 0.62 * size, 0.85 * size)
+    # Steep, so that walls hide little; and aimed a little low, so that the camera's window covers no room.
+    server.initial_camera.look_at = (middle[0], middle[1] - 0.1 * size, 0.0)
+    server.initial_camera.position = (middle[0], middle[1] - 0.32 * size, 0.86 * size)
 
 
 def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[Showing]:

@@ -26,7 +26,7 @@ class NodesLayer:
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId], None]) -> None:
         """Add the empty batch; `on_pick` must return at once."""
-        vertices, faces = arrowhead(0.17, 0.03)
+        vertices, faces = arrowhead(0.14, 0.03)
         self._handle = scene.add_batched_meshes_simple(
             "/graph/nodes",
             vertices,

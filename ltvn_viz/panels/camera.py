@@ -14,7 +14,7 @@ from ltvn_viz.snapshot import CameraView, Snapshot
 WIDTH, HEIGHT = 320, 240
 GAP = 6
 SHOW_EVERY_S = 1 / 15
-FARTHEST_M = 5.0
+FARTHEST_M = 6.0
 """Everything beyond has one colour."""
 
 
@@ -48,7 +48,7 @@ def side_by_side(view: CameraView | None) -> Rgb:
 
 def depth_colours(depth: Depth) -> Rgb:
     """Colour depth (H, W): near is light, far is dark, no return is black."""
-    near = np.clip(1 - depth / FARTHEST_M, 0, 1)
+    near = np.clip(1 - np.sqrt(depth / FARTHEST_M), 0, 1)  # The root leaves most colours to what is close.
     coloured = cv2.applyColorMap((255 * near).astype(np.uint8), cv2.COLORMAP_CIVIDIS).astype(np.uint8)
     coloured[depth <= 0] = 0
     return np.ascontiguousarray(coloured[..., ::-1])

@@ -20,9 +20,11 @@ from ltvn_core.recording.maps import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.sim.camera import EmbreeCamera
+from ltvn_core.sim.drawing_mesh import to_glb
 from ltvn_core.sim.scenes import Scene, load_scene
 from ltvn_core.types import Intrinsics, Pose, Predictor
 from ltvn_viz.absent import AbsentFeed, AbsentPredictor, AbsentRobot, AbsentTeleop
+from ltvn_viz.cutaway import cut_away
 from ltvn_viz.feed import CameraFeed
 from ltvn_viz.goals import Goals
 from ltvn_viz.library import Library
@@ -120,8 +122,8 @@ def open_replay(library: Library, name: str) -> Replay:
 
 @lru_cache(maxsize=4)
 def scene_glb(name: str) -> bytes:
-    """Return a scene for drawing, ceiling cut away; raises SceneError for an unknown one."""
-    return load_scene(name).glb(with_ceiling=False)
+    """Return a scene for drawing, cut open; raises SceneError for an unknown one."""
+    return to_glb(cut_away(load_scene(name).surfaces))
 
 
 def floor_of(scene: str) -> tuple[np.ndarray, np.ndarray] | None:
@@ -172,7 +174,7 @@ def _new_recording(path: Path, options: AppOptions, method: Method, cast: _Cast,
         scene=options.scene,
         config=asdict(method),
         fingerprint=cast.predictor.fingerprint,
-        scene_glb=scene_glb(options.scene),
+        scene_glb=cast.simulation.scene.glb(with_ceiling=False),
     )
     try:
         if mapping.graph.nodes:

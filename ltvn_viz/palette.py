@@ -48,6 +48,14 @@ def probability_colours(p: ArrayLike) -> NDArray[np.uint8]:
     )
 
 
+def as_light(colours: ArrayLike) -> NDArray[np.uint8]:
+    """Turn colours of the screen (..., 3) into amounts of light, which is what lines and batched meshes are given."""
+    return _LIGHT[np.asarray(colours, np.uint8)]
+
+
+_LIGHT = np.rint(255 * (np.arange(256) / 255) ** 2.2).astype(np.uint8)
+
+
 def faded(colour: Rgb8, ages_s: NDArray[np.float64], over_s: float) -> NDArray[np.uint8]:
     """Fade a colour into the background over `over_s` seconds; returns (N, 3) for ages (N,)."""
     share = np.clip(1 - ages_s / over_s, 0, 1)[:, None]

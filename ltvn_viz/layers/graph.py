@@ -33,7 +33,7 @@ class NodesLayer:
             faces,
             batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
             batched_positions=np.zeros((1, 3)),
-            batched_colors=np.array([palette.NODE], np.uint8),
+            batched_colors=palette.as_light(np.array([palette.NODE])),
             lod="off",
             flat_shading=True,
             cast_shadow=False,
@@ -60,7 +60,7 @@ class NodesLayer:
             self._handle.batched_positions = points(graph.poses, NODE_Z)
             self._handle.batched_wxyzs = wxyz(graph.poses[:, 2])
         if len(graph.ids):
-            self._handle.batched_colors = self._colours(graph, snapshot.selected, here)
+            self._handle.batched_colors = palette.as_light(self._colours(graph, snapshot.selected, here))
         self._handle.visible = bool(len(graph.ids))
         self._drawn, self._marked = graph, marked
 

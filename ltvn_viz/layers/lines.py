@@ -4,6 +4,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ltvn_viz import palette
+
 
 class Lines:
     """Line segments of constant width on the screen."""
@@ -16,9 +18,9 @@ class Lines:
         )
 
     def draw(self, segments: NDArray[np.float32], colours: NDArray[np.uint8]) -> None:
-        """Replace all segments (N, 2, 3) and their colours (N, 3)."""
+        """Replace all segments (N, 2, 3) and their colours (N, 3), sRGB."""
         if len(segments):
             self._handle.points = segments
-            self._handle.colors = np.repeat(colours[:, None], 2, axis=1)
+            self._handle.colors = np.repeat(palette.as_light(colours)[:, None], 2, axis=1)
         # A node without geometry is not something the page can draw, so an empty one is hidden.
         self._handle.visible = bool(len(segments))

@@ -11,8 +11,10 @@ import pytest
 import viser
 
 from ltvn_core.errors import SceneError
+from ltvn_core.sim.surfaces import Surfaces
 from ltvn_viz import commands as c
 from ltvn_viz import palette
+from ltvn_viz.cutaway import cut_away
 from ltvn_viz.history import Fading, GraphView
 from ltvn_viz.layers.changes import ChangesLayer
 from ltvn_viz.layers.graph import REDRAW_EVERY_S, EdgesLayer, NodesLayer, lanes
@@ -153,7 +155,8 @@ def test_edges_are_coloured_by_p(server: viser.ViserServer) -> None:
     layer = EdgesLayer(server.scene)
     graph = replace(big_graph(3, 2), p=np.array([0.0, 1.0]))
     layer.show(Snapshot(moment=Moment(graph=graph)))
-    np.testing.assert_array_equal(layer._lines._handle.colors[:, 0], palette.probability_colours([0.0, 1.0]))
+    light = palette.as_light(palette.probability_colours([0.0, 1.0]))
+    np.testing.assert_array_equal(layer._lines._handle.colors[:, 0], light)
 
 
 def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer, snapshot: Snapshot) -> None:
@@ -161,8 +164,8 @@ def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer
     chosen = int(snapshot.moment.graph.ids[3])
     layer.show(replace(snapshot, selected=chosen))
     colours = Counter(map(tuple, layer._handle.batched_colors.tolist()))
-    assert colours[tuple(palette.GOAL)] == 1
-    assert colours[tuple(palette.NODE)] == len(snapshot.moment.graph.ids) - 1
+    assert colours[tuple(palette.as_light(np.array(palette.GOAL)).tolist())] == 1
+    assert colours[tuple(palette.as_light(np.array(palette.NODE)).tolist())] == len(snapshot.moment.graph.ids) - 1
 
 
 def test_the_pin_stands_at_the_goal_and_is_hidden_without_one(server: viser.ViserServer, snapshot: Snapshot) -> None:
@@ -237,3 +240,36 @@ def test_the_node_marker_points_ahead_and_is_closed() -> None:
 def test_colours_of_p_are_told_apart_at_the_ends() -> None:
     low, high = palette.probability_colours([0.0, 1.0]).astype(int)
     assert np.abs(low - high).sum() > 250
+
+
+def a_box(low: float, high: float) -> Surfaces:
+    """Return a textured box between two heights."""
+    vertices = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (low, high)], np.float32)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    uv = vertices[np.array(faces)][:, :, [0, 2]]
+    none = np.zeros(12, bool)
+    return Surfaces(
+        vertices, np.array(faces, np.int32), uv, np.zeros(12, np.int32), none, (np.zeros((1, 1, 3), np.uint8),)
+    )
+
+
+def area(surfaces: Surfaces) -> float:
+    a, b, c = np.moveaxis(surfaces.vertices[surfaces.faces], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_what_is_low_is_not_cut() -> None:
+    assert area(cut_away(a_box(0.0, 1.0), height_m=1.35)) == pytest.approx(6.0)
+
+
+def test_a_tall_box_is_cut_at_the_height_and_closed_by_its_lid() -> None:
+    cut = cut_away(a_box(0.0, 3.0), height_m=1.0)
+    assert area(cut) == pytest.approx(6.0, rel=0.05)
+    assert cut.vertices[:, 2].max() < 1.05
+
+
+def test_the_picture_on_a_wall_is_cut_and_not_squeezed() -> None:
+    cut = cut_away(a_box(0.0, 3.0), height_m=1.0)
+    sides = np.ptp(cut.vertices[cut.faces][:, :, 2], axis=1) > 0.1
+    np.testing.assert_allclose(cut.corner_uv[sides][:, :, 1], cut.vertices[cut.faces][sides][:, :, 2], atol=1e-5)

@@ -65,7 +65,7 @@ def _turned(corners: Corners, is_odd: NDArray[np.bool_]) -> Corners:
 def _between(low: NDArray[np.float32], high: NDArray[np.float32], height_m: float) -> NDArray[np.float32]:
     """Return where the edges (F, 5) from `low` to `high` pass the height."""
     share = (height_m - low[:, 2]) / (high[:, 2] - low[:, 2])
-    return low + share[:, None] * (high - low)
+    return (low + share[:, None] * (high - low)).astype(np.float32)
 
 
 def _below_one_high(corners: Corners, height_m: float) -> Corners:

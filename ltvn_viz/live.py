@@ -9,6 +9,7 @@ from ltvn_core.nav.events import Event, Stamped
 from ltvn_core.types import FrameId, Observation, Pose, Robot
 from ltvn_viz.recorder import Recorder
 from ltvn_viz.timeline import Timeline
+from ltvn_viz.worker import Worker
 
 CONTROL_STEP_S = 0.1
 """Robot time between two control steps."""
@@ -56,6 +57,13 @@ class Live:
             self.timeline.frame(seen.step, seen.stamp, seen.odometry if seen.exact_pose is None else seen.exact_pose)
             self.recorder.frame(seen)
         return seen
+
+    def begin_recording(self, worker: Worker) -> None:
+        """Begin a recording with a picture of now; raises RecordingError. Nobody else may use the robot meanwhile."""
+        self.recorder.start(worker)
+        before = self.seen
+        if self.capture() is before and before is not None:
+            self.recorder.frame(before)
 
     def emit(self, event: Event) -> None:
         """Let an event have happened now."""

@@ -118,7 +118,7 @@ def _record(stage: Stage, command: c.Command) -> None:
     stage.worker.settle()
     match command:
         case c.StartRecording():
-            recorder.start(stage.worker)
+            stage.live.begin_recording(stage.worker)
         case c.KeepRecording():
             stage.say(f"Kept as {recorder.keep().name}. Open it under “Replay”.")
         case c.DiscardRecording():

@@ -26,12 +26,12 @@ class Rgb8(NamedTuple):
         return f"rgb({self.red},{self.green},{self.blue})"
 
 
-NODE = Rgb8(200, 212, 235)
+NODE = Rgb8(176, 196, 232)
 LOCALISED = Rgb8(250, 215, 60)
 GOAL = Rgb8(204, 121, 240)
 PLAN = Rgb8(250, 215, 60)
 GHOST = Rgb8(250, 215, 60)
-TRAJECTORY = Rgb8(150, 160, 180)
+TRAJECTORY = Rgb8(255, 252, 240)
 CAME = Rgb8(0, 200, 120)
 WENT = Rgb8(230, 40, 60)
 BACKGROUND = Rgb8(24, 27, 34)

@@ -66,8 +66,8 @@ class Timeline:
 
     @property
     def start_s(self) -> float:
-        """The first moment, seconds on the robot's clock."""
-        return min([*self._frames["stamp"][:1].tolist(), *self._stamps[:1]], default=0.0)
+        """When driving began, seconds on the robot's clock; without any image, when the first thing happened."""
+        return next(iter([*self._frames["stamp"][:1].tolist(), *self._stamps[:1]]), 0.0)
 
     @property
     def end_s(self) -> float:

@@ -23,7 +23,7 @@ class TrajectoryLayer:
 
     def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty line."""
-        self._lines = Lines(scene, "/trajectory", thickness_px=2.0)
+        self._lines = Lines(scene, "/trajectory", thickness_px=3.0)
         self._clock = clock
         self._drawn: NDArray[np.float64] | None = None
         self._when = -np.inf

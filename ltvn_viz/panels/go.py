@@ -24,7 +24,11 @@ class GoPanel:
         Markup(gui, note("Click a picture, or a node in the scene, and the robot drives there by what it sees."))
         self._task, self._state, self._gallery = Markup(gui), Markup(gui), Markup(gui)
         self._upload = gui.add_upload_button(
-            "Go to an uploaded picture", icon=viser.Icon.PHOTO_UP, mime_type="image/*", hint="JPEG, PNG or WebP"
+            "Go to an uploaded picture",
+            icon=viser.Icon.PHOTO_UP,
+            color=(73, 80, 87),
+            mime_type="image/*",
+            hint="JPEG, PNG or WebP",
         )
         self._lookalikes = Markup(gui)
 

@@ -9,6 +9,7 @@ from ltvn_viz.modes import Mode
 from ltvn_viz.panels.markup import Markup, note
 from ltvn_viz.snapshot import ReplayStatus, Snapshot
 
+QUIET = (73, 80, 87)
 STEP_S = 0.05
 NONE_YET: str = "no recordings yet"
 
@@ -20,10 +21,10 @@ class ReplayPanel:
         """Add the controls to the tab that is open; `send` takes commands and returns at once."""
         Markup(gui, note("Watch a recording in this page: the scene shows the world at the time of the slider."))
         self._names = gui.add_dropdown("Recording", [NONE_YET], disabled=True)
-        self._open = gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, disabled=True)
+        self._open = gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, color=QUIET, disabled=True)
         self._time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=STEP_S, initial_value=0.0, visible=False)
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
-        self._close = gui.add_button("Back to the robot", icon=viser.Icon.ARROW_BACK_UP, visible=False)
+        self._close = gui.add_button("Back to the robot", icon=viser.Icon.ARROW_BACK_UP, color=QUIET, visible=False)
         self._about = Markup(gui)
         self._listed: tuple[str, ...] = ()
         self._opened = ""

@@ -6,9 +6,12 @@ from html import escape
 
 import viser
 
+from ltvn_core.nav.events import Severity
 from ltvn_viz.panels.markup import STYLE, Markup
 from ltvn_viz.snapshot import Message, Snapshot, Work
 
+READ_S = 15.0
+"""How long a message stays; a problem stays until the next message."""
 REFRESH_S = 0.5
 """Numbers that flicker faster cannot be read."""
 
@@ -23,6 +26,8 @@ class StatusPanel:
         self._clock = clock
         self._shown: tuple[object, ...] = ()
         self._due = float("-inf")
+        self._latest: Message | None = None
+        self._since = 0.0
 
     def show(self, snapshot: Snapshot) -> None:
         """Show mode and hint at once, numbers twice a second."""
@@ -33,7 +38,14 @@ class StatusPanel:
         self._hint.show(
             f'<div class="lt"><div class="lt-card"><strong>Next:</strong> {escape(snapshot.hint)}</div></div>'
         )
-        self._message.show(_work(snapshot.work) if snapshot.work is not None else _message(snapshot.message))
+        self._message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
+
+    def _unread(self, message: Message | None) -> str:
+        if message != self._latest:
+            self._latest, self._since = message, self._clock()
+        if message is None or (message.severity is not Severity.ERROR and self._clock() > self._since + READ_S):
+            return ""
+        return _message(message)
 
 
 def _line(snapshot: Snapshot) -> str:
@@ -50,9 +62,7 @@ def _line(snapshot: Snapshot) -> str:
     return f'<div class="lt" role="status"><div class="lt-line">{"".join(parts)}</div></div>'
 
 
-def _message(message: Message | None) -> str:
-    if message is None:
-        return ""
+def _message(message: Message) -> str:
     return (
         f'<div class="lt" role="alert"><div class="lt-card" data-severity="{message.severity}">'
         f"{escape(message.text)}</div></div>"

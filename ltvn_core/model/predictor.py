@@ -29,7 +29,8 @@ PREFILTER_KEEP = 96
 _IMAGES_AT_ONCE = 64
 _PAIRS_AT_ONCE = 256
 _MAX_THREADS = 4
-"""More threads do not make batches of this size faster."""
+"""More threads do not make batches of this size faster. At most half of the cores are taken: threads wait for each
+other at every layer, so that any other busy program would slow them down many times."""
 
 
 class NetworkPredictor:
@@ -118,7 +119,7 @@ def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PRE
     """Return the predictor of a weights file, of the shipped one if `path` is None. Raises WeightsError."""
     path = path or SHIPPED
     network = load_weights(path)
-    torch.set_num_threads(min(torch.get_num_threads(), os.cpu_count() or 1, _MAX_THREADS))
+    torch.set_num_threads(max(1, min(torch.get_num_threads(), (os.cpu_count() or 1) // 2, _MAX_THREADS)))
     return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from)
 
 

@@ -46,10 +46,10 @@ class TrainingPlan:
     """Steps to train for where no time is given."""
     validations: int = 7
     """How many times to validate, evenly over training; the best weights are kept."""
-    minings: int = 15
+    minings: int = 14
     """How many times to search for confusions, evenly over training after its first tenth."""
-    mined_scenes: int = 8
-    """Training scenes searched each time."""
+    mined_scenes: int = 4
+    """Training scenes that each process searches each time."""
     patience: int = 4
     """Stop after this many validations in a row without a better one."""
     validation_pairs: int = 2500

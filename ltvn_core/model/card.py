@@ -1,0 +1,69 @@
+"""The card that travels with weights: what they were trained on, how, and how good they are.
+
+Owns the card's fields. `ltvn_core.model.weights` writes it beside the weights.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ltvn_core.model.figures import DriveFigures, PairFigures
+from ltvn_core.model.training import TrainingPlan
+
+
+@dataclass(frozen=True)
+class TrainedOn:
+    """The data behind weights."""
+
+    scenes: tuple[str, ...]
+    """Scenes learned from."""
+    validation_scenes: tuple[str, ...]
+    """Scenes by which the best weights and the calibration were chosen."""
+    images: int
+    """Images learned from."""
+    pairs: int
+    """Labelled pairs of them."""
+    recipe: str
+    """Settings of the dataset, as JSON."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Figures on scenes that neither training nor the choice of weights has seen."""
+
+    scenes: tuple[str, ...]
+    pairs: PairFigures
+    """On labelled pairs."""
+    drives: DriveFigures
+    """On all ordered image pairs of one drive per scene."""
+
+
+@dataclass(frozen=True)
+class SuccessRates:
+    """How often an attempt to drive an edge ends well; for Eq. 3. None stands for "not measured"."""
+
+    given_reachable: float | None = None
+    """p(s given r)."""
+    given_unreachable: float | None = None
+    """p(s given not r)."""
+
+
+@dataclass(frozen=True)
+class Card:
+    """All that is known of a set of weights."""
+
+    trained_on: TrainedOn
+    plan: TrainingPlan
+    steps: int
+    """Steps of training."""
+    pairs_compared: int
+    """Pairs compared in training."""
+    minutes: float
+    """Time of training."""
+    processes: int
+    """Processes that trained together."""
+    commands: Sequence[str]
+    """What makes these weights again, up to the time that training took elsewhere."""
+    measured: Measured
+    distance_sigma: float
+    """Standard deviation of d(predicted) - d(true) on reachable pairs of unseen scenes, for Eq. 4."""
+    success_rates: SuccessRates

@@ -1,0 +1,64 @@
+"""`ltvn dataset`: scenes become labelled image pairs on disk."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.data.worlds import World
+
+FAMILIES = ("train-", "tune-0", "tune-1", "tune-2")
+"""Scenes that a dataset holds unless others are named: to train on, and to choose the best weights by."""
+
+
+@dataclass(frozen=True)
+class DatasetMade:
+    """The size of a dataset."""
+
+    folder: Path
+    scenes: int
+    images: int
+    pairs: int
+    reachable: float
+    """Share of the pairs that are reachable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dataset(Verb):
+    """Render image pairs in scenes and label them as reachable or not; goes on where an earlier call stopped."""
+
+    folder: Path = Path("data")
+    """Where the shards lie, one file per scene."""
+    scenes: tuple[str, ...] = ()
+    """Scenes by name; none stands for those of training and validation."""
+    clusters: int = 180
+    """Clusters of eight images per scene; each gives 56 pairs."""
+    seed: int = 0
+    """Draws the poses."""
+
+    def run(self) -> Summary:
+        """Make the missing shards; raises SceneError and DatasetError."""
+        from ltvn_core.data.generate import DatasetRecipe, generate
+        from ltvn_core.data.shards import read_shard
+        from ltvn_core.sim.scenes import scene_names
+
+        names = self.scenes or tuple(name for name in scene_names() if name.startswith(FAMILIES))
+        paths = generate(names, open_world, self.folder, DatasetRecipe(seed=self.seed, clusters=self.clusters))
+        images = pairs = reachable = 0
+        for path in paths:
+            shard = read_shard(path)
+            images, pairs = images + len(shard.rgb), pairs + len(shard.sources)
+            reachable += int(shard.reachable.sum())
+        return DatasetMade(self.folder, len(paths), images, pairs, reachable / max(pairs, 1))
+
+
+def open_world(name: str) -> "World":
+    """Open a simulated scene for data generation. Raises SceneError."""
+    from ltvn_core.data.worlds import World
+    from ltvn_core.sim.camera import open_camera
+    from ltvn_core.sim.scenes import load_scene
+
+    scene = load_scene(name)
+    return World(scene.name, scene.clearance, open_camera(scene))

@@ -40,12 +40,14 @@ class Eyes:
         self._at_step = -1
         self._observation: Observation | None = None
         self._features: Features | None = None
+        self._sights: dict[NodeId, Sight] = {}
 
     @property
     def observation(self) -> Observation:
         """The current picture, a new one if the robot has moved since the last."""
         if self._observation is None or self._at_step != self._body.steps:
-            self._observation, self._at_step, self._features = self._body.look(), self._body.steps, None
+            self._observation, self._at_step = self._body.look(), self._body.steps
+            self._features, self._sights = None, {}
             self._on_look(self._observation)
         return self._observation
 
@@ -59,5 +61,8 @@ class Eyes:
 
     def sight(self, node: NodeId) -> Sight:
         """Compare the current picture with a node."""
-        found = self._matcher.match(self.features, (node,))
-        return Sight(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
+        image = self.features  # First, because a new picture forgets what the last one showed.
+        if node not in self._sights:
+            found = self._matcher.match(image, (node,))
+            self._sights[node] = Sight(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
+        return self._sights[node]

@@ -58,7 +58,7 @@ def brute_force(graph: TopologicalGraph, start: int, goal: int, penalties: dict[
     return best
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(small_maps(), st.integers(0, 5), st.integers(0, 5), st.randoms(use_true_random=False))
 def test_the_plan_is_the_cheapest_of_all_paths(graph: TopologicalGraph, start: int, goal: int, random: object) -> None:
     penalties = {key: 2.0 for k, key in enumerate(graph.edges) if k % 3 == 0}

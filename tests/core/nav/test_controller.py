@@ -30,7 +30,7 @@ def driven(waypoint: Waypoint, steps: int = 300) -> tuple[Waypoint, list[float]]
     raise AssertionError(f"never reached {waypoint}")
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(waypoints)
 def test_every_waypoint_is_reached(waypoint: Waypoint) -> None:
     left, _ = driven(waypoint)

@@ -25,7 +25,9 @@ def main() -> int:
         try:
             install()
         except (subprocess.CalledProcessError, FileNotFoundError) as error:
-            sys.stderr.write(f"Browser tests need Chromium or Chrome; installing it failed ({error}). Install it by hand.\n")
+            sys.stderr.write(
+                f"Browser tests need Chromium or Chrome; installing it failed ({error}). Install it by hand.\n"
+            )
             return 1
     return 0
 

@@ -152,7 +152,7 @@ def test_a_failing_robot_is_stopped_and_the_page_says_so(theatre: Theatre, caplo
 def test_hammering_all_commands_breaks_nothing(theatre: Theatre) -> None:
     rng = np.random.default_rng(3)
     nodes = theatre.now.moment.graph.ids
-    for _ in range(120):
+    for _ in range(60):
         made = [
             c.NavigateTo(int(rng.choice(nodes))),
             c.Pick(int(rng.choice(nodes))),

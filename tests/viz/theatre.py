@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ import numpy as np
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.nav.events import GraphChanged, Stamped
 from ltvn_core.types import FrameId, Observation, Pose, Twist
 from ltvn_viz import commands as c
@@ -35,6 +38,9 @@ from tests.core.world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
 
 WAY = ((1.0, 1.0), (4.0, 1.0), (4.0, 3.0))
 """A tour through the single room."""
+
+
+ONE_ROOM = one_room()
 
 
 class Inline(Executor):
@@ -123,13 +129,13 @@ class Theatre:
         executor: Executor | None = None,
     ) -> None:
         """Set the stage, with a map of a tour along `way` unless told otherwise; jobs are done at once by default."""
-        self.world = world or one_room()
+        self.world = world or ONE_ROOM
         self.driver = PuppetDriver()
         self.shown: list[Snapshot] = []
         self.tapes: list[Tape] = []
         self.library = Library(folder)
         self.thumbnails = Thumbnails()
-        seen = list(tour(way)) if mapped else []
+        seen, deltas = mapped_tour(self.world, tuple(map(tuple, way))) if mapped else ((), ())
         first_step = max((picture.step for picture in seen), default=-1) + 1
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
         worker = Worker(executor or Inline())
@@ -139,8 +145,10 @@ class Theatre:
         teleop = Teleop(live, worker, mapping.offer)
         self.stage = Stage("flat", live, mapping, worker, self.library, self.open_replay, AbsentFeed(), goals, teleop)
         self.session = Session(self.stage, self.driver, self.shown.append)
-        if seen:
-            self._map(seen)
+        for picture in seen:
+            live.timeline.place(picture.step, np.asarray(picture.exact_pose))
+        for delta in mapping.load(TopologicalGraph(deltas), seen):
+            live.emit(GraphChanged(delta))
 
     @property
     def now(self) -> Snapshot:
@@ -186,11 +194,14 @@ class Theatre:
             tape.event(Stamped(last, last * CONTROL_STEP_S, GraphChanged(delta)))
         return tape
 
-    def _map(self, seen: list[Observation]) -> None:
-        for picture in seen:
-            self.stage.live.timeline.place(picture.step, np.asarray(picture.exact_pose))
-            for delta in self.stage.mapping.offer(picture):
-                self.stage.live.emit(GraphChanged(delta))
+
+@lru_cache(maxsize=4)
+def mapped_tour(
+    world: FlatWorld, way: tuple[tuple[float, ...], ...]
+) -> tuple[tuple[Observation, ...], tuple[GraphDelta, ...]]:
+    """Return the pictures of a tour and the map that grows from them."""
+    seen, mapping = tuple(tour(way)), Mapping(FlatPredictor(world), ROBUST, np.random.default_rng(0))
+    return seen, tuple(delta for picture in seen for delta in mapping.offer(picture))
 
 
 @dataclass

@@ -135,7 +135,7 @@ class Theatre:
         self.tapes: list[Tape] = []
         self.library = Library(folder)
         self.thumbnails = Thumbnails()
-        seen, deltas = mapped_tour(self.world, tuple(map(tuple, way))) if mapped else ((), ())
+        seen, deltas = mapped_tour(self.world.walls.tobytes(), tuple(map(tuple, way))) if mapped else ((), ())
         first_step = max((picture.step for picture in seen), default=-1) + 1
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
         worker = Worker(executor or Inline())
@@ -197,9 +197,10 @@ class Theatre:
 
 @lru_cache(maxsize=4)
 def mapped_tour(
-    world: FlatWorld, way: tuple[tuple[float, ...], ...]
+    walls: bytes, way: tuple[tuple[float, ...], ...]
 ) -> tuple[tuple[Observation, ...], tuple[GraphDelta, ...]]:
     """Return the pictures of a tour and the map that grows from them."""
+    world = FlatWorld(np.frombuffer(walls).reshape(-1, 2, 2))
     seen, mapping = tuple(tour(way)), Mapping(FlatPredictor(world), ROBUST, np.random.default_rng(0))
     return seen, tuple(delta for picture in seen for delta in mapping.offer(picture))
 

@@ -18,9 +18,11 @@ from ltvn_core.verbs.app import App, Replay
 from ltvn_core.verbs.bench import Bench
 from ltvn_core.verbs.build import Build
 from ltvn_core.verbs.collect import Collect
+from ltvn_core.verbs.dataset import Dataset
 from ltvn_core.verbs.demo import Demo
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.navigate import Lifelong, Navigate
+from ltvn_core.verbs.train import Train
 from ltvn_core.verbs.verb import Verb, to_json, to_text
 from ltvn_core.verbs.view import View
 
@@ -33,6 +35,8 @@ AnyVerb: TypeAlias = (
     | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
     | Annotated[Replay, subcommand("replay", prefix_name=False)]
     | Annotated[View, subcommand("view", prefix_name=False)]
+    | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
+    | Annotated[Train, subcommand("train", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]
     | Annotated[Repair, subcommand("repair", prefix_name=False)]

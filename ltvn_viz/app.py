@@ -1,7 +1,7 @@
 """The app's composition root: opens simulator, network, map and page, and puts them together.
 
-Owns what is opened in which order, and that all of it is closed again. Who drives in which world is `cast`; this adds
-the page.
+Owns what is opened in which order, and that all of it is closed again. Who drives in which world is `staging`; this
+adds the page.
 """
 
 import signal
@@ -12,13 +12,15 @@ from types import FrameType
 
 from ltvn_core.sim.locobot import locobot_glb
 from ltvn_viz.actions import listener
-from ltvn_viz.cast import AppOptions, floor_of, open_stage, scene_glb
 from ltvn_viz.commands import OpenRecording
+from ltvn_viz.options import AppOptions
 from ltvn_viz.painter import Painter
+from ltvn_viz.scenery import floor_of, scene_glb
 from ltvn_viz.screen import Assets, furnish, look_from_above
 from ltvn_viz.server import GuardedServer
 from ltvn_viz.session import Session
 from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.staging import open_stage
 from ltvn_viz.thumbnails import Thumbnails
 
 __all__ = ["App", "AppOptions", "opened", "run_app"]

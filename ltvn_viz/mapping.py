@@ -33,6 +33,11 @@ class Mapping:
         self._online = self._new_online()
         self._navigator: Navigator | None = None
 
+    @property
+    def fingerprint(self) -> str:
+        """Name of the weights in use."""
+        return self._predictor.fingerprint
+
     def load(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> Sequence[GraphDelta]:
         """Take a map with its pictures in place of the present one and return the deltas that make it up."""
         self.views = Views(self._predictor)

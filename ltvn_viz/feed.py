@@ -39,9 +39,11 @@ class _Wish(NamedTuple):
 class CameraFeed:
     """Draws what is seen from the newest pose, some times a second."""
 
-    def __init__(self, render: Callable[[Pose], tuple[Rgb, Depth]]) -> None:
+    def __init__(
+        self, render: Callable[[Pose], tuple[Rgb, Depth]], clock: Callable[[], float] = time.monotonic
+    ) -> None:
         """Start the thread; `render` is called in it alone."""
-        self._render = render
+        self._render, self._clock = render, clock
         self._change = threading.Condition()
         self._wanted: _Wish | None = None
         self._asked = _Wish(np.full(3, np.nan), float("-inf"))
@@ -53,7 +55,7 @@ class CameraFeed:
 
     def look(self, pose: Pose) -> Picture:
         """Ask for a picture from `pose` (3,) and return the newest one there is."""
-        now = time.monotonic()
+        now = self._clock()
         with self._change:
             if now - self._asked.when >= 1 / PICTURES_PER_S and not np.array_equal(pose, self._asked.pose):
                 self._dropped += self._wanted is not None

@@ -1,0 +1,128 @@
+"""Replays of real files, also where neither simulator nor network fits them."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.errors import LtvnError, MapError, RecordingError, SceneError
+from ltvn_core.nav.events import GraphChanged, Note, Stamped
+from ltvn_core.recording.maps import save_map
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.types import Observation
+from ltvn_viz import commands as c
+from ltvn_viz.library import Library
+from ltvn_viz.modes import Mode
+from ltvn_viz.options import AppOptions
+from ltvn_viz.session import Session
+from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.stage import Stage
+from ltvn_viz.staging import open_replay, open_stage
+from ltvn_viz.thumbnails import Thumbnails
+from tests.core.world import tour
+from tests.viz.theatre import PuppetDriver, Theatre
+
+
+def a_picture(seen: Observation, rng: np.random.Generator) -> Observation:
+    """Give a blank picture something to see."""
+    rgb = rng.integers(0, 255, (72, 96, 3), dtype=np.uint8)
+    return Observation(rgb, seen.depth, seen.odometry, seen.stamp, seen.step, seen.exact_pose)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A finished recording in a scene that nobody here knows: a map, then a drive."""
+    rng = np.random.default_rng(0)
+    seen = [a_picture(picture, rng) for picture in tour(((1.0, 1.0), (3.0, 1.0)), spins=False)]
+    theatre = Theatre(tmp_path / "unused", way=((1.0, 1.0), (3.0, 1.0)))
+    path = tmp_path / "foreign.rrd"
+    with RecordingWriter(path, scene="somewhere-else", config={}, fingerprint="flat") as writer:
+        for picture in seen:
+            writer.frame(picture)
+        for delta in theatre.stage.mapping.graph.deltas():
+            if not hasattr(delta, "frames"):
+                writer.event(Stamped(seen[2].step, seen[2].stamp, GraphChanged(delta)))
+        writer.event(Stamped(seen[-1].step + 9, seen[-1].stamp + 3.0, Note("the end")))
+    return path
+
+
+@pytest.fixture
+def staged() -> Iterator[Callable[[AppOptions], Stage]]:
+    with ExitStack() as stack:
+        yield lambda options: open_stage(options, stack, Thumbnails())
+
+
+def test_a_recording_of_an_unknown_scene_is_watched_without_robot_and_walls(
+    recording: Path, staged: Callable[[AppOptions], Stage]
+) -> None:
+    stage = staged(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
+    shown: list[Snapshot] = []
+    session = Session(stage, PuppetDriver(), shown.append)
+    session.send(c.OpenRecording(recording.name))
+    session.tick()
+    stage.worker.settle()
+    session.send(c.Seek(1e9))
+    session.tick()
+    assert shown[-1].mode is Mode.REPLAY
+    assert shown[-1].moment.robot is not None
+    assert len(shown[-1].moment.graph.ids) > 2
+    assert shown[-1].camera is not None
+    session.send(c.CloseRecording())
+    session.tick()
+    assert shown[-1].mode is Mode.TELEOP
+    assert shown[-1].moment.robot is None
+    session.close()
+
+
+def test_without_a_recording_to_watch_an_unknown_scene_is_an_error(staged: Callable[[AppOptions], Stage]) -> None:
+    with pytest.raises(SceneError):
+        staged(AppOptions(scene="somewhere-else", predictor="oracle"))
+
+
+def test_a_replay_shows_the_pictures_of_the_file(recording: Path) -> None:
+    replay = open_replay(Library(recording.parent), recording.name)
+    replay.seek(1e9)
+    moment = replay.moment()
+    assert moment.frames > 5
+    view = replay.camera(moment.frame)
+    assert view is not None
+    assert view.rgb.std() > 10
+
+
+def test_a_cut_recording_says_how_to_mend_it(recording: Path) -> None:
+    cut = recording.with_name("cut.rrd")
+    cut.write_bytes(recording.read_bytes()[:-200])
+    with pytest.raises(RecordingError, match="repair"):
+        open_replay(Library(recording.parent), cut.name)
+
+
+def test_a_foreign_file_is_a_clear_error_in_the_page(recording: Path, tmp_path: Path) -> None:
+    theatre = Theatre(tmp_path)
+    (tmp_path / "holiday.rrd").write_bytes(b"not a recording")
+    theatre.stage.open_replay = lambda name: open_replay(theatre.library, name)
+    shown = theatre.do(c.OpenRecording("holiday.rrd"), ticks=2)
+    assert shown.mode is Mode.TELEOP
+    assert shown.work is None
+    assert shown.message is not None
+    assert "holiday.rrd" in shown.message.text
+
+
+def test_a_map_of_other_weights_is_refused(tmp_path: Path, staged: Callable[[AppOptions], Stage]) -> None:
+    theatre = Theatre(tmp_path / "unused")
+    mapping = theatre.stage.mapping
+    path = tmp_path / "map.rrd"
+    save_map(path, mapping.graph, mapping.kept(), scene="demo", config={}, fingerprint="older weights")
+    with pytest.raises(MapError, match="older weights"):
+        staged(AppOptions(map=path, predictor="oracle", recordings=tmp_path))
+
+
+def test_a_recording_to_watch_that_is_not_there_is_named(tmp_path: Path, staged: Callable[[AppOptions], Stage]) -> None:
+    with pytest.raises(LtvnError, match=r"gone\.rrd"):
+        staged(AppOptions(recordings=tmp_path, replay="gone.rrd"))
+
+
+def test_a_map_to_begin_with_that_is_not_there_is_named(tmp_path: Path, staged: Callable[[AppOptions], Stage]) -> None:
+    with pytest.raises(LtvnError, match=r"gone\.rrd"):
+        staged(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))

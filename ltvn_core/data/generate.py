@@ -101,8 +101,8 @@ def label_all(
     world: World,
     poses: Pose,
     depth_mm: NDArray[np.uint16],
-    sources: NDArray[np.int32],
-    targets: NDArray[np.int32],
+    sources: NDArray[np.integer],
+    targets: NDArray[np.integer],
     limits: Limits,
 ) -> Labels:
     """Label pairs of images in pieces of bounded memory."""

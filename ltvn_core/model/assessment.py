@@ -30,6 +30,10 @@ class Drive:
     """(N, N), see `ltvn_core.data.drives.PairClasses`."""
     far: NDArray[np.bool_]
     """(N, N)"""
+    poses: Pose
+    """(N, 3)"""
+    reachable: NDArray[np.bool_]
+    """(N, N): labels of all ordered pairs by the criteria of the dataset."""
 
 
 def assess_pairs(
@@ -67,6 +71,19 @@ def assess_drives(
                 pairs = pairs[np.sort(rng.choice(len(pairs), limit, replace=False))]
             scores.append(predict_pairs(predictor, features, *pairs.T).reachability)
     return drive_figures(np.concatenate(near), np.concatenate(far))
+
+
+def assess_all_pairs(predictor: Predictor, drives: Sequence[Drive]) -> PairFigures:
+    """Judge a predictor on all ordered image pairs of drives."""
+    predictions, reachable, true = [], [], []
+    for drive in drives:
+        features = encode_images(predictor, drive.rgb, drive.depth_mm)
+        i, j = np.nonzero(~np.eye(len(features), dtype=bool))
+        predictions.append(predict_pairs(predictor, features, i, j))
+        reachable.append(drive.reachable[i, j])
+        true.append(relative(drive.poses[i], drive.poses[j]))
+    scores, waypoints = (np.concatenate(column) for column in zip(*predictions, strict=True))
+    return pair_figures(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
 
 
 def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:

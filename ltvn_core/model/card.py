@@ -32,9 +32,11 @@ class Measured:
 
     scenes: tuple[str, ...]
     pairs: PairFigures
-    """On labelled pairs."""
-    drives: DriveFigures
+    """On the pairs of a dataset: neighbours within 2.5 m, many of them on the edge of being reachable."""
+    drive_pairs: PairFigures
     """On all ordered image pairs of one drive per scene."""
+    drives: DriveFigures
+    """On the near and on the far ones of the latter."""
 
 
 @dataclass(frozen=True)

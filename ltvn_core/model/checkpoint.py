@@ -29,6 +29,7 @@ def save_checkpoint(learner: Learner, path: Path, *, seconds: float) -> None:
         "schema": SCHEMA,
         "plan": _plan_text(learner),
         "steps": str(learner.steps),
+        "pairs": str(learner.pairs),
         "seconds": repr(seconds),
     }
     try:
@@ -56,7 +57,7 @@ def resume(learner: Learner, path: Path) -> float:
         raise WeightsError(f"{path}: made by another plan of training; name another folder or delete it.")
     learner.network.load_state_dict(_part(tensors, "network."))
     learner.average.load_state_dict(_part(tensors, "average."))
-    learner.steps = int(metadata["steps"])
+    learner.steps, learner.pairs = int(metadata["steps"]), int(metadata["pairs"])
     learner.confusions = [Confusion(*row) for row in tensors["confusions"].tolist()]
     _restore_optimiser(learner, _part(tensors, "optimiser."))
     return float(metadata["seconds"])

@@ -68,10 +68,6 @@ class StepReport:
     """Eq. 1 without the auxiliary terms."""
     total: float
     """All that was minimised."""
-    images: int
-    """Images encoded."""
-    pairs: int
-    """Pairs compared."""
 
 
 class Learner:
@@ -85,6 +81,7 @@ class Learner:
         self.average.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), plan.rate, weight_decay=plan.decay)
         self.steps = 0
+        self.pairs = 0
         self.confusions: list[Confusion] = []
 
     def step(self, pool: ExamplePool, precision: Precision, progress: float, team: Team = ALONE) -> StepReport:
@@ -103,8 +100,9 @@ class Learner:
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 2.0)
         self.optimiser.step()
         self.steps += 1
+        self.pairs += pairs * team.size
         self._update_average()
-        return StepReport(loss.item(), total.item(), len(batch.rgb), pairs)
+        return StepReport(loss.item(), total.item())
 
     def _losses(
         self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator

@@ -84,7 +84,7 @@ class TrainingResult:
     steps: int
     """Steps in all."""
     pairs: int
-    """Pairs compared in this run."""
+    """Pairs compared, about: all processes draw nearly the same number."""
     seconds: float
     """Time in all."""
 
@@ -134,7 +134,6 @@ class _Course:
         self.spent = resume(self.learner, self.checkpoint) if self.checkpoint.exists() else 0.0
         self.best = _read_best(folder)
         self.worse_in_a_row = 0
-        self.pairs = 0
 
     def run(self) -> TrainingResult:
         precision = choose_precision(self.learner.network)
@@ -151,7 +150,6 @@ class _Course:
         while (before := self.progress()) < 1 and self.team.follow(self.worse_in_a_row) < self.plan.patience:
             report = self.learner.step(self.pool, precision, before, self.team)
             self.spent = self.team.follow(time.monotonic() - start)
-            self.pairs += report.pairs * self.team.size
             mean = report.loss if math.isnan(mean) else 0.98 * mean + 0.02 * report.loss
             bar.set_postfix(step=self.learner.steps, loss=f"{mean:.3f}", refresh=False)
             bar.update(100 * min(self.progress(), 1) - bar.n)
@@ -216,7 +214,7 @@ class _Course:
             network = load_weights(self.best_path)
             calibrate(network, self.data.validation)
             save_weights(network, weights)
-        return TrainingResult(weights, self.best, self.learner.steps, self.pairs, self.spent)
+        return TrainingResult(weights, self.best, self.learner.steps, self.learner.pairs, self.spent)
 
 
 def calibrate(network: PairNetwork, scenes: Sequence[Examples]) -> None:

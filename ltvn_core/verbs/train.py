@@ -32,6 +32,7 @@ class Trained:
     """Pairs compared."""
     minutes: float
     auc: float
+    """On all ordered image pairs of drives, as are the others."""
     position_median_m: float
     position_p90_m: float
     yaw_median_deg: float
@@ -72,16 +73,14 @@ class Train(Verb):
     def _card(self, plan: "TrainingPlan", result: "TrainingResult", measured: "Measured") -> "Card":
         from ltvn_core.model.card import Card, SuccessRates, TrainedOn
 
-        shards = read_shards(self.data)
-        learned = [shard for shard in shards if shard.name not in VALIDATION]
-        recipe = learned[0].recipe
+        learned, _ = read_shards(self.data)
         return Card(
             TrainedOn(
                 tuple(shard.name for shard in learned),
                 VALIDATION,
                 sum(len(shard.rgb) for shard in learned),
                 sum(len(shard.sources) for shard in learned),
-                recipe,
+                learned[0].recipe,
             ),
             plan,
             result.steps,
@@ -109,24 +108,24 @@ class LoadTraining:
         """Read all shards; validation scenes also give drives. Raises DatasetError."""
         from ltvn_core.model.training import TrainingData
 
-        shards = read_shards(self.folder)
-        learned = [shard for shard in shards if shard.name not in VALIDATION]
-        return TrainingData(learned, [s for s in shards if s.name in VALIDATION], drives(VALIDATION, images=220))
+        learned, validation = read_shards(self.folder)
+        return TrainingData(learned, validation, drives(VALIDATION, images=220))
 
 
-def read_shards(folder: Path) -> "list[Shard]":
-    """Return a dataset's shards by name. Raises DatasetError if there are none to learn from or to validate on."""
+def read_shards(folder: Path) -> "tuple[list[Shard], list[Shard]]":
+    """Return a dataset's shards to learn from and to validate on. Raises DatasetError if there are none of a kind."""
     from ltvn_core.data.shards import read_shard
     from ltvn_core.errors import DatasetError
 
     shards = [read_shard(path) for path in sorted(folder.glob("*.pairs.safetensors"))]
-    names = {shard.name for shard in shards}
-    if not names - set(VALIDATION) or not names & set(VALIDATION):
+    learned = [shard for shard in shards if shard.name not in VALIDATION + UNSEEN]
+    validation = [shard for shard in shards if shard.name in VALIDATION]
+    if not learned or not validation:
         raise DatasetError(
             f"{folder}: needs shards of scenes to learn from and of {', '.join(VALIDATION)}, found "
-            f"{', '.join(sorted(names)) or 'none'}; run `ltvn dataset --folder {folder}`."
+            f"{', '.join(shard.name for shard in shards) or 'none'}; run `ltvn dataset --folder {folder}`."
         )
-    return shards
+    return learned, validation
 
 
 def drives(names: Sequence[str], *, images: int) -> "list[Drive]":
@@ -134,14 +133,19 @@ def drives(names: Sequence[str], *, images: int) -> "list[Drive]":
     import numpy as np
 
     from ltvn_core.data.drives import classify_pairs, drive_poses
-    from ltvn_core.data.generate import render_all
+    from ltvn_core.data.generate import label_all, render_all
+    from ltvn_core.data.labels import Limits
     from ltvn_core.model.assessment import Drive
 
     found = []
     for name in names:
         world = open_world(name)
         poses = drive_poses(world.floor, np.random.default_rng(0), images)
-        found.append(Drive(name, *render_all(world.camera, poses), *classify_pairs(poses, world.floor)))
+        rgb, depth_mm = render_all(world.camera, poses)
+        first, second = np.divmod(np.arange(images**2), images)
+        labels = label_all(world, poses, depth_mm, first, second, Limits())
+        near, far = classify_pairs(poses, world.floor)
+        found.append(Drive(name, rgb, depth_mm, near, far, poses, labels.reachable.reshape(images, images)))
     return found
 
 
@@ -151,19 +155,24 @@ def measure(weights: Path, folder: Path) -> "Measured":
 
     from ltvn_core.data.generate import DatasetRecipe, generate
     from ltvn_core.data.shards import read_shard
-    from ltvn_core.model.assessment import assess_drives, assess_pairs
+    from ltvn_core.model.assessment import assess_all_pairs, assess_drives, assess_pairs
     from ltvn_core.model.card import Measured
     from ltvn_core.model.predictor import load_predictor
 
     predictor, rng = load_predictor(weights), np.random.default_rng(0)
     shards = [read_shard(path) for path in generate(UNSEEN, open_world, folder, DatasetRecipe(clusters=180))]
-    seen = drives(UNSEEN, images=500)
-    return Measured(UNSEEN, assess_pairs(predictor, shards, rng), assess_drives(predictor, seen, rng))
+    seen = drives(UNSEEN, images=300)
+    return Measured(
+        UNSEEN,
+        assess_pairs(predictor, shards, rng),
+        assess_all_pairs(predictor, seen),
+        assess_drives(predictor, seen, rng),
+    )
 
 
 def summary(weights: Path, fingerprint: str, card: "Card") -> Trained:
     """Return the figures that matter most."""
-    pairs = card.measured.pairs
+    pairs = card.measured.drive_pairs
     return Trained(
         weights,
         fingerprint,

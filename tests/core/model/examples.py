@@ -26,7 +26,8 @@ def tiny_shard(name: str = "a") -> Shard:
 def tiny_drive() -> Drive:
     world = two_rooms()
     poses = drive_poses(world.floor, np.random.default_rng(0), 40)
-    return Drive("drive", *render_all(world.camera, poses), *classify_pairs(poses, world.floor))
+    near, far = classify_pairs(poses, world.floor)
+    return Drive("drive", *render_all(world.camera, poses), near, far, poses, near)
 
 
 def tiny_data() -> TrainingData:

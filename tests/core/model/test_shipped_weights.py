@@ -1,0 +1,40 @@
+"""The shipped weights do in an unseen apartment what their card says, and the prefilter keeps what matters."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from ltvn_core.model.assessment import Drive, assess_drives, encode_images
+from ltvn_core.model.predictor import load_predictor
+from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
+from ltvn_core.verbs.train import UNSEEN, drives
+
+pytest.importorskip("embreex")
+
+
+@lru_cache
+def drive() -> Drive:
+    return drives(UNSEEN[:1], images=230)[0]
+
+
+def test_the_card_belongs_to_the_weights_and_both_are_small() -> None:
+    assert read_card(SHIPPED)["fingerprint"] == weights_fingerprint(SHIPPED)
+    assert SHIPPED.stat().st_size < 20e6
+
+
+def test_far_pairs_are_rarely_called_reachable_where_most_near_ones_are() -> None:
+    figures = assess_drives(load_predictor(), [drive()], np.random.default_rng(0), limit=3000)
+    assert figures.far_fpr_at_tpr60 <= 0.003
+    assert figures.near_tpr_at_half >= 0.5
+
+
+def test_the_prefilter_keeps_the_targets_that_full_comparison_ranks_first() -> None:
+    full, quick = load_predictor(prefilter_from=None), load_predictor()
+    features = encode_images(full, drive().rgb, drive().depth_mm)
+    for source in range(0, len(features), 23):
+        everything = full.predict(features[source : source + 1], features)
+        filtered = quick.predict(features[source : source + 1], features)
+        first = np.argsort(-everything.reachability)[:8]
+        first = first[everything.reachability[first] > 0.3]
+        np.testing.assert_allclose(filtered.reachability[first], everything.reachability[first], atol=1e-4)

@@ -13,6 +13,7 @@ from types import FrameType
 from ltvn_core.sim.locobot import locobot_glb
 from ltvn_viz.actions import listener
 from ltvn_viz.commands import OpenRecording
+from ltvn_viz.driving import DriverSeat
 from ltvn_viz.options import AppOptions
 from ltvn_viz.painter import Painter
 from ltvn_viz.scenery import floor_of, scene_glb
@@ -45,12 +46,12 @@ def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
 
 
 @contextmanager
-def opened(options: AppOptions) -> Iterator[App]:
+def opened(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator[App]:
     """Open everything an app needs and close it again; raises LtvnError before anything is served."""
     with ExitStack() as stack:
         thumbnails = Thumbnails()
         stage = open_stage(options, stack, thumbnails)
-        server = stack.enter_context(GuardedServer(port=options.port))
+        server = stack.enter_context(GuardedServer(port=options.port, seat=seat))
         server.add_route("/thumb/", thumbnails.get)
         if (floor := floor_of(stage.scene)) is not None:
             look_from_above(server.viser, *floor)

@@ -8,27 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import viser.transforms as vt
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.modes import Mode
 from ltvn_viz.snapshot import Snapshot
-from tests.e2e.chromium import chromium_path
 from tests.e2e.flat_app import FlatApp, serving
 
 pytestmark = pytest.mark.browser
 
-FLAGS = [
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]
 PATIENCE_S = 30.0
 
 
@@ -39,14 +26,12 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
 
 
 @pytest.fixture(scope="module")
-def page(app: FlatApp) -> Iterator[Page]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
-        page = browser.new_page(viewport={"width": 1000, "height": 640})
-        page.goto(app.server.url)
-        page.get_by_text("Next:").wait_for(timeout=PATIENCE_S * 1000)
-        yield page
-        browser.close()
+def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
+    page = chromium.new_page(viewport={"width": 1000, "height": 640})
+    page.goto(app.server.url)
+    page.get_by_text("Next:").wait_for(timeout=PATIENCE_S * 1000)
+    yield page
+    page.close()
 
 
 @pytest.fixture(autouse=True)

@@ -44,6 +44,8 @@ class Building:
     """Least r for images that are left over after Algorithm 1; 0 switches the second pass off (ours)."""
     second_pass_edges: int = 2
     """Edges that a left-over image may get, the most reachable ones first (ours)."""
+    odometry_drift: float = 0.04
+    """Metres that odometry may drift per metre driven; what contradicts it by more is no edge. 0 = not used (ours)."""
     keep_merged: bool = True
     """Keep merged images in the reserve T', which Algorithm 1 would otherwise leave nearly empty (ours)."""
     restarts: int = 4
@@ -222,6 +224,7 @@ PAPER = Method(
         connect_distance=1.5,
         merge_yaw_rad=math.pi,
         second_pass_reachability=0.0,
+        odometry_drift=0.0,
         keep_merged=False,
         restarts=0,
     ),

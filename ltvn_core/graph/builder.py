@@ -14,6 +14,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import Gates, connectable, mergeable, node_of, node_with_edges
+from ltvn_core.graph.travel import Travel
 from ltvn_core.graph.views import Views
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
@@ -41,10 +42,10 @@ def build(
     """
     _check(observations, goals)
     views.add(observations)
-    matcher = Matcher(predictor, views, method.matching)
+    matcher, travel = Matcher(predictor, views, method.matching), Travel(observations, method.building)
     best: _Construction | None = None
     for start in _starts(observations, goals, method.building.restarts, rng):
-        attempt = _Construction(matcher, method, goals)
+        attempt = _Construction(matcher, travel, method, goals)
         attempt.run(start, observations, rng, progress or _silent)
         if best is None or len(attempt.nodes) > len(best.nodes):
             best = attempt
@@ -81,8 +82,9 @@ def _starts(
 class _Construction:
     """One run of Algorithm 1 from one start."""
 
-    def __init__(self, matcher: Matcher, method: Method, goals: Collection[FrameId]) -> None:
+    def __init__(self, matcher: Matcher, travel: Travel, method: Method, goals: Collection[FrameId]) -> None:
         self._matcher = matcher
+        self._travel = travel
         self._method = method
         self._gates = Gates.building(method.building)
         second = method.building.second_pass_reachability or method.building.connect_reachability
@@ -140,6 +142,7 @@ class _Construction:
         """Merge or connect an image; tell whether it is dealt with."""
         for fresh in self._not_met(seen.step):
             found = self._matcher.match(self._matcher.views.features([seen.step]), fresh)
+            found = found.take(self._travel.plausible(seen.step, found))
             if seen.step not in self._goals and self._merges(found, seen.step):
                 self._merged.append(seen.step)
                 return True
@@ -161,7 +164,7 @@ class _Construction:
     def _not_met(self, frame: FrameId) -> tuple[tuple[NodeId, ...], ...]:
         """Return the nodes that came since the last time, those near in time first: most images merge with these."""
         nodes = tuple(self.nodes)
-        fresh = nodes[self._met.get(frame, 0) :]
+        fresh = self._travel.may_be_near(frame, nodes[self._met.get(frame, 0) :])
         self._met[frame] = len(nodes)
         if len(fresh) <= 2 * _NEAR_IN_TIME:
             return (fresh,)

@@ -1,0 +1,50 @@
+"""Odometry rules out what it can and keeps silent about the rest."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ltvn_core.config import PAPER, ROBUST
+from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.travel import Travel
+from tests.core.world import look_at
+
+ROW = [look_at(np.array([0.25 * k, 0.0, 0.0]), 10 * k) for k in range(41)]  # Ten metres straight ahead.
+TRAVEL = Travel(ROW, ROBUST.building)
+
+
+def match(node: int, x: float, yaw: float = 0.0) -> Matches:
+    return Matches((node,), np.array([0.9]), np.array([[x, 0.0, yaw]]), np.array([x]))
+
+
+def test_only_what_could_be_near_is_worth_comparing() -> None:
+    near = TRAVEL.may_be_near(0, [10, 40, 80, 200, 400])
+    assert near == (10, 40)
+
+
+def test_a_waypoint_that_fits_what_was_driven_is_plausible() -> None:
+    assert TRAVEL.plausible(0, match(40, 1.1)).all()
+    assert not TRAVEL.plausible(0, match(400, 0.5)).any()
+    assert not TRAVEL.plausible(0, match(40, 1.0, yaw=2.0)).any()
+
+
+def test_after_a_long_way_round_more_is_allowed() -> None:
+    way_round = [*ROW, *(look_at(np.array([10.0 - 0.25 * k, 1.0, 0.0]), 1000 + 10 * k) for k in range(41))]
+    travel = Travel(way_round, ROBUST.building)
+    assert travel.plausible(0, match(1400, 0.5)).all()  # 1 m beside the start, after 21 m.
+    assert not TRAVEL.plausible(0, match(40, 2.2)).any()
+
+
+def test_where_odometry_was_restarted_nothing_is_ruled_out() -> None:
+    restarted = [*ROW, look_at(np.array([50.0, 50.0, 3.0]), 5000)]
+    travel = Travel(restarted, ROBUST.building)
+    assert travel.may_be_near(0, [5000, 400]) == (5000,)
+    assert travel.plausible(0, match(5000, 0.5)).all()
+
+
+def test_the_literal_method_does_not_ask_odometry() -> None:
+    travel = Travel(ROW, PAPER.building)
+    assert travel.may_be_near(0, [10, 400]) == (10, 400)
+    assert travel.plausible(0, match(400, 0.5)).all()
+    off = replace(ROBUST.building, odometry_drift=0.0)
+    assert Travel(ROW[:1], off).may_be_near(0, []) == ()

@@ -17,14 +17,15 @@ from ltvn_core.model.architecture import Architecture
 from ltvn_core.model.features import pack as pack_features
 from ltvn_core.model.features import place_columns, row_length, unpack
 from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.shortlist import coarse_descriptors, resemblance
 from ltvn_core.model.weights import SHIPPED, load_weights, weights_fingerprint
 from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Features, Observation, Prediction
 
 PREFILTER_FROM = 200
-"""A single source with at least this many targets meets most of them only by their place score."""
+"""A single source with at least this many targets is compared in full with the most similar ones alone."""
 
 PREFILTER_KEEP = 96
-"""So many of the targets, those with the best place scores, are still compared in full."""
+"""So many of the targets are compared in full."""
 
 _IMAGES_AT_ONCE = 64
 _PAIRS_AT_ONCE = 256
@@ -62,9 +63,9 @@ class NetworkPredictor:
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare sources (N, F) or (1, F) with targets (N, F).
 
-        One source against many targets (200 or more, unless switched off) compares only those in full whose place
-        score is among the best 96. The others get that rough score, at most the lowest found in full, as reachability
-        and a waypoint of zeros, which says nothing.
+        One source against many targets (200 or more, unless switched off) compares in full only the 96 that resemble
+        it most. The others get a rough reachability, at most the lowest found in full, and a waypoint of zeros, which
+        says nothing.
         """
         self._check(sources, targets)
         alone = len(sources) == 1 and len(targets) > 1
@@ -99,8 +100,11 @@ class NetworkPredictor:
     @torch.inference_mode()
     def _predict_filtered(self, source: Features, targets: Features) -> Prediction:
         query, key = place_columns(self.architecture)
-        logits = self._network.place_logits(_tensor(source[:, query]), _tensor(targets[:, key]))[0]
-        best = np.sort(logits.topk(PREFILTER_KEEP).indices.numpy())
+        rows = torch.from_numpy(np.ascontiguousarray(targets))
+        logits = self._network.place_logits(_tensor(source[:, query]), rows[:, key].float())[0]
+        here = unpack(_tensor(source), self.architecture)
+        alike = resemblance(here, coarse_descriptors(rows, self.architecture), self._network.head.sharpness)
+        best = np.sort(alike.topk(PREFILTER_KEEP).indices.numpy())
         full = self._predict(source, targets[best])
         reachability = np.minimum(torch.sigmoid(logits).double().numpy(), full.reachability.min())
         waypoints = np.zeros((len(targets), 3))

@@ -37,12 +37,11 @@ class App:
 
 def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
     """Serve the page until interrupted; `say` gets the lines a person needs to open it. Raises LtvnError."""
-    with opened(options) as app:
+    with opened(options) as app, _ended_by_signals(app.session.stop):
         port = app.server.port
         say(f"Open {app.server.url}")
         say(f"From another machine, first: ssh -L {port}:127.0.0.1:{port} THIS_MACHINE")
-        with _ended_by_signals(app.session.stop):
-            app.session.run()
+        app.session.run()
 
 
 @contextmanager

@@ -5,6 +5,8 @@ from ltvn_viz.modes import Mode
 from ltvn_viz.snapshot import Snapshot
 
 FEW_NODES = 8
+FEW_IMAGES = 5
+"""Fewer than this, and nobody has driven yet."""
 
 
 def hint(snapshot: Snapshot) -> str:
@@ -25,7 +27,7 @@ def _driving(snapshot: Snapshot) -> str:
     moment = snapshot.moment
     if snapshot.recording.name is not None:
         return "Recording. Drive through the rooms with W A S D; then keep the recording (N) or discard it."
-    if not len(moment.graph.ids):
+    if len(moment.graph.ids) < FEW_NODES and moment.frames < FEW_IMAGES:
         return "Hold W A S D or the arrow keys to drive. The map grows by itself as the robot sees new places."
     if len(moment.graph.ids) < FEW_NODES:
         return "The map is growing. Drive on through the doors; places seen from both sides connect best."

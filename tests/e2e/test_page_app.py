@@ -18,6 +18,8 @@ pytestmark = pytest.mark.browser
 
 PATIENCE_S = 30.0
 
+expect.set_options(timeout=PATIENCE_S * 1000)
+
 
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:

@@ -1,5 +1,7 @@
 """Layers against a real viser server without a browser: what is sent, and that nothing else is."""
 
+import io
+import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -8,9 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import viser
 
 from ltvn_core.errors import SceneError
+from ltvn_core.sim.drawing_mesh import to_glb
 from ltvn_core.sim.surfaces import Surfaces
 from ltvn_viz import commands as c
 from ltvn_viz import palette
@@ -25,6 +29,7 @@ from ltvn_viz.layers.scene import SceneLayer
 from ltvn_viz.layers.trajectory import TrajectoryLayer
 from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.timeline import Moment
+from ltvn_viz.unlit import shaded, without_lighting
 from tests.viz.theatre import Theatre
 
 
@@ -273,3 +278,20 @@ def test_the_picture_on_a_wall_is_cut_and_not_squeezed() -> None:
     cut = cut_away(a_box(0.0, 3.0), height_m=1.0)
     sides = np.ptp(cut.vertices[cut.faces][:, :, 2], axis=1) > 0.1
     np.testing.assert_allclose(cut.corner_uv[sides][:, :, 1], cut.vertices[cut.faces][sides][:, :, 2], atol=1e-5)
+
+
+def test_faces_are_painted_darker_by_where_they_look() -> None:
+    box = replace(a_box(0.0, 1.0), textures=(np.full((1, 1, 3), 200, np.uint8),))
+    painted = shaded(box)
+    brightness = [int(painted.textures[texture].max()) for texture in painted.face_texture]
+    assert len(set(brightness)) == 3
+    assert area(painted) == area(box)
+
+
+def test_a_painted_scene_is_a_whole_gltf_without_lit_materials() -> None:
+    glb = without_lighting(to_glb(a_box(0.0, 1.0)))
+    assert len(glb) == int.from_bytes(glb[8:12], "little")
+    described = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
+    assert all("KHR_materials_unlit" in material["extensions"] for material in described["materials"])
+    scene = trimesh.load_scene(io.BytesIO(glb), file_type="glb")
+    assert scene.area == pytest.approx(6.0)

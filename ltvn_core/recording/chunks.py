@@ -4,6 +4,7 @@ Owns the checks that the file is a finished recording of this application and sc
 Knows nothing of frames and events.
 """
 
+import warnings
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -60,7 +61,10 @@ def require_finished(path: Path) -> framing.Framing:
 def read_contents(path: Path) -> Contents:
     """Read all rows of a file whose messages are whole. Raises RecordingError for a foreign one."""
     try:
-        reader = RrdReader(path)
+        with warnings.catch_warnings():
+            # A file without its footer is what `repair` is for; that it is cut has been said already.
+            warnings.filterwarnings("ignore", message="RRD file has no footer")
+            reader = RrdReader(path)
         stores = reader.recordings()
         # Reading from here on touches every message, so damage inside one shows as an exception of any kind.
         batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in reader.stream()] if stores else []

@@ -73,6 +73,7 @@ class DurableStream:
     def begin(self, name: str, description: rr.AsComponents, blueprint: rrb.Blueprint) -> None:
         """Write what the recording says of itself and the layout in which it opens."""
         self._rerun.send_property(schema.PROPERTIES, description)
+        self._rerun.flush()  # First in the file, so that every cut file can still say what it is.
         self._rerun.send_recording_name(name)
         self._rerun.send_blueprint(blueprint)
 

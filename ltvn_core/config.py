@@ -20,8 +20,10 @@ class Matching:
     both_directions: bool = True
     """Ask the network both ways and keep the more reachable answer, its waypoint inverted if need be; our reading
     of the paper's "only targets in front are positive, the way back is driven in reverse", on in both presets."""
+    reverse_within: float = 1.5
+    """Only nodes that seem nearer than this d are asked about the other way; must exceed D_c and D_l (ours)."""
     temporal_support: bool = True
-    """Trust r only as far as the 3 x 3 median over the frames before and after both images agrees (ours)."""
+    """Trust r only as far as the median with the frames before and after both images agrees (ours)."""
     support_gap: float = 0.8
     """d by odometry within which two frames of a recording count as neighbours in time (ours)."""
 
@@ -218,7 +220,7 @@ ROBUST = Method()
 """The default: the paper's method with every departure that measurement showed to be needed."""
 
 PAPER = Method(
-    matching=Matching(temporal_support=False),
+    matching=Matching(reverse_within=2.5, temporal_support=False),
     building=Building(
         merge_distance=0.55,
         connect_distance=1.5,

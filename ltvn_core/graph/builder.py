@@ -173,7 +173,7 @@ class _Construction:
 
     def _remember(self, frame: FrameId, found: Matches) -> None:
         found = found.take(connectable(found, self._weak_gates))
-        self._known[frame] = _joined(self._known[frame], found) if frame in self._known else found
+        self._known[frame] = self._known[frame].joined(found) if frame in self._known else found
 
     def _merges(self, found: Matches, frame: FrameId) -> bool:
         alike = found.take(mergeable(found, self._gates))
@@ -186,12 +186,3 @@ class _Construction:
     def _enter(self, deltas: Sequence[GraphDelta]) -> None:
         self._deltas.extend(deltas)
         self.nodes.update((delta.node.id, None) for delta in deltas if isinstance(delta, NodeAdded))
-
-
-def _joined(first: Matches, second: Matches) -> Matches:
-    return Matches(
-        first.nodes + second.nodes,
-        np.concatenate([first.reachability, second.reachability]),
-        np.concatenate([first.waypoints, second.waypoints]),
-        np.concatenate([first.distances, second.distances]),
-    )

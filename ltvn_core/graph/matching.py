@@ -4,7 +4,7 @@ Owns how the network is asked. Does not decide what a match means: `graph.operat
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ class Matches:
     """(N, 3): the nodes in the image's frame."""
     distances: NDArray[np.float64]
     """(N,): d(w), Eq. 2."""
+    ahead: NDArray[np.bool_]
+    """(N,): the network answered for image to node; where false, for node to image, and the waypoint was inverted."""
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -35,11 +37,22 @@ class Matches:
         """Return the chosen ones: a mask (N,) or indices."""
         kept = np.arange(len(self))[chosen]
         nodes = tuple(self.nodes[k] for k in kept)
-        return Matches(nodes, self.reachability[kept], self.waypoints[kept], self.distances[kept])
+        numbers = self.reachability[kept], self.waypoints[kept], self.distances[kept]
+        return Matches(nodes, *numbers, self.ahead[kept])
 
     def with_reachability(self, reachability: NDArray[np.float64]) -> "Matches":
         """Return the same matches, trusted differently."""
-        return Matches(self.nodes, reachability, self.waypoints, self.distances)
+        return replace(self, reachability=reachability)
+
+    def joined(self, other: "Matches") -> "Matches":
+        """Return these matches and others of the same image."""
+        return Matches(
+            self.nodes + other.nodes,
+            np.concatenate([self.reachability, other.reachability]),
+            np.concatenate([self.waypoints, other.waypoints]),
+            np.concatenate([self.distances, other.distances]),
+            np.concatenate([self.ahead, other.ahead]),
+        )
 
 
 class Matcher:
@@ -59,48 +72,68 @@ class Matcher:
     def match(self, image: Features, nodes: Sequence[NodeId]) -> Matches:
         """Compare an image (1, F) with the images of `nodes` in one batch."""
         if not nodes:
-            return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0))
-        reachability, waypoints = self._ask(image, self._views.features(nodes))
+            return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
+        targets = self._views.features(nodes)
+        forward = self._predictor.predict(image, targets)
+        reachability, waypoints = np.array(forward.reachability), np.array(forward.waypoints)
         distances = np.where(_says_nothing(reachability, waypoints), np.inf, distance(waypoints))
-        return Matches(tuple(nodes), reachability, waypoints, distances)
+        found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
+        return self._both_ways(image, targets, found) if self._config.both_directions else found
 
     def supported(self, matches: Matches, frame: FrameId) -> Matches:
-        """Return `matches` of a held frame, each r lowered to the 3 x 3 median over both images' neighbours in time.
+        """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.
 
         A false match between look-alike places rarely survives a step to either side, a true one does.
         """
-        if not self._config.temporal_support or not len(matches):
-            return matches
-        own = (frame, *self._views.neighbours(frame, self._config.support_gap))
-        images = [self._views.features([one]) for one in own]
-        return matches.with_reachability(self._median(images, matches))
+        own = self._views.neighbours(frame, self._config.support_gap)
+        return self._with_support(matches, self._views.features([frame]), own)
 
     def witnessed(self, matches: Matches, image: Features) -> Matches:
         """Return `matches` of a fresh image (1, F), each r lowered to the median over the nodes' neighbours in time."""
+        return self._with_support(matches, image, ())
+
+    def _both_ways(self, image: Features, targets: Features, found: Matches) -> Matches:
+        """Ask from the nodes to the image too, where it is near, and take the more reachable answer."""
+        # The network measures a motion by aligning both images, so even where it calls the way there unreachable it
+        # knows how far that is, and only near nodes need the second question.
+        close = np.flatnonzero(found.distances < self._config.reverse_within)
+        if not len(close):
+            return found
+        backward = self._predictor.predict(targets[close], np.repeat(image, len(close), axis=0))
+        better = backward.reachability > found.reachability[close]
+        chosen = close[better]
+        found.reachability[chosen] = backward.reachability[better]
+        found.waypoints[chosen] = invert(backward.waypoints[better])
+        found.distances[chosen] = distance(backward.waypoints[better])
+        found.ahead[chosen] = False
+        return found
+
+    def _with_support(self, matches: Matches, image: Features, own: Sequence[FrameId]) -> Matches:
         if not self._config.temporal_support or not len(matches):
             return matches
-        return matches.with_reachability(self._median([image], matches))
+        images, nodes, owners = self._neighbouring_pairs(matches, image, own)
+        if not len(owners):
+            return matches
+        ahead = matches.ahead[owners][:, None]
+        answers = self._predictor.predict(np.where(ahead, images, nodes), np.where(ahead, nodes, images))
+        medians = [
+            np.median([matches.reachability[k], *answers.reachability[owners == k]]) for k in range(len(matches))
+        ]
+        return matches.with_reachability(np.minimum(matches.reachability, medians))
 
-    def _median(self, images: Sequence[Features], matches: Matches) -> NDArray[np.float64]:
-        around = [(n, *self._views.neighbours(n, self._config.support_gap)) for n in matches.nodes]
-        targets = self._views.features([frame for group in around for frame in group])
-        values = np.stack([self._ask(image, targets)[0] for image in images])  # (images, targets)
-        ends = np.cumsum([len(group) for group in around])[:-1]
-        medians = np.array([np.median(part) for part in np.split(values, ends, axis=1)])
-        return np.minimum(matches.reachability, medians)
-
-    def _ask(self, image: Features, targets: Features) -> tuple[NDArray[np.float64], Waypoint]:
-        forward = self._predictor.predict(image, targets)
-        if not self._config.both_directions:
-            return np.asarray(forward.reachability), np.asarray(forward.waypoints)
-        reachability, waypoints = np.array(forward.reachability), np.array(forward.waypoints)
-        # What the predictor did not look at closely one way it need not look at the other way.
-        close = np.flatnonzero(~_says_nothing(reachability, waypoints))
-        backward = self._predictor.predict(targets[close], np.repeat(image, len(close), axis=0))
-        better = backward.reachability > reachability[close]
-        reachability[close[better]] = backward.reachability[better]
-        waypoints[close[better]] = invert(backward.waypoints[better])
-        return reachability, waypoints
+    def _neighbouring_pairs(
+        self, matches: Matches, image: Features, own: Sequence[FrameId]
+    ) -> tuple[Features, Features, NDArray[np.intp]]:
+        """Return P pairs (P, F), (P, F) beside each match in time, and which match (P,) each pair belongs to."""
+        beside = [self._views.neighbours(node, self._config.support_gap) for node in matches.nodes]
+        counts = [len(frames) for frames in beside]
+        here = [np.repeat(image, sum(counts), axis=0), np.repeat(self._views.features(own), len(matches), axis=0)]
+        there = [
+            self._views.features([frame for frames in beside for frame in frames]),
+            np.tile(self._views.features(matches.nodes), (len(own), 1)),
+        ]
+        owners = [np.repeat(np.arange(len(matches)), counts), np.tile(np.arange(len(matches)), len(own))]
+        return np.concatenate(here), np.concatenate(there), np.concatenate(owners)
 
 
 def _says_nothing(reachability: NDArray[np.float64], waypoints: Waypoint) -> NDArray[np.bool_]:

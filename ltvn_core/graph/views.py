@@ -69,7 +69,7 @@ class Views:
     def features(self, frames: Sequence[FrameId]) -> Features:
         """Return (N, F) features; raise MapError if one is not held."""
         missing = [frame for frame in frames if frame not in self._rows]
-        if missing or self._features is None:
+        if self._features is None or missing:
             raise MapError(f"The images of frames {missing[:5]} are not at hand; the map must hold all its images.")
         return self._features[[self._rows[frame] for frame in frames]]
 

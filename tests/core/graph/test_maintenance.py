@@ -101,7 +101,8 @@ def test_updates_name_their_cause() -> None:
 
 
 def matches(distance: float, reachability: float = 0.9) -> Matches:
-    return Matches((1,), np.array([reachability]), np.array([[distance, 0.0, 0.0]]), np.array([distance]))
+    waypoint = np.array([[distance, 0.0, 0.0]])
+    return Matches((1,), np.array([reachability]), waypoint, np.array([distance]), np.array([True]))
 
 
 NOVEL = look_at(np.array([2.0, 1.0, 0.0]), 50)

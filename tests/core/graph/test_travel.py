@@ -14,7 +14,7 @@ TRAVEL = Travel(ROW, ROBUST.building)
 
 
 def match(node: int, x: float, yaw: float = 0.0) -> Matches:
-    return Matches((node,), np.array([0.9]), np.array([[x, 0.0, yaw]]), np.array([x]))
+    return Matches((node,), np.array([0.9]), np.array([[x, 0.0, yaw]]), np.array([x]), np.array([True]))
 
 
 def test_only_what_could_be_near_is_worth_comparing() -> None:

@@ -201,7 +201,7 @@ writer = RecordingWriter(path, scene="demo", config={}, fingerprint="")
 empty = path.stat().st_size
 for step in range(6):
     writer.frame(scenario.observation(step))
-while path.stat().st_size < empty + 50_000:  # Until the disk has them.
+while path.stat().st_size < empty + 20_000:  # Until the disk has them.
     time.sleep(0.01)
 told = 0
 for step in range(6, 3000):

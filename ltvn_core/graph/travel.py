@@ -39,9 +39,11 @@ class Travel:
         if not nodes or not self._config.odometry_drift:
             return tuple(nodes)
         here, there = self._row[frame], self._rows(nodes)
-        apart_m = np.hypot(*(self._poses[there] - self._poses[here])[:, :2].T)
-        reach_m = max(self._config.connect_distance, self._config.merge_distance)
-        near = apart_m <= reach_m + self._allowance_m(here, there)
+        apart = self._poses[there] - self._poses[here]
+        reach = max(self._config.connect_distance, self._config.merge_distance)
+        near = np.hypot(apart[:, 0], apart[:, 1]) <= reach + self._allowance_m(here, there)
+        # d is at least sqrt(2) per radian, so what is turned far enough away is too far as well.
+        near &= np.abs(wrap_angle(apart[:, 2])) <= reach / np.sqrt(2) + self._allowance_rad(here, there)
         return tuple(node for node, is_near in zip(nodes, near, strict=True) if is_near)
 
     def plausible(self, frame: FrameId, matches: Matches) -> NDArray[np.bool_]:
@@ -52,14 +54,19 @@ class Travel:
         driven = relative(self._poses[here], self._poses[there])
         gap_m = np.hypot(*(driven - matches.waypoints)[:, :2].T)
         gap_rad = np.abs(wrap_angle(driven[:, 2] - matches.waypoints[:, 2]))
-        path_m = np.abs(self._path_m[there] - self._path_m[here])
-        turned = (gap_rad > _SLACK_RAD + _DRIFT_RAD_PER_M * path_m) & (self._stretch[there] == self._stretch[here])
-        return (gap_m <= self._allowance_m(here, there)) & ~turned
+        return (gap_m <= self._allowance_m(here, there)) & (gap_rad <= self._allowance_rad(here, there))
 
     def _rows(self, nodes: Sequence[NodeId]) -> NDArray[np.intp]:
         return np.array([self._row[node] for node in nodes], np.intp)
 
     def _allowance_m(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
+        return self._within_stretch(here, there, _SLACK_M, self._config.odometry_drift)
+
+    def _allowance_rad(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
+        return self._within_stretch(here, there, _SLACK_RAD, _DRIFT_RAD_PER_M)
+
+    def _within_stretch(
+        self, here: int, there: NDArray[np.intp], slack: float, drift_per_m: float
+    ) -> NDArray[np.float64]:
         path_m = np.abs(self._path_m[there] - self._path_m[here])
-        allowed = _SLACK_M + self._config.odometry_drift * path_m
-        return np.where(self._stretch[there] == self._stretch[here], allowed, np.inf)
+        return np.where(self._stretch[there] == self._stretch[here], slack + drift_per_m * path_m, np.inf)

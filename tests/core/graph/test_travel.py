@@ -22,6 +22,11 @@ def test_only_what_could_be_near_is_worth_comparing() -> None:
     assert near == (10, 40)
 
 
+def test_what_looks_the_other_way_is_not_worth_comparing() -> None:
+    turning = [look_at(np.array([0.0, 0.0, 0.2 * k]), k) for k in range(16)]
+    assert Travel(turning, ROBUST.building).may_be_near(0, [1, 4, 9, 15]) == (1, 4)
+
+
 def test_a_waypoint_that_fits_what_was_driven_is_plausible() -> None:
     assert TRAVEL.plausible(0, match(40, 1.1)).all()
     assert not TRAVEL.plausible(0, match(400, 0.5)).any()

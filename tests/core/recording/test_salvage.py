@@ -124,20 +124,6 @@ def test_repair_never_overwrites(whole: Path, tmp_path: Path) -> None:
     assert there.read_bytes() == b"mine"
 
 
-def test_a_changed_picture_is_noticed(whole: Path, tmp_path: Path) -> None:
-    recording = Recording.open(whole)
-    jpeg = recording.stored_frame(4).frame.rgb
-    data = bytearray(whole.read_bytes())
-    at = bytes(data).find(jpeg[:200])
-    if at < 0:
-        pytest.skip("pictures are packed so that their bytes do not appear as they are")
-    data[at + 100] ^= 0xFF
-    changed = tmp_path / "changed.rrd"
-    changed.write_bytes(data)
-    with pytest.raises(RecordingError, match="changed"):
-        verify(changed)
-
-
 @pytest.mark.parametrize("content", [b"", b"RRF2", b"a letter to somebody", bytes(5000)])
 def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "strange.rrd"
@@ -199,12 +185,12 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
 path = Path(sys.argv[1])
 writer = RecordingWriter(path, scene="demo", config={}, fingerprint="")
 empty = path.stat().st_size
-for step in range(6):
+for step in range(30):
     writer.frame(scenario.observation(step))
-while path.stat().st_size < empty + 20_000:  # Until the disk has them.
+while path.stat().st_size < empty + 40_000:  # Until the disk has them.
     time.sleep(0.01)
 told = 0
-for step in range(6, 3000):
+for step in range(30, 3000):
     try:
         writer.frame(scenario.observation(step))
     except RecordingError as error:
@@ -231,4 +217,4 @@ def test_a_disk_that_fills_up_is_said_once_and_the_beginning_is_kept(tmp_path: P
     assert run.stdout.startswith("1 "), run.stdout + run.stderr
     assert "full" in run.stdout
     saved = repair(path, tmp_path / "repaired.rrd")
-    assert saved.frames >= 6
+    assert saved.frames >= 10

@@ -86,8 +86,12 @@ class SurfaceBuilder:
         quads = np.stack([low[:-1], low[1:], high[1:], high[:-1]], 1)[:, _QUAD].reshape(-1, 3, 3)
         bottom, top = np.zeros(sides), np.ones(sides)
         quad_uv = np.stack(
-            [np.stack([around[:-1], bottom], -1), np.stack([around[1:], bottom], -1)]
-            + [np.stack([around[1:], top], -1), np.stack([around[:-1], top], -1)],
+            [
+                np.stack([around[:-1], bottom], -1),
+                np.stack([around[1:], bottom], -1),
+                np.stack([around[1:], top], -1),
+                np.stack([around[:-1], top], -1),
+            ],
             1,
         )[:, _QUAD].reshape(-1, 3, 2)
         lid = np.stack([high[:-1], high[1:], np.broadcast_to(high[:-1].mean(0), (sides, 3))], 1)

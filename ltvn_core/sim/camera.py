@@ -64,7 +64,8 @@ class EmbreeCamera:
         steps = ((np.arange(n, dtype=np.float32) + 0.5) / n - 0.5) / np.float32(lens.focal_px)
         left = (centre.left[pixels] + steps[:, None, None] + np.zeros((1, n, 1), np.float32)).reshape(-1)
         up = (centre.up[pixels] + steps[None, :, None] + np.zeros((n, 1, 1), np.float32)).reshape(-1)
-        _, fine = self._look(pose, lens, _Rays(left, up), 1 / (n * lens.focal_px))
+        rays = _Rays(left.astype(np.float32, copy=False), up.astype(np.float32, copy=False))
+        _, fine = self._look(pose, lens, rays, 1 / (n * lens.focal_px))
         colours[pixels] = fine.reshape(n * n, -1, 3).mean(0)
 
     def _look(self, pose: Pose, lens: Intrinsics, rays: _Rays, spread: float) -> tuple[Hits, NDArray[np.float32]]:
@@ -77,9 +78,13 @@ class EmbreeCamera:
 
 @lru_cache(maxsize=8)
 def _pixel_rays(width: int, height: int, focal_px: float) -> _Rays:
-    left = (width / 2 - 0.5 - np.arange(width, dtype=np.float32)) / np.float32(focal_px)
-    up = (height / 2 - 0.5 - np.arange(height, dtype=np.float32)) / np.float32(focal_px)
+    left, up = _offsets(width, focal_px), _offsets(height, focal_px)
     return _Rays(np.tile(left, height), np.repeat(up, width))
+
+
+def _offsets(pixels: int, focal_px: float) -> NDArray[np.float32]:
+    offsets = (pixels / 2 - 0.5 - np.arange(pixels, dtype=np.float32)) / np.float32(focal_px)
+    return offsets.astype(np.float32, copy=False)
 
 
 def _turned(rays: _Rays, yaw_rad: float) -> NDArray[np.float32]:

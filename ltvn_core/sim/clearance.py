@@ -1,7 +1,7 @@
 """How far a robot's centre is from the nearest obstacle, and the ways through what is free.
 
 Owns the 2-D grid of a scene's floor: distances, random free poses and shortest paths. Knows obstacles only as blocked
-cells; `grid_from_surfaces` in `ltvn_core.sim.floor_scan` finds these in a mesh.
+cells.
 """
 
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from ltvn_core.sim.cells import connected_pieces, distances_to_false, nearest_true
 from ltvn_core.types import Pose
 
 PLANNING_CLEARANCE_M = 0.22
@@ -40,15 +40,15 @@ class ClearanceMap:
     @cached_property
     def grid(self) -> NDArray[np.float64]:
         """Metres (rows, columns) from a cell's centre to the nearest obstacle's edge; negative inside obstacles."""
-        outside = ndimage.distance_transform_edt(~self.blocked)
-        inside = ndimage.distance_transform_edt(self.blocked)
+        outside = distances_to_false(~self.blocked)
+        inside = distances_to_false(self.blocked)
         half_cell = np.where(self.blocked, 0.5, -0.5)
         return (outside - inside + half_cell) * self.resolution_m
 
     @cached_property
     def navigable(self) -> NDArray[np.bool_]:
         """Cells (rows, columns) of the largest connected piece of floor with the planning clearance."""
-        pieces, count = ndimage.label(self.grid > PLANNING_CLEARANCE_M)
+        pieces, count = connected_pieces(self.grid > PLANNING_CLEARANCE_M)
         if count == 0:
             return np.zeros_like(self.blocked)
         sizes = np.bincount(pieces.ravel())
@@ -145,8 +145,7 @@ class ClearanceMap:
 
     @cached_property
     def _nearest_navigable(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        distance, indices = ndimage.distance_transform_edt(~self.navigable, return_indices=True)
-        return distance, indices.astype(np.intp)
+        return nearest_true(self.navigable)
 
     @cached_property
     def _numbers(self) -> NDArray[np.intp]:
@@ -160,7 +159,7 @@ class ClearanceMap:
         return self.origin + (cells + 0.5) * self.resolution_m
 
     @cached_property
-    def _graph(self) -> csr_matrix:
+    def _graph(self) -> csr_array:
         numbers, count = self._numbers, len(self._centres)
         sources, targets, metres = [], [], []
         for down, right in _MOVES:
@@ -171,15 +170,15 @@ class ClearanceMap:
             metres.append(np.full(int(linked.sum()), np.sqrt(down * down + right * right) * self.resolution_m))
         source, target, metre = (np.concatenate(parts) for parts in (sources, targets, metres))
         ends = (np.concatenate([source, target]), np.concatenate([target, source]))
-        return coo_matrix((np.concatenate([metre, metre]), ends), (count, count)).tocsr()
+        return coo_array((np.concatenate([metre, metre]), ends), (count, count)).tocsr()
 
     @cached_property
-    def _careful_graph(self) -> csr_matrix:
+    def _careful_graph(self) -> csr_array:
         """The same ways, dearer near obstacles."""
         graph = self._graph.tocoo()
         dearness = 1 + 3 * np.exp(-(self.grid[self.navigable] - PLANNING_CLEARANCE_M) / 0.12)
         cost = graph.data * (dearness[graph.row] + dearness[graph.col]) / 2
-        return coo_matrix((cost, (graph.row, graph.col)), graph.shape).tocsr()
+        return coo_array((cost, (graph.row, graph.col)), graph.shape).tocsr()
 
 
 def _shifted(cells: NDArray, down: int, right: int) -> tuple[NDArray, NDArray]:

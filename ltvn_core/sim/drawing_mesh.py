@@ -1,6 +1,7 @@
 """Surfaces as a binary glTF, for drawing them elsewhere."""
 
 import io
+from typing import cast
 
 import numpy as np
 import trimesh
@@ -18,7 +19,7 @@ def to_glb(surfaces: Surfaces) -> bytes:
         scene.add_geometry(
             _part(surfaces.only(surfaces.face_texture == texture), int(texture)), geom_name=f"part{texture}"
         )
-    return scene.export(file_type="glb")
+    return cast(bytes, scene.export(file_type="glb"))
 
 
 def _part(surfaces: Surfaces, texture: int) -> trimesh.Trimesh:

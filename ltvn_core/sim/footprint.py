@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from ltvn_core.sim.cells import connected_pieces, distances_to_false
 from ltvn_core.sim.clearance import PLANNING_CLEARANCE_M
 from ltvn_core.sim.floorplan import STEP_M, Doorway, FloorPlan
 
@@ -63,8 +63,8 @@ class Footprint:
 
     def is_one_piece(self) -> bool:
         """Tell whether a robot gets from any place where it can stand to any other."""
-        room = ndimage.distance_transform_edt(~self.blocked) - 0.5
-        _, pieces = ndimage.label(room * STEP_M > PLANNING_CLEARANCE_M)
+        room = distances_to_false(~self.blocked) - 0.5
+        _, pieces = connected_pieces(room * STEP_M > PLANNING_CLEARANCE_M)
         return pieces == 1
 
     def _cells(self, area: Rectangle) -> tuple[slice, slice]:

@@ -56,10 +56,10 @@ class OraclePredictor:
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare exact poses (N, 3) or (1, 3) with (N, 3): exact waypoints, reachability 0.97 or 0.03."""
-        sources, targets = np.broadcast_arrays(np.asarray(sources, np.float64), np.asarray(targets, np.float64))
-        waypoints = relative(sources, targets)
+        starts, ends = np.broadcast_arrays(np.asarray(sources, np.float64), np.asarray(targets, np.float64))
+        waypoints = relative(starts, ends)
         reachable = self._in_sight(waypoints)
-        reachable[reachable] &= is_line_free(self._clearance, sources[reachable], targets[reachable], MIN_CLEARANCE_M)
+        reachable[reachable] &= is_line_free(self._clearance, starts[reachable], ends[reachable], MIN_CLEARANCE_M)
         return Prediction(np.where(reachable, REACHABLE, UNREACHABLE), waypoints)
 
     def _in_sight(self, waypoints: Waypoint) -> NDArray[np.bool_]:
@@ -80,7 +80,7 @@ def is_line_free(
 
 
 def is_drivable(clearance: ClearanceMap, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
-    """Say for N pairs of exact poses (N, 3) whether a robot could drive the edge, (N,); an edge it could not is spurious.
+    """Say for N pairs of exact poses (N, 3) whether a robot could drive the edge, (N,); else it is spurious.
 
     Spurious: the straight line is blocked, or the poses are more than 2.8 m or 1.6 rad apart.
     """

@@ -25,7 +25,7 @@ def painting(dice: Dice) -> Rgb:
 
 def window_view(dice: Dice) -> Rgb:
     """Return what one sees through a window, with its frame and bars."""
-    column, row = grid()
+    _, row = grid()
     sky = colour(dice.uniform(0.53, 0.62), dice.uniform(0.15, 0.5), 1.0)
     image = sky + (255 - sky) * (row / SIZE)[..., None] + np.zeros((SIZE, SIZE, 1))
     image = image + (noise(dice, cells=(3, 2)) > 0.6)[..., None] * (250 - image) * 0.7

@@ -171,7 +171,7 @@ class _TouchCounter:
         self.now = False
         self._free_ticks = _TICKS_BETWEEN_TOUCHES
 
-    def feel(self, touching: bool) -> None:  # noqa: FBT001
+    def feel(self, touching: bool) -> None:
         """Take in what the bumper says in this tick."""
         self.now = touching
         if not touching:

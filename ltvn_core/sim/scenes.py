@@ -8,8 +8,9 @@ import os
 import tempfile
 import zipfile
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,12 +80,19 @@ def load_scene(name: str) -> Scene:
     """Return a scene, generated at the first call and read from the user's cache later. Raises SceneError."""
     if name not in _RECIPES:
         raise SceneError(f"There is no scene {name!r}. Choose one of: {', '.join(_RECIPES)}.")
-    path = user_cache_path("ltvn") / "scenes" / f"{name}-v{GENERATOR_VERSION}.npz"
+    path = _cache_path(name)
     if (kept := _read(name, path)) is not None:
         return kept
     scene = _generate(name)
     _keep(scene, path)
     return scene
+
+
+def _cache_path(name: str) -> Path:
+    """Name all that decides what a scene is, so that a changed recipe never meets an old file."""
+    recipe = _RECIPES[name]
+    file = f"{name}-seed{recipe.seed}-{recipe.area_m2:g}m2-v{GENERATOR_VERSION}.npz"
+    return user_cache_path("ltvn") / "scenes" / file
 
 
 def _generate(name: str) -> Scene:
@@ -102,32 +110,41 @@ def _keep(scene: Scene, path: Path) -> None:
         np.array([[*RoomKind].index(room.kind) for room in scene.rooms]),
         np.array([[room.x0, room.y0, room.x1, room.y1] for room in scene.rooms]),
     )
+    arrays: dict[str, Any] = {f"texture{k:04d}": texture for k, texture in enumerate(surfaces.textures)}
+    arrays |= {
+        "area": scene.area_m2,
+        "room_kinds": rooms[0],
+        "room_edges": rooms[1],
+        "blocked": scene.clearance.blocked,
+        "origin": scene.clearance.origin,
+        "vertices": surfaces.vertices,
+        "faces": surfaces.faces,
+        "corner_uv": surfaces.corner_uv,
+        "face_texture": surfaces.face_texture,
+        "overhead": surfaces.overhead,
+    }
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
-            np.savez(
-                part,
-                area=scene.area_m2,
-                room_kinds=rooms[0],
-                room_edges=rooms[1],
-                blocked=scene.clearance.blocked,
-                origin=scene.clearance.origin,
-                vertices=surfaces.vertices,
-                faces=surfaces.faces,
-                corner_uv=surfaces.corner_uv,
-                face_texture=surfaces.face_texture,
-                overhead=surfaces.overhead,
-                **{f"texture{k:04d}": texture for k, texture in enumerate(surfaces.textures)},
-            )
-        os.replace(part.name, path)
+        _write_whole(path, arrays)
     except OSError as error:
         log.warning("The scene %s could not be cached at %s: %s", scene.name, path, error)
+
+
+def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+        try:
+            np.savez(part, **arrays)
+        except OSError:
+            os.unlink(part.name)
+            raise
+    os.replace(part.name, path)
 
 
 def _read(name: str, path: Path) -> Scene | None:
     """Read a scene from the cache; None if it is not there or not whole."""
     try:
-        with np.load(path, allow_pickle=False) as kept:
+        # Opened here, because numpy leaves a file that is no archive open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
             textures = tuple(kept[key] for key in sorted(kept.files) if key.startswith("texture"))
             kinds = [*RoomKind]
             edges = zip(kept["room_kinds"].tolist(), kept["room_edges"].tolist(), strict=True)

@@ -40,8 +40,8 @@ class TexelTable:
         self,
         texture: NDArray[np.int32],
         level: NDArray[np.int32],
-        column: NDArray[np.float32],
-        row: NDArray[np.float32],
+        column: NDArray[np.floating],
+        row: NDArray[np.floating],
     ) -> NDArray[np.float32]:
         """Return colours (N, 3) at columns and rows (N,) of the full-size texture; both wrap around."""
         slot = self._slots[texture * np.int32(self.levels) + level]
@@ -62,5 +62,5 @@ def _halvings(texture: Rgb) -> list[NDArray[np.float32]]:
             image = (image[0::2] + image[1::2]) / 2
         if image.shape[1] > 1:
             image = (image[:, 0::2] + image[:, 1::2]) / 2
-        chain.append(image)
+        chain.append(image.astype(np.float32, copy=False))
     return chain

@@ -133,7 +133,7 @@ def wallpaper(dice: Dice, base: Colour, accent: Colour) -> Rgb:
 
     The picture's height stands for the height of the room.
     """
-    column, row = grid()
+    column, _ = grid()
     image = base * (0.95 + 0.07 * noise(dice, octaves=5))[..., None]
     pattern = dice.pick((_nothing, _stripes, _dots, _waves, _diamonds, _nothing))(dice)
     image[pattern] = image[pattern] * 0.35 + 0.65 * (0.5 * base + 0.5 * accent)

@@ -24,7 +24,8 @@ BODY_BOTTOM_M = 0.05
 BODY_TOP_M = 0.8
 
 _FRICTION = 0.3
-"""Between body and walls: the robot slides along a wall it meets at a flat angle and stands before one it meets head on."""
+"""Between body and walls: the robot slides along a wall that it meets at a flat angle, and stands before one that it
+meets head on."""
 
 _TOUCH_GAP_M = 0.002
 _FACES_PER_BODY = 40_000

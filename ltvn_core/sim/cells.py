@@ -1,0 +1,29 @@
+"""Distances and connected pieces on grids of cells that are true or false.
+
+Owns nothing but the shapes and types of what scipy answers.
+"""
+
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Mask = NDArray[np.bool_]
+
+
+def distances_to_false(cells: Mask) -> NDArray[np.float64]:
+    """Return the distance (rows, columns) in cells to the nearest false cell; 0 in false cells."""
+    return cast(NDArray[np.float64], ndimage.distance_transform_edt(cells))
+
+
+def nearest_true(cells: Mask) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return the distance (rows, columns) in cells to the nearest true cell, and that cell's (2, rows, columns)."""
+    distance, indices = cast(Any, ndimage.distance_transform_edt(~cells, return_indices=True))
+    return distance, indices.astype(np.intp)
+
+
+def connected_pieces(cells: Mask) -> tuple[NDArray[np.int32], int]:
+    """Number the pieces of true cells that share edges, from 1 on; return (rows, columns) and their count."""
+    numbers, count = cast(Any, ndimage.label(cells))
+    return numbers, int(count)

@@ -17,10 +17,10 @@ def distances_to_false(cells: Mask) -> NDArray[np.float64]:
     return cast(NDArray[np.float64], ndimage.distance_transform_edt(cells))
 
 
-def nearest_true(cells: Mask) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Return the distance (rows, columns) in cells to the nearest true cell, and that cell's (2, rows, columns)."""
-    distance, indices = cast(Any, ndimage.distance_transform_edt(~cells, return_indices=True))
-    return distance, indices.astype(np.intp)
+def nearest_true(cells: Mask) -> NDArray[np.intp]:
+    """Return row and column (2, rows, columns) of the true cell nearest to each cell."""
+    nearest = ndimage.distance_transform_edt(~cells, return_distances=False, return_indices=True)
+    return cast(NDArray[np.int32], nearest).astype(np.intp)
 
 
 def connected_pieces(cells: Mask) -> tuple[NDArray[np.int32], int]:

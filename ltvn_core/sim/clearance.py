@@ -137,14 +137,17 @@ class ClearanceMap:
 
     def _nodes(self, xy: ArrayLike) -> NDArray[np.intp]:
         """Return the graph nodes (N,) at or near points (N, 2), -1 where none is near."""
-        x, y = self._grid_coordinates(np.asarray(xy, np.float64).reshape(-1, np.shape(xy)[-1]))
+        points = np.asarray(xy, np.float64).reshape(-1, np.shape(xy)[-1])[:, :2]
+        x, y = self._grid_coordinates(points)
         row, column = np.rint(y).astype(np.intp), np.rint(x).astype(np.intp)
-        distance, (near_row, near_column) = self._nearest_navigable
+        near_row, near_column = self._nearest_navigable
         node = self._numbers[near_row[row, column], near_column[row, column]]
-        return np.where(distance[row, column] * self.resolution_m <= _SNAP_LIMIT_M, node, -1)
+        away = np.sqrt(((self._centres[node] - points) ** 2).sum(1)) if len(self._centres) else np.inf
+        return np.where(away <= _SNAP_LIMIT_M, node, -1)
 
     @cached_property
-    def _nearest_navigable(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    def _nearest_navigable(self) -> NDArray[np.intp]:
+        """(2, rows, columns): row and column of the navigable cell nearest to each cell."""
         return nearest_true(self.navigable)
 
     @cached_property

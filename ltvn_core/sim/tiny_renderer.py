@@ -13,6 +13,7 @@ from ltvn_core.sim.surfaces import Surfaces
 from ltvn_core.types import Depth, Intrinsics, Pose, Rgb
 
 _NEAR_M = 0.02
+_FAR_M = 2 * MAX_DEPTH_M
 
 
 class TinyCamera:
@@ -37,17 +38,14 @@ class TinyCamera:
         eye = (pose[0], pose[1], intrinsics.height_m)
         ahead = (pose[0] + np.cos(pose[2]), pose[1] + np.sin(pose[2]), intrinsics.height_m)
         view = pybullet.computeViewMatrix(eye, ahead, (0, 0, 1))
-        across = np.tan(intrinsics.horizontal_fov_rad / 2)
-        up_deg = 2 * np.rad2deg(np.arctan(across * intrinsics.height / intrinsics.width))
-        far = 2 * MAX_DEPTH_M
-        lens = pybullet.computeProjectionMatrixFOV(up_deg, intrinsics.width / intrinsics.height, _NEAR_M, far)
+        lens = _projection(intrinsics)
         size = intrinsics.width, intrinsics.height
         *_, rgba, buffer, _ = pybullet.getCameraImage(
             *size, view, lens, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self._client
         )
         shape = intrinsics.height, intrinsics.width
         rgb = np.asarray(rgba, np.uint8).reshape(*shape, 4)[..., :3].copy()
-        depth = far * _NEAR_M / (far - (far - _NEAR_M) * np.asarray(buffer, np.float32).reshape(shape))
+        depth = _FAR_M * _NEAR_M / (_FAR_M - (_FAR_M - _NEAR_M) * np.asarray(buffer, np.float32).reshape(shape))
         return rgb, np.where(depth <= MAX_DEPTH_M, depth, 0).astype(np.float32)
 
     def _add(self, corners: NDArray[np.float32], texture: Rgb) -> None:
@@ -62,3 +60,11 @@ class TinyCamera:
             physicsClientId=self._client,
         )
         pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+
+
+def _projection(intrinsics: Intrinsics) -> list[float]:
+    """Return the projection matrix, off by half a pixel: TinyRenderer looks through the corners of pixels."""
+    pixel = _NEAR_M / intrinsics.focal_px
+    right, top = intrinsics.width / 2 * pixel, intrinsics.height / 2 * pixel
+    edges = (-right + pixel / 2, right + pixel / 2, -top + pixel / 2, top + pixel / 2)
+    return pybullet.computeProjectionMatrix(*edges, _NEAR_M, _FAR_M)

@@ -62,6 +62,11 @@ class Session:
         """What the app is doing."""
         return self._stage.activity.mode
 
+    @property
+    def stage(self) -> Stage:
+        """What the session runs; its own thread alone may change it."""
+        return self._stage
+
     def send(self, command: c.Command) -> None:
         """Ask for something, from any thread; never blocks."""
         if len(self._commands) < QUEUE_LIMIT:

@@ -47,7 +47,8 @@ def alternating(first: Callable[[], object], second: Callable[[], object], repea
 
     Running them in turn lets both suffer alike from whatever else the machine does.
     """
-    first(), second()
+    first()
+    second()
     ratios = []
     for _ in range(repeats):
         begin = time.perf_counter()

@@ -14,7 +14,7 @@ NODES, EDGES = 10_000, 50_000
 def large_graph(rng: np.random.Generator) -> TopologicalGraph:
     """Return a random map in which each node is joined to nodes near it in number."""
     graph = TopologicalGraph(
-        NodeAdded(Node(node, PoseRow(*rng.uniform(-50, 50, 2), 0.0)), Cause.BUILD) for node in range(NODES)
+        NodeAdded(Node(node, PoseRow(float(node % 100), float(node // 100), 0.0)), Cause.BUILD) for node in range(NODES)
     )
     while len(graph.edges) < EDGES:
         source = int(rng.integers(NODES))

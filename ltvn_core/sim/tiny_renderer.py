@@ -13,6 +13,8 @@ from ltvn_core.sim.surfaces import Surfaces
 from ltvn_core.types import Depth, Intrinsics, Pose, Rgb
 
 _NEAR_M = 0.02
+_CORNERS_AT_ONCE = 30_000
+"""PyBullet refuses meshes with more than about 130,000 vertices; a multiple of three."""
 _FAR_M = 2 * MAX_DEPTH_M
 
 
@@ -25,7 +27,9 @@ class TinyCamera:
         self._client = pybullet.connect(pybullet.DIRECT)
         for texture in np.unique(surfaces.face_texture):
             part = surfaces.only(surfaces.face_texture == texture)
-            self._add(part.vertices[part.faces].reshape(-1, 3), surfaces.textures[texture])
+            corners = part.vertices[part.faces].reshape(-1, 3)
+            for first in range(0, len(corners), _CORNERS_AT_ONCE):
+                self._add(corners[first : first + _CORNERS_AT_ONCE], surfaces.textures[texture])
 
     def close(self) -> None:
         """Free the renderer; closing twice is fine."""

@@ -20,7 +20,7 @@ class Built:
     edges: int
     reserve: int
     pieces: int
-    """Parts that no edge joins; more than one means that some places cannot be reached from others."""
+    """Parts between which no path leads there and back; 1 is what one wants."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +48,7 @@ class Build(Verb):
         from ltvn_core.composition import open_predictor
         from ltvn_core.config import preset
         from ltvn_core.graph.builder import build
+        from ltvn_core.graph.planner import count_pieces
         from ltvn_core.graph.topograph import TopologicalGraph
         from ltvn_core.graph.views import Views
         from ltvn_core.recording.maps import save_map
@@ -71,5 +72,5 @@ class Build(Verb):
             self.output, graph, kept, scene=recording.meta.scene, config=settings, fingerprint=predictor.fingerprint
         )
         return Built(
-            self.output, len(observations), len(graph.nodes), len(graph.edges), len(graph.reserve), graph.pieces()
+            self.output, len(observations), len(graph.nodes), len(graph.edges), len(graph.reserve), count_pieces(graph)
         )

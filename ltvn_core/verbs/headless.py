@@ -5,7 +5,7 @@ real and a person may interfere.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,9 +34,18 @@ class RecordedRobot:
     def __init__(self, robot: SimulatedRobot, writer: RecordingWriter) -> None:
         self._robot = robot
         self._writer = writer
-        self.drive: Callable[[Twist], None] = robot.drive
-        self.stop: Callable[[], None] = robot.stop
-        self.state: Callable[[], RobotState] = robot.state
+
+    def drive(self, twist: Twist) -> None:
+        """Pass the command on."""
+        self._robot.drive(twist)
+
+    def stop(self) -> None:
+        """Stop the robot."""
+        self._robot.stop()
+
+    def state(self) -> RobotState:
+        """Feel the body."""
+        return self._robot.state()
 
     def observe(self) -> Observation:
         """Take a picture and record it."""

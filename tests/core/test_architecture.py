@@ -69,7 +69,9 @@ def test_core_never_imports_the_page_except_to_open_it() -> None:
 
 @pytest.mark.parametrize("part", FOUNDATION)
 def test_the_foundation_imports_only_itself(part: str) -> None:
-    assert core_parts(ROOT / "ltvn_core" / f"{part}.py") <= {*FOUNDATION, "graph"} - ({"graph"} if part != "config" else set())
+    assert core_parts(ROOT / "ltvn_core" / f"{part}.py") <= {*FOUNDATION, "graph"} - (
+        {"graph"} if part != "config" else set()
+    )
 
 
 def test_graph_stands_on_the_foundation_alone() -> None:
@@ -94,6 +96,9 @@ def test_the_method_never_reads_the_truth() -> None:
         relative(path)
         for path in MODULES
         if not relative(path).startswith((*TRUTH_READERS, *COMPOSERS))
-        and any(isinstance(node, ast.Attribute) and node.attr == "exact_pose" for node in ast.walk(ast.parse(path.read_text())))
+        and any(
+            isinstance(node, ast.Attribute) and node.attr == "exact_pose"
+            for node in ast.walk(ast.parse(path.read_text()))
+        )
     ]
     assert readers == []

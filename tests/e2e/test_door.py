@@ -72,6 +72,7 @@ class Door:
         """Open a page and wait until it may drive."""
         page = self.context.new_page()
         page.goto(self.server.url)
+        page.locator(FIELD).wait_for()
         self.wait_until_armed(next(self.clients))
         self.told.forget()
         return page

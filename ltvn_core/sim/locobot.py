@@ -61,7 +61,7 @@ def _base() -> list[Part]:
         ("graphite", _cylinder(BASE_RADIUS_M, 0.022, (0, 0, 0.086))),
         ("charcoal", _cylinder(BASE_RADIUS_M - 0.006, 0.017, (0, 0, 0.1055))),
         ("silver", _ring(BASE_RADIUS_M - 0.03, BASE_RADIUS_M - 0.022, 0.002, (0, 0, 0.115))),
-        ("blue", _box((0.006, 0.1, 0.008), (BASE_RADIUS_M - 0.003, 0, 0.102))),
+        ("blue", _box((0.006, 0.06, 0.008), (BASE_RADIUS_M - 0.003, 0, 0.102))),
         *wheels,
         *casters,
         *buttons,

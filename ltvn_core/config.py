@@ -67,7 +67,7 @@ class Localising:
     reachability_weight: float = 1.5
     """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
     shortlist: int = 5
-    """In the whole map, how many of the best nodes need temporal support before one is believed; 0 = off (ours)."""
+    """How many of the best nodes are asked for temporal support, without which none is believed; 0 = off (ours)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,7 +46,7 @@ class Localizer:
         """Return where the image (1, F) is: a neighbour of the last plan if one is near enough, else any node."""
         nearby = around(graph, plan)
         if nearby:
-            fix = self._best(self._matcher.match(image, nearby), LOCAL)
+            fix = self._best(self._believable(image, self._matcher.match(image, nearby)), LOCAL)
             if fix.node is not None:
                 return fix
         return self._best(self._believable(image, self._matcher.match(image, tuple(graph.nodes))), GLOBAL)

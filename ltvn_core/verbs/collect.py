@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from ltvn_core.errors import OptionError
 from ltvn_core.verbs.verb import Summary, Verb
 
 
@@ -32,7 +33,9 @@ class Collect(Verb):
     """Draws the start, the order of rooms and the odometry noise."""
 
     def run(self) -> Summary:
-        """Tour the scene; raises SceneError and RecordingError."""
+        """Tour the scene; raises OptionError, SceneError and RecordingError."""
+        if self.loops < 1:
+            raise OptionError(f"--loops must be 1 or more, got {self.loops}.")
         import numpy as np
         from tqdm import tqdm
 

@@ -1,0 +1,115 @@
+"""The command line as a user meets it: real processes, real files, clear errors."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.recording.reader import Recording
+from tests.core.recording import scenario
+
+
+def ltvn(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "ltvn_core.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=280,
+    )
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    scenario.write(tmp_path / "drive.rrd")
+    return tmp_path / "drive.rrd"
+
+
+def test_help_names_every_verb() -> None:
+    shown = ltvn("--help").stdout
+    for verb in (
+        "app",
+        "demo",
+        "collect",
+        "build",
+        "navigate",
+        "lifelong",
+        "dataset",
+        "train",
+        "replay",
+        "view",
+        "info",
+    ):
+        assert verb in shown
+
+
+def test_an_unknown_verb_or_option_is_wrong_usage() -> None:
+    assert ltvn("fly").returncode == 2
+    assert ltvn("demo", "--headles").returncode == 2
+    assert ltvn("demo", "--preset", "bold").returncode == 2
+
+
+def test_a_summary_is_text_for_a_person_and_json_for_a_program(drive: Path, tmp_path: Path) -> None:
+    assert "frames" in ltvn("verify", drive).stdout
+    summary = json.loads(ltvn("info", drive, "--json", "-").stdout)
+    assert (summary["frames"], summary["nodes"]) == (10, 3)
+    assert ltvn("info", drive, "--json", tmp_path / "info.json").returncode == 0
+    assert json.loads((tmp_path / "info.json").read_text()) == summary
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("verify", "missing.rrd"), "missing.rrd"),
+        (("replay", "missing.rrd"), "missing.rrd"),
+        (("collect", "--scene", "castle", "--output", "x.rrd"), "apartment-57"),
+        (("build", "missing.rrd", "--output", "map.rrd"), "missing.rrd"),
+        (("navigate", "missing.rrd", "--recording", "x.rrd"), "missing.rrd"),
+        (("demo", "--headless", "--queries", "-1"), "--queries"),
+        (("collect", "--scene", "demo", "--loops", "0", "--output", "x.rrd"), "--loops"),
+        (("build", "drive.rrd", "--output", "map.rrd", "--weights", "drive.rrd"), "drive.rrd"),
+    ],
+)
+def test_a_mistake_ends_with_one_clear_line(arguments: tuple[str, ...], says: str, drive: Path) -> None:
+    run = ltvn(*arguments, cwd=drive.parent)
+    last = run.stderr.strip().splitlines()[-1]
+    assert run.returncode == 1
+    assert last.startswith("ltvn: ")
+    assert says in last
+    assert "Traceback" not in run.stderr
+
+
+def test_an_existing_output_is_never_overwritten(drive: Path) -> None:
+    before = drive.read_bytes()
+    run = ltvn("collect", "--loops", "1", "--output", drive)
+    assert run.returncode == 1
+    assert "exists" in run.stderr
+    assert drive.read_bytes() == before
+
+
+def test_a_repaired_recording_is_accepted(drive: Path, tmp_path: Path) -> None:
+    drive.write_bytes(drive.read_bytes()[:-100])
+    refused = ltvn("verify", drive)
+    assert refused.returncode == 1
+    assert "ltvn repair" in refused.stderr
+    assert ltvn("repair", drive, "--output", tmp_path / "new.rrd").returncode == 0
+    assert ltvn("verify", tmp_path / "new.rrd").returncode == 0
+
+
+def test_collect_build_navigate_in_one_go_each(tmp_path: Path) -> None:
+    tour, built, trip = (tmp_path / name for name in ("tour.rrd", "map.rrd", "trip.rrd"))
+    collected = json.loads(
+        ltvn("collect", "--scene", "train-23", "--loops", "1", "--output", tour, "--json", "-").stdout
+    )
+    assert collected["frames"] == len(Recording.open(tour).frames)
+    summary = json.loads(ltvn("build", tour, "--output", built, "--predictor", "oracle", "--json", "-").stdout)
+    assert summary["nodes"] > 20
+    assert summary["edges"] > summary["nodes"]
+    run = ltvn("navigate", built, "--recording", trip, "--predictor", "oracle", "--json", "-")
+    assert json.loads(run.stdout)["outcome"]["reached"] == 1, run.stderr
+    assert ltvn("verify", trip).returncode == 0
+    other = ltvn("navigate", built, "--recording", tmp_path / "again.rrd")
+    assert other.returncode == 1
+    assert "weights" in other.stderr

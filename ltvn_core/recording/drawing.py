@@ -65,7 +65,7 @@ def robot(drawn_pose: Pose, odometry: Pose) -> list[Drawn]:
 def graph(nodes: Sequence[Node], edges: Sequence[Edge], places: Places) -> list[Drawn]:
     """Draw the whole map; `places` must know every node."""
     ids = [node.id for node in nodes]
-    points = rr.Points3D(places.points(ids, GRAPH_M), radii=0.05, colors=[_NODE_COLOUR])
+    points = rr.Points3D(places.points(ids, GRAPH_M), radii=0.07, colors=[_NODE_COLOUR])
     return [
         Drawn(schema.NODES, [points, Row(schema.NODE_ROW, {"node_id": numbers(ids, np.int32)})]),
         Drawn(schema.EDGES, _edges(edges, places)),
@@ -84,7 +84,7 @@ def _edges(edges: Sequence[Edge], places: Places) -> list[rr.AsComponents]:
     strips = np.stack([places.points(sources, GRAPH_M), places.points(targets, GRAPH_M)], axis=1)
     ends = {"source": numbers(sources, np.int32), "target": numbers(targets, np.int32)}
     belief = {name: numbers(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
-    return [rr.LineStrips3D(strips, radii=0.012, colors=colours(beliefs[:, 0])), Row(schema.EDGE_ROW, ends | belief)]
+    return [rr.LineStrips3D(strips, radii=0.02, colors=colours(beliefs[:, 0])), Row(schema.EDGE_ROW, ends | belief)]
 
 
 def _depth_format() -> rr.EncodedDepthImage:

@@ -40,8 +40,11 @@ class BeliefCurves:
         if edge is None or edge in self._edges or len(self._edges) >= CURVES:
             return []
         self._edges.add(edge)
-        name = rr.SeriesLines(names=[f"{edge[0]} → {edge[1]}"], interpolation_mode="StepAfter")
-        return [Drawn(_curve(edge), [name])]
+        name = f"{edge[0]} → {edge[1]}"
+        line = rr.SeriesLines(names=[name], widths=2, interpolation_mode="StepAfter")
+        # Most edges are driven once, and a line through one point cannot be seen.
+        points = rr.SeriesPoints(names=[name], markers="Circle", marker_sizes=4)
+        return [Drawn(_curve(edge), [line, points])]
 
     def continued(self, event: ev.Event) -> list[Drawn]:
         """Return the new point of a curve; a pruned edge ends at zero."""
@@ -73,9 +76,8 @@ def _shapes(event: ev.Event, places: Places) -> list[Drawn]:
         case ev.StateChanged(state=state):
             return [Drawn(schema.STATE, [rr.StateChange(state=str(state))])]
         case ev.QueryStarted(goal=goal):
-            return [_dots(schema.GOAL, [goal], places, _GOAL, radius_m=0.12)]
-        case ev.QueryEnded():
-            return [_strip(schema.PLAN, [], places, _PLAN), _dots(schema.GOAL, [], places, _GOAL, radius_m=0.12)]
+            # The last plan stays until the next query, so that the end of a recording shows it.
+            return [_strip(schema.PLAN, [], places, _PLAN), _dots(schema.GOAL, [goal], places, _GOAL, radius_m=0.15)]
         case ev.Localised(node=node):
             here = _dots(schema.LOCALISED, [] if node is None else [node], places, _HERE, radius_m=0.08)
             return [here, *_margin(event)]

@@ -46,7 +46,7 @@ _SCRIPT = """
     const handle = new wasm_bindgen.WebHandle({
       url: [new URL('recording.rrd', location.href).href], hide_welcome_screen: true, enable_history: false,
       notebook: false, persist: false, theme: 'dark',
-      panel_state_overrides: {top: 'Hidden', blueprint: 'Collapsed', selection: 'Collapsed', time: 'Expanded'},
+      panel_state_overrides: {top: 'Hidden', blueprint: 'Collapsed', selection: 'Collapsed', time: 'Collapsed'},
       on_viewer_event: text => { if (JSON.parse(text).type === 'recording_open') document.body.dataset.open = 'yes' },
     });
     await handle.start(document.getElementById('viewer'));

@@ -66,3 +66,10 @@ class Eyes:
             found = self._matcher.match(image, (node,))
             self._sights[node] = Sight(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
         return self._sights[node]
+
+    def witnessed(self, node: NodeId) -> Sight:
+        """Compare the current picture with a node, trusting r only as far as the node's neighbours in time agree."""
+        found = self._matcher.match(self.features, (node,))
+        return self.sight(node)._replace(
+            reachability=float(self._matcher.witnessed(found, self.features).reachability[0])
+        )

@@ -96,6 +96,8 @@ class Task:
         first, judging = self._eyes.sight(self._goal), self._method.judging
         if not is_at_goal(first.reachability, first.waypoint, judging):
             return False
+        if self._eyes.witnessed(self._goal).reachability <= judging.success_reachability:
+            return False
         if not judging.second_look or self._memory.denials >= _DENIALS:
             return True
         # The next time it looks to the other side, where there may be more to see.

@@ -21,7 +21,7 @@ class Benched:
 
 @dataclass(frozen=True, kw_only=True)
 class Bench(Verb):
-    """Measure the speed budgets of docs/architecture.md; takes a few minutes."""
+    """Measure the speed budgets of docs/architecture.md; takes about ten minutes."""
 
     only: str | None = None
     """Measure only those whose module bears this name, for instance planning."""

@@ -83,13 +83,15 @@ class RobotState(NamedTuple):
 
 
 class Intrinsics(NamedTuple):
-    """A pinhole camera without distortion, mounted level on the robot."""
+    """A pinhole camera without distortion that looks ahead."""
 
     width: int = IMAGE_WIDTH
     height: int = IMAGE_HEIGHT
     horizontal_fov_rad: float = float(np.deg2rad(69.4))
     height_m: float = 0.6
     """Height of the optical centre above the floor."""
+    pitch_rad: float = 0.0
+    """Tilt of the optical axis, upwards positive; 0 is level."""
 
     @property
     def focal_px(self) -> float:

@@ -11,12 +11,15 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from ltvn_core.data.cameras import CameraVariation
 from ltvn_core.data.labels import Labels, Limits, label
 from ltvn_core.data.sampling import ClusterSampling, cluster_pairs, cluster_poses
 from ltvn_core.data.shards import Shard, read_recipe, shard_path, write_shard
+from ltvn_core.data.strangers import stranger_pairs
 from ltvn_core.data.worlds import OpenWorld, World
 from ltvn_core.types import Camera, Intrinsics, Pose
 
@@ -32,10 +35,14 @@ class DatasetRecipe:
 
     seed: int = 0
     """Seed of poses; each scene draws from its own stream."""
-    clusters: int = 220
+    clusters: int = 280
     """Clusters of poses per scene."""
     sampling: ClusterSampling = field(default_factory=ClusterSampling)
     """How poses spread within a cluster."""
+    strangers: int = 28
+    """Pairs across clusters, for each cluster: through walls, look-alikes, from behind, and any."""
+    cameras: CameraVariation = field(default_factory=CameraVariation)
+    """How the camera's mounting varies."""
     limits: Limits = field(default_factory=Limits)
     """What counts as reachable."""
 
@@ -44,39 +51,57 @@ class DatasetRecipe:
         return json.dumps(asdict(self), sort_keys=True)
 
 
-def generate(names: Sequence[str], open_world: OpenWorld, folder: Path, recipe: DatasetRecipe) -> list[Path]:
-    """Make the shards of the named scenes in a folder, skipping those that lie there whole, and return their paths."""
+def generate(
+    names: Sequence[str], open_world: OpenWorld, folder: Path, recipe: DatasetRecipe, *, processes: int = 1
+) -> list[Path]:
+    """Make the shards of the named scenes in a folder, skipping those that lie there whole, and return their paths.
+
+    With several processes, `open_world` must be picklable.
+    """
     paths = [shard_path(folder, name) for name in names]
     text = recipe.text()
     missing = [(name, path) for name, path in zip(names, paths, strict=True) if read_recipe(path) != text]
-    for name, path in tqdm(missing, desc="scenes", unit="scene", initial=len(paths) - len(missing), total=len(paths)):
-        shard = make_shard(open_world(name), recipe)
-        write_shard(shard, path)
-        log.info(
-            "%s: %d images, %d pairs, %.0f %% reachable",
-            name,
-            len(shard.rgb),
-            len(shard.sources),
-            100 * shard.reachable.mean(),
-        )
+    made = Parallel(n_jobs=max(1, min(processes, len(missing))), return_as="generator_unordered")(
+        delayed(_make_and_write)(name, open_world, path, recipe) for name, path in missing
+    )
+    for line in tqdm(made, desc="scenes", unit="scene", initial=len(paths) - len(missing), total=len(paths)):
+        log.info(line)
     return paths
 
 
+def _make_and_write(name: str, open_world: OpenWorld, path: Path, recipe: DatasetRecipe) -> str:
+    shard = make_shard(open_world(name), recipe)
+    write_shard(shard, path)
+    reachable = 100 * shard.reachable.mean()
+    return f"{name}: {len(shard.rgb)} images, {len(shard.sources)} pairs, {reachable:.0f} % reachable"
+
+
 def make_shard(world: World, recipe: DatasetRecipe) -> Shard:
-    """Sample, render and label one scene."""
+    """Sample, render and label one scene.
+
+    Labels are about places, so they are taken from what the nominal camera sees there.
+    """
     rng = np.random.default_rng([recipe.seed, zlib.crc32(world.name.encode())])
     clusters = cluster_poses(world.floor, rng, recipe.clusters, recipe.sampling)
-    poses = clusters.reshape(-1, 3)
+    size = recipe.sampling.size
+    poses, group = clusters.reshape(-1, 3), np.repeat(np.arange(len(clusters), dtype=np.int32), size)
     rgb, depth_mm = render_all(world.camera, poses)
-    sources, targets = cluster_pairs(len(clusters), recipe.sampling.size)
+    near, strange = (
+        cluster_pairs(len(clusters), size),
+        stranger_pairs(rng, poses, group, rgb, depth_mm, recipe.strangers * len(clusters)),
+    )
+    sources, targets = (np.concatenate(ends) for ends in zip(near, strange, strict=True))
     labels = label_all(world, poses, depth_mm, sources, targets, recipe.limits)
+    cameras = recipe.cameras.draw(rng, len(clusters))
+    for row in np.flatnonzero([cameras[each] != Intrinsics() for each in group]):
+        rgb[row], depth_mm[row] = _render(world.camera, poses[row], cameras[group[row]])
     return Shard(
         name=world.name,
         recipe=recipe.text(),
         rgb=rgb,
         depth_mm=depth_mm,
         poses=poses,
-        group=np.repeat(np.arange(len(clusters), dtype=np.int32), recipe.sampling.size),
+        group=group,
         sources=sources,
         targets=targets,
         reachable=labels.reachable,
@@ -92,9 +117,13 @@ def render_all(camera: Camera, poses: Pose) -> tuple[NDArray[np.uint8], NDArray[
     rgb = np.empty((len(poses), size.height, size.width, 3), np.uint8)
     depth_mm = np.empty((len(poses), size.height, size.width), np.uint16)
     for row, pose in enumerate(poses):
-        rgb[row], depth = camera.render(pose, size)
-        depth_mm[row] = np.rint(depth * 1000)
+        rgb[row], depth_mm[row] = _render(camera, pose, size)
     return rgb, depth_mm
+
+
+def _render(camera: Camera, pose: Pose, lens: Intrinsics) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+    rgb, depth = camera.render(pose, lens)
+    return rgb, np.rint(depth * 1000).astype(np.uint16)
 
 
 def label_all(

@@ -13,33 +13,68 @@ from torch import Tensor
 class Augmentation:
     """Strengths of the changes (all ours); zero switches one off."""
 
+    hue: float = 0.5
+    """Share of scenes whose colours are turned round the colour circle, the same for all their images."""
     gain: float = 0.25
     """Brightness is scaled by up to this share, per image."""
+    ramp: float = 0.2
+    """Light grows by up to this share from one side of the image to the other."""
     tint: float = 0.08
     """Each colour channel is shifted by up to this, of a range of 1."""
     contrast: float = 0.2
     """Contrast is scaled by up to this share."""
+    blur: float = 0.25
+    """Share of images that are out of focus."""
     noise: float = 0.02
     """Standard deviation of pixel noise."""
+    depth_scale: float = 0.01
+    """Depth is scaled by up to this share, per image,"""
     depth_noise: float = 0.01
-    """Standard deviation of depth as a share of it."""
+    """and noisy with this standard deviation as a share of it."""
     holes: float = 0.5
     """Share of images whose depth loses a few patches."""
 
 
-def augment(rgb: Tensor, depth: Tensor, strength: Augmentation, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Change rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres; return the same shapes."""
+def augment(
+    rgb: Tensor, depth: Tensor, scene: Tensor, strength: Augmentation, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
+    """Change rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres, of scenes (B,); return the same shapes."""
     count = len(rgb)
 
     def spread(amount: float, channels: int) -> Tensor:
         return (torch.rand(count, channels, 1, 1, generator=generator) * 2 - 1) * amount
 
+    rgb = turn_hues(rgb, scene, strength.hue, generator)
     mean = rgb.mean(dim=(2, 3), keepdim=True)
     rgb = (rgb - mean) * (1 + spread(strength.contrast, 1)) + mean
-    rgb = rgb * (1 + spread(strength.gain, 1)) + spread(strength.tint, 3)
+    across = torch.linspace(-1, 1, rgb.shape[3])
+    light = 1 + spread(strength.gain, 1) + spread(strength.ramp, 1) * across
+    rgb = rgb * light + spread(strength.tint, 3)
+    rgb = defocus(rgb, strength.blur, generator)
     rgb = rgb + torch.randn(rgb.shape, generator=generator) * strength.noise
+    depth = depth * (1 + spread(strength.depth_scale, 1)[:, 0])
     depth = depth * (1 + torch.randn(depth.shape, generator=generator) * strength.depth_noise)
     return rgb.clamp(0, 1), depth * holes(depth, strength.holes, generator)
+
+
+def turn_hues(rgb: Tensor, scene: Tensor, share: float, generator: torch.Generator) -> Tensor:
+    """Turn the colours of a share of the scenes (B,) about the grey axis, each scene by an angle of its own."""
+    number = int(scene.max()) + 1
+    angle = (torch.rand(number, generator=generator) * 2 - 1) * torch.pi
+    angle = angle * (torch.rand(number, generator=generator) < share)
+    grey = torch.full((3, 3), 1 / 3)
+    cross = torch.tensor([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]]) / 3**0.5
+    cos, sin = torch.cos(angle)[:, None, None], torch.sin(angle)[:, None, None]
+    rotation = cos * torch.eye(3) + sin * cross + (1 - cos) * grey
+    return torch.einsum("bij,bjhw->bihw", rotation[scene], rgb)
+
+
+def defocus(rgb: Tensor, share: float, generator: torch.Generator) -> Tensor:
+    """Blur a share of the images by a mean over 3 x 3 pixels, more or less."""
+    strength = torch.rand(len(rgb), 1, 1, 1, generator=generator)
+    strength = strength * (torch.rand(len(rgb), 1, 1, 1, generator=generator) < share)
+    soft = torch.nn.functional.avg_pool2d(rgb, 3, stride=1, padding=1, count_include_pad=False)
+    return rgb + strength * (soft - rgb)
 
 
 def holes(depth: Tensor, share: float, generator: torch.Generator) -> Tensor:

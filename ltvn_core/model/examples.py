@@ -73,9 +73,11 @@ class ExamplePool:
 
     def __init__(self, scenes: Sequence[Examples]) -> None:
         self.scenes = scenes
-        self._pairs = [_pairs_by_group(scene) for scene in scenes]
-        self._images = [_images_by_group(scene) for scene in scenes]
-        self._weights = _pair_weights(scenes)
+        within = [scene.group[scene.sources] == scene.group[scene.targets] for scene in scenes]
+        self._pairs = [_pairs_by_group(scene, mask) for scene, mask in zip(scenes, within, strict=True)]
+        self._strangers = [_pairs_by_group(scene, ~mask) for scene, mask in zip(scenes, within, strict=True)]
+        self._images = [_rows_by_group(scene.group, scene) for scene in scenes]
+        self._weights = _pair_weights(scenes, within)
 
     def draw(
         self,
@@ -85,34 +87,45 @@ class ExamplePool:
         pairs_per_group: int,
         confusions: Sequence[Confusion] = (),
     ) -> Batch:
-        """Draw `groups` clusters, and from each the given number of labelled pairs, positives evened over distance.
+        """Draw about `groups` clusters, and from each the given number of labelled pairs, positives evened by distance.
 
-        The clusters of each confusion (both ends) are part of the batch, and the confusion is one of its pairs.
+        Every second cluster is joined to the one before by a labelled pair across the two. The clusters of each
+        confusion (both ends) come on top, and the confusion is one of the pairs.
         """
         chosen = {(c.scene, int(self.scenes[c.scene].group[row])) for c in confusions for row in (c.source, c.target)}
+        across = []
         scenes = rng.choice(len(self.scenes), min(4, len(self.scenes)), replace=False)
-        for position in range(groups - len(chosen)):
+        for position in range(max(groups // 2, 1)):
             scene = int(scenes[position % len(scenes)])
-            chosen.add((scene, int(rng.integers(len(self._images[scene])))))
-        return self._assemble(rng, sorted(chosen), pairs_per_group, confusions)
+            group = int(rng.integers(len(self._images[scene])))
+            chosen.add((scene, group))
+            if len(strangers := self._strangers[scene][group]):
+                pair = self._labelled(scene, int(rng.choice(strangers)))
+                chosen.add((scene, int(self.scenes[scene].group[pair[2]])))
+                across.append(pair)
+            else:
+                chosen.add((scene, int(rng.integers(len(self._images[scene])))))
+        across.extend((c.scene, c.source, c.target, False) for c in confusions)
+        return self._assemble(rng, sorted(chosen), pairs_per_group, across)
+
+    def _labelled(self, scene: int, pair: int) -> tuple[int, int, int, bool]:
+        examples = self.scenes[scene]
+        return scene, int(examples.sources[pair]), int(examples.targets[pair]), bool(examples.reachable[pair])
 
     def _assemble(
         self,
         rng: np.random.Generator,
         chosen: list[tuple[int, int]],
         pairs_per_group: int,
-        confusions: Sequence[Confusion],
+        across: list[tuple[int, int, int, bool]],
     ) -> Batch:
         rows: dict[tuple[int, int], int] = {}
         pairs: list[tuple[int, int, int, bool]] = []
         for scene, group in chosen:
             for image in self._images[scene][group]:
                 rows[scene, int(image)] = len(rows)
-            examples = self.scenes[scene]
-            for pair in self._choose(rng, scene, group, pairs_per_group):
-                ends = int(examples.sources[pair]), int(examples.targets[pair])
-                pairs.append((scene, *ends, bool(examples.reachable[pair])))
-        pairs.extend((c.scene, c.source, c.target, False) for c in confusions)
+            pairs.extend(self._labelled(scene, int(k)) for k in self._choose(rng, scene, group, pairs_per_group))
+        pairs.extend(across)
         keys = list(rows)
         return Batch(
             np.stack([self.scenes[scene].rgb[image] for scene, image in keys]),
@@ -131,18 +144,19 @@ class ExamplePool:
         return pairs[np.argsort(keys)[:count]]
 
 
-def _images_by_group(scene: Examples) -> list[NDArray[np.intp]]:
-    order = np.argsort(scene.group, kind="stable")
-    return np.split(order, np.searchsorted(scene.group[order], np.arange(1, scene.group.max() + 1)))
+def _pairs_by_group(scene: Examples, mask: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Return, for each cluster, the masked pairs whose source it holds."""
+    pairs = np.flatnonzero(mask)
+    return [pairs[rows] for rows in _rows_by_group(scene.group[scene.sources[pairs]], scene)]
 
 
-def _pairs_by_group(scene: Examples) -> list[NDArray[np.intp]]:
-    group = scene.group[scene.sources]
+def _rows_by_group(group: NDArray[np.int32], scene: Examples) -> list[NDArray[np.intp]]:
+    """Return, for each cluster of a scene, where it occurs in `group` (N,)."""
     order = np.argsort(group, kind="stable")
     return np.split(order, np.searchsorted(group[order], np.arange(1, scene.group.max() + 1)))
 
 
-def _pair_weights(scenes: Sequence[Examples]) -> list[NDArray[np.float64]]:
+def _pair_weights(scenes: Sequence[Examples], within: Sequence[NDArray[np.bool_]]) -> list[NDArray[np.float64]]:
     """Return each pair's weight: reachable pairs count evenly over distance, and as much as all others together."""
     bins = []
     for scene in scenes:
@@ -151,7 +165,8 @@ def _pair_weights(scenes: Sequence[Examples]) -> list[NDArray[np.float64]]:
         # Unreachable pairs that are near and turned little teach more than those that any glance rules out.
         easy = (np.abs(waypoints[:, 2]) > 1.2) | (waypoints[:, 0] < -0.3) | (distance == len(DISTANCE_BINS_M))
         bins.append(np.where(scene.reachable, distance, len(DISTANCE_BINS_M) + 1 + easy))
-    count = np.bincount(np.concatenate(bins), minlength=len(DISTANCE_BINS_M) + 3).astype(float)
+    inside = np.concatenate([each[mask] for each, mask in zip(bins, within, strict=True)])
+    count = np.bincount(inside, minlength=len(DISTANCE_BINS_M) + 3).astype(float)
     positive = count[: len(DISTANCE_BINS_M) + 1]
     wish = np.concatenate([np.full(len(positive), 0.5 / max((positive > 0).sum(), 1)), [0.35, 0.15]])
     # A rare distance is not repeated more than ten times as often as it occurs.

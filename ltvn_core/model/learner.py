@@ -38,9 +38,9 @@ class LearningPlan:
     """Weight of the auxiliary loss on the cheap place score."""
     groups: int = 10
     """Clusters of images per step and process."""
-    pairs_per_group: int = 14
+    pairs_per_group: int = 18
     """Labelled pairs per cluster."""
-    confusions: int = 3
+    confusions: int = 2
     """Mined far pairs per step, each bringing both its clusters along."""
     hard: int = 40
     """Far pairs of the step's images that look most alike by place score."""
@@ -128,7 +128,7 @@ class Learner:
         self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator
     ) -> tuple[ImageFeatures, bool]:
         rgb, depth = images_to_tensors(batch.rgb, batch.depth_mm / np.float32(1000))
-        rgb, depth = augment(rgb, depth, self.plan.augmentation, generator)
+        rgb, depth = augment(rgb, depth, torch.from_numpy(batch.scene), self.plan.augmentation, generator)
         if mirrored := bool(rng.random() < 0.5):
             rgb, depth = mirror(rgb, depth)
         return precision.encode(self.network, rgb, depth), mirrored

@@ -21,17 +21,22 @@ from ltvn_core.model.calibration import fit_platt, logit
 from ltvn_core.model.checkpoint import resume, save_checkpoint
 from ltvn_core.model.examples import ExamplePool, Examples
 from ltvn_core.model.figures import DriveFigures, PairFigures
-from ltvn_core.model.learner import Learner, LearningPlan
+from ltvn_core.model.learner import Learner, LearningPlan, StepReport, schedule
+from ltvn_core.model.memory import keep_freed_memory
 from ltvn_core.model.mining import find_confusions
 from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.precision import Precision, choose_precision
 from ltvn_core.model.predictor import NetworkPredictor
+from ltvn_core.model.scalars import Scalars
 from ltvn_core.model.team import ALONE, Team, run_team
 from ltvn_core.model.weights import load_weights, save_weights
 
 log = logging.getLogger(__name__)
 
 _CHECKPOINT_SECONDS = 60.0
+
+_SCALARS_EVERY = 20
+"""Steps between points of the curves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +112,7 @@ def train(data: TrainingData, plan: TrainingPlan, folder: Path, team: Team = ALO
     A checkpoint in the folder is resumed. Raises WeightsError if that is of another plan.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    keep_freed_memory()
     return _Course(data, plan, folder, team).run()
 
 
@@ -134,6 +140,7 @@ class _Course:
         self.spent = resume(self.learner, self.checkpoint) if self.checkpoint.exists() else 0.0
         self.best = _read_best(folder)
         self.worse_in_a_row = 0
+        self.scalars = Scalars(folder / "tensorboard") if team.leads else None
 
     def run(self) -> TrainingResult:
         precision = choose_precision(self.learner.network)
@@ -153,6 +160,7 @@ class _Course:
             mean = report.loss if math.isnan(mean) else 0.98 * mean + 0.02 * report.loss
             bar.set_postfix(step=self.learner.steps, loss=f"{mean:.3f}", refresh=False)
             bar.update(100 * min(self.progress(), 1) - bar.n)
+            self._plot(report)
             self._look_up(before, precision)
             if self.team.leads and time.monotonic() - saved > _CHECKPOINT_SECONDS:
                 save_checkpoint(self.learner, self.checkpoint, seconds=self.spent)
@@ -165,6 +173,19 @@ class _Course:
         if self.plan.minutes is None:
             return self.learner.steps / self.plan.steps
         return self.spent / (60 * self.plan.minutes)
+
+    def _plot(self, report: StepReport) -> None:
+        if self.scalars is None or self.learner.steps % _SCALARS_EVERY:
+            return
+        rate = self.plan.learning.rate * schedule(self.progress(), self.plan.learning.warm_up)
+        self.scalars.add(
+            self.learner.steps,
+            training__loss=report.loss,
+            training__total=report.total,
+            training__rate=rate,
+            training__pairs_per_s=self.learner.pairs / max(self.spent, 1e-3),
+            training__confusions=len(self.learner.confusions),
+        )
 
     def _look_up(self, before: float, precision: Precision) -> None:
         """Validate and mine where it is time to; while the leader validates, the others mine."""
@@ -198,6 +219,9 @@ class _Course:
         log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
         with (self.folder / "validation.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps({"seconds": round(self.spent), "score": found.score, **asdict(found)}) + "\n")
+        if self.scalars is not None:
+            self.scalars.add_figures(found.steps, "pairs", asdict(found.pairs))
+            self.scalars.add_figures(found.steps, "drives", asdict(found.drives) if found.drives else {})
         if self.best is None or found.score > self.best.score:
             self.best, self.worse_in_a_row = found, 0
             save_weights(self.learner.average, self.best_path)
@@ -207,6 +231,8 @@ class _Course:
 
     def _finish(self) -> TrainingResult:
         weights = self.folder / "weights.safetensors"
+        if self.scalars is not None:
+            self.scalars.close()
         if self.team.leads:
             save_checkpoint(self.learner, self.checkpoint, seconds=self.spent)
             if self.best is None or self.best.steps != self.learner.steps:

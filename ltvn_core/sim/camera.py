@@ -69,7 +69,7 @@ class EmbreeCamera:
         colours[pixels] = fine.reshape(n * n, -1, 3).mean(0)
 
     def _look(self, pose: Pose, lens: Intrinsics, rays: _Rays, spread: float) -> tuple[Hits, NDArray[np.float32]]:
-        directions = _turned(rays, float(pose[2]))
+        directions = _turned(rays, float(pose[2]), lens.pitch_rad)
         origins = np.empty_like(directions)
         origins[:] = (pose[0], pose[1], lens.height_m)
         hits = self._caster.cast(origins, directions)
@@ -87,13 +87,15 @@ def _offsets(pixels: int, focal_px: float) -> NDArray[np.float32]:
     return offsets.astype(np.float32, copy=False)
 
 
-def _turned(rays: _Rays, yaw_rad: float) -> NDArray[np.float32]:
+def _turned(rays: _Rays, yaw_rad: float, pitch_rad: float) -> NDArray[np.float32]:
     """Return directions (N, 3) in the world; element by element, a matrix product would wake BLAS threads."""
     cos, sin = np.float32(np.cos(yaw_rad)), np.float32(np.sin(yaw_rad))
+    rise, level = np.float32(np.sin(pitch_rad)), np.float32(np.cos(pitch_rad))
+    ahead = level - rise * rays.up
     directions = np.empty((len(rays.left), 3), np.float32)
-    np.subtract(cos, sin * rays.left, out=directions[:, 0])
-    np.add(sin, cos * rays.left, out=directions[:, 1])
-    directions[:, 2] = rays.up
+    np.subtract(cos * ahead, sin * rays.left, out=directions[:, 0])
+    np.add(sin * ahead, cos * rays.left, out=directions[:, 1])
+    np.add(rise, level * rays.up, out=directions[:, 2])
     return directions
 
 

@@ -40,7 +40,8 @@ class TinyCamera:
     def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
         """Return rgb (H, W, 3) and depth (H, W) in metres, 0 beyond 10 m."""
         eye = (pose[0], pose[1], intrinsics.height_m)
-        ahead = (pose[0] + np.cos(pose[2]), pose[1] + np.sin(pose[2]), intrinsics.height_m)
+        rise = intrinsics.height_m + np.tan(intrinsics.pitch_rad)
+        ahead = (pose[0] + np.cos(pose[2]), pose[1] + np.sin(pose[2]), rise)
         view = pybullet.computeViewMatrix(eye, ahead, (0, 0, 1))
         lens = _projection(intrinsics)
         size = intrinsics.width, intrinsics.height

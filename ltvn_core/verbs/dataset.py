@@ -33,8 +33,10 @@ class Dataset(Verb):
     """Where the shards lie, one file per scene."""
     scenes: tuple[str, ...] = ()
     """Scenes by name; none stands for those of training and validation."""
-    clusters: int = 180
-    """Clusters of eight images per scene; each gives 56 pairs."""
+    clusters: int = 280
+    """Clusters of eight images per scene; each gives 56 pairs within and about 28 with others."""
+    processes: int = 2
+    """Scenes that are made at the same time."""
     seed: int = 0
     """Draws the poses."""
 
@@ -45,7 +47,8 @@ class Dataset(Verb):
         from ltvn_core.sim.scenes import scene_names
 
         names = self.scenes or tuple(name for name in scene_names() if name.startswith(FAMILIES))
-        paths = generate(names, open_world, self.folder, DatasetRecipe(seed=self.seed, clusters=self.clusters))
+        recipe = DatasetRecipe(seed=self.seed, clusters=self.clusters)
+        paths = generate(names, open_world, self.folder, recipe, processes=self.processes)
         images = pairs = reachable = 0
         for path in paths:
             shard = read_shard(path)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 VALIDATION = ("tune-0", "tune-1", "tune-2")
 """Scenes by which the best weights are chosen."""
 
-UNSEEN = ("tune-3", "tune-4", "tune-5")
+UNSEEN = ("tune-3", "tune-4", "tune-5", "tune-6", "tune-7", "tune-8")
 """Scenes on which the figures of the card are measured."""
 
 

@@ -14,7 +14,8 @@ pytest.importorskip("embreex")
 def test_a_scene_becomes_a_shard_of_labelled_pairs(tmp_path: Path) -> None:
     made = Dataset(folder=tmp_path, scenes=("tune-5",), clusters=6).run()
     assert isinstance(made, DatasetMade)
-    assert (made.scenes, made.images, made.pairs) == (1, 48, 336)
+    assert (made.scenes, made.images) == (1, 48)
+    assert 336 < made.pairs <= 336 + 6 * 28
     assert 0.05 < made.reachable < 0.6
 
 

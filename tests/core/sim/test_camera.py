@@ -110,6 +110,13 @@ def test_another_lens_shows_the_same_world(lens: Intrinsics) -> None:
     assert depth == pytest.approx(_depth_in_box(pose, 6.0, 4.0, 2.5, lens), abs=2e-3)
 
 
+@pytest.mark.parametrize("camera", [EmbreeCamera, TinyCamera])
+def test_a_camera_tilted_down_sees_the_floor_where_it_points(camera: type[EmbreeCamera | TinyCamera]) -> None:
+    lens = Intrinsics(width=97, height=73, pitch_rad=-0.5)
+    _, depth = camera(_box_room(6.0, 4.0, 2.5)).render(np.array([1.0, 2.0, 0.0]), lens)
+    assert depth[36, 48] == pytest.approx(lens.height_m / np.sin(0.5), abs=0.02)
+
+
 def test_the_same_pose_gives_the_same_picture(scene: Scene) -> None:
     pose = scene.clearance.sample_poses(np.random.default_rng(1), 1)[0]
     (rgb, depth), (again, depth_again) = (EmbreeCamera(scene.surfaces).render(pose, LENS) for _ in range(2))

@@ -17,7 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from ltvn_core.errors import DatasetError
-from ltvn_core.types import Pose
+from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Pose
 
 SCHEMA = "ltvn-pairs-1"
 """Name of the file format; another one is refused."""
@@ -88,7 +88,9 @@ def read_shard(path: Path) -> Shard:
             arrays = {name: file.get_tensor(name) for name in _ARRAYS}
     except (OSError, SafetensorError) as error:
         raise DatasetError(f"{path}: not a whole shard ({error}); delete it and make the dataset again.") from error
-    return Shard(name=metadata["name"], recipe=metadata["recipe"], **arrays)
+    shard = Shard(name=metadata["name"], recipe=metadata["recipe"], **arrays)
+    _check_arrays(shard, path)
+    return shard
 
 
 def read_recipe(path: Path) -> str | None:
@@ -99,6 +101,28 @@ def read_recipe(path: Path) -> str | None:
     except (OSError, SafetensorError):
         return None
     return metadata.get("recipe") if metadata.get("schema") == SCHEMA else None
+
+
+def _check_arrays(shard: Shard, path: Path) -> None:
+    """Refuse arrays that do not belong together, as another program might write them."""
+    count, pairs = len(shard.poses), len(shard.sources)
+    size = (IMAGE_HEIGHT, IMAGE_WIDTH)
+    if shard.rgb.shape != (count, *size, 3) or shard.depth_mm.shape != (count, *size):
+        raise DatasetError(
+            f"{path}: {count} poses with images {shard.rgb.shape} and depths {shard.depth_mm.shape}; each pose has one "
+            f"image of {size} (rows, columns). Make the dataset again."
+        )
+    columns = (shard.targets, shard.reachable, shard.failed, shard.overlap, shard.path_ratio)
+    if shard.group.shape != (count,) or any(len(column) != pairs for column in columns):
+        raise DatasetError(f"{path}: its columns are of different lengths; make the dataset again.")
+    if (
+        pairs
+        and not 0
+        <= min(shard.sources.min(), shard.targets.min())
+        <= max(shard.sources.max(), shard.targets.max())
+        < count
+    ):
+        raise DatasetError(f"{path}: a pair names an image that is not there; make the dataset again.")
 
 
 def _metadata(file: Any) -> dict[str, str]:

@@ -30,12 +30,13 @@ class Bench(Verb):
         """Measure one budget after the other."""
         from tqdm import tqdm
 
-        from ltvn_core.benchmarks import camera, matching, planning, recording
+        from ltvn_core.benchmarks import camera, learning, matching, planning, recording
         from ltvn_viz import latency
 
         jobs = {
             "camera": camera.render_large_mesh,
             "driving": latency.key_to_command,
+            "learning": learning.learn,
             "matching": matching.localise_and_build,
             "planning": planning.plan_large_map,
             "recording": recording.write_and_read,

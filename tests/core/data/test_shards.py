@@ -8,7 +8,7 @@ import pytest
 
 from ltvn_core.data.generate import DatasetRecipe, generate, make_shard
 from ltvn_core.data.sampling import ClusterSampling, cluster_pairs, cluster_poses
-from ltvn_core.data.shards import read_shard, shard_path
+from ltvn_core.data.shards import read_shard, shard_path, write_shard
 from ltvn_core.data.worlds import World
 from ltvn_core.errors import DatasetError
 from tests.core.data.box_world import two_rooms
@@ -66,6 +66,37 @@ def test_missing_cut_and_foreign_shards_are_named_in_the_error(tmp_path: Path) -
     path.write_bytes(path.read_bytes()[:-10])
     with pytest.raises(DatasetError, match="make the dataset again"):
         read_shard(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"depth_mm": np.zeros((16, 36, 48), np.uint16)}, "rows, columns"),
+        ({"targets": np.full(3, 2, np.int32)}, "different lengths"),
+        ({"group": np.zeros(5, np.int32)}, "different lengths"),
+    ],
+)
+def test_arrays_that_do_not_belong_together_are_refused(
+    tmp_path: Path, change: dict[str, np.ndarray], message: str
+) -> None:
+    path = tmp_path / "odd.pairs.safetensors"
+    write_shard(replace(make_shard(two_rooms("a"), RECIPE), **change), path)
+    with pytest.raises(DatasetError, match=message):
+        read_shard(path)
+
+
+def test_a_pair_of_an_image_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    shard = make_shard(two_rooms("a"), RECIPE)
+    path = tmp_path / "odd.pairs.safetensors"
+    write_shard(replace(shard, targets=shard.targets + 1000), path)
+    with pytest.raises(DatasetError, match="not there"):
+        read_shard(path)
+
+
+def test_several_processes_make_the_same_bytes_as_one(tmp_path: Path) -> None:
+    one = generate(["a", "b"], two_rooms, tmp_path / "one", RECIPE)
+    two = generate(["a", "b"], two_rooms, tmp_path / "two", RECIPE, processes=2)
+    assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
 
 
 def test_an_unwritable_folder_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:

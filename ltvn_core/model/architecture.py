@@ -1,4 +1,4 @@
-"""The sizes of the network: one frozen description that travels with the weights and rebuilds the modules.
+"""The sizes of the networks: a frozen description for each family, which travels with weights and rebuilds the modules.
 
 Owns the numbers that must match between training and use. Knows nothing of training, files or images.
 """
@@ -16,10 +16,10 @@ DEPTH_STRIDE = 4
 
 @dataclass(frozen=True, slots=True)
 class Architecture:
-    """Widths of the network's layers (all ours; the paper does not state its network)."""
+    """Widths of the layers of `PairNetwork` (all ours; the paper does not state its network)."""
 
     name: str = "aligned-pairs"
-    """Family of the network; weights of another family are refused."""
+    """Family of the network; it decides what is built when weights are read."""
     stem: int = 32
     """Channels at half resolution."""
     middle: int = 48
@@ -56,3 +56,27 @@ class Architecture:
     def depth_count(self) -> int:
         """Samples of the kept depth per image."""
         return self.depth_grid[0] * self.depth_grid[1]
+
+
+@dataclass(frozen=True, slots=True)
+class StackedArchitecture:
+    """Widths of the layers of `StackedNetwork`: a ResNet-18 made narrower for images of 96 x 72."""
+
+    name: str = "stacked"
+    """Family of the network; it decides what is built when weights are read."""
+    stem: int = 32
+    """Channels at half resolution."""
+    quarter: int = 32
+    """Channels at a quarter of the resolution,"""
+    eighth: int = 64
+    """at an eighth,"""
+    sixteenth: int = 128
+    """at a sixteenth,"""
+    last: int = 192
+    """and after the last halving."""
+    hidden: int = 128
+    """Width of the fully connected layer before the output."""
+
+
+AnyArchitecture = Architecture | StackedArchitecture
+"""The description of a network of any family."""

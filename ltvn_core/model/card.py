@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ltvn_core.model.figures import DriveFigures, PairFigures
+from ltvn_core.model.speed import Speed
 from ltvn_core.model.training import TrainingPlan
 
 
@@ -55,6 +56,7 @@ class Card:
 
     trained_on: TrainedOn
     plan: TrainingPlan
+    """How, and with which architecture."""
     steps: int
     """Steps of training."""
     pairs_compared: int
@@ -65,6 +67,8 @@ class Card:
     """Processes that trained together."""
     commands: Sequence[str]
     """What makes these weights again, up to the time that training took elsewhere."""
+    speed: Speed
+    """Size of the network and its times where it was trained."""
     measured: Measured
     distance_sigma: float
     """Standard deviation of d(predicted) - d(true) on reachable pairs of unseen scenes, for Eq. 4."""

@@ -54,7 +54,10 @@ def resume(learner: Learner, path: Path) -> float:
     except (OSError, SafetensorError) as error:
         raise WeightsError(f"{path}: not a whole checkpoint ({error}); delete it to begin anew.") from error
     if metadata.get("schema") != SCHEMA or metadata.get("plan") != _plan_text(learner):
-        raise WeightsError(f"{path}: made by another plan of training; name another folder or delete it.")
+        raise WeightsError(
+            f"{path}: made by another plan of training{_other_family(learner, metadata)}; "
+            "name another folder or delete it."
+        )
     learner.network.load_state_dict(_part(tensors, "network."))
     learner.average.load_state_dict(_part(tensors, "average."))
     learner.steps, learner.pairs = int(metadata["steps"]), int(metadata["pairs"])
@@ -82,6 +85,16 @@ def _restore_optimiser(learner: Learner, tensors: dict[str, Tensor]) -> None:
 
 def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def _other_family(learner: Learner, metadata: dict[str, str]) -> str:
+    """Say that a checkpoint is of another family of networks, or nothing."""
+    try:
+        found = str(json.loads(metadata["plan"])[1]["name"])
+    except (KeyError, IndexError, TypeError, ValueError):
+        return ""
+    wanted = learner.network.size.name
+    return "" if found == wanted else f" (of the architecture {found!r}, not {wanted!r})"
 
 
 def _plan_text(learner: Learner) -> str:

@@ -1,14 +1,34 @@
-"""What the network keeps of one image, and how that becomes one row of numbers and back.
+"""What a network keeps of one image, and how that becomes one row of numbers and back.
 
-Owns the layout of a feature row. Does not know how features are made or compared.
+Owns the layout of the feature rows of `PairNetwork`, and what holds for the rows of every network. Does not know how
+features are made or compared.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol, Self, TypeVar
 
 import torch
 from torch import Tensor
 
 from ltvn_core.model.architecture import Architecture
+
+
+class Encoded(Protocol):
+    """What every network keeps of B images: a named tuple of tensors whose first axis is the image."""
+
+    def __iter__(self) -> Iterator[Tensor]:
+        """Yield the tensors in the order in which a row holds them."""
+        ...
+
+    @classmethod
+    def _make(cls, iterable: Sequence[Tensor]) -> Self: ...
+
+    def take(self, rows: Tensor) -> Self:
+        """Return the features of the given images (N,)."""
+        ...
+
+
+Kept = TypeVar("Kept", bound=Encoded)
 
 
 class ImageFeatures(NamedTuple):
@@ -36,9 +56,19 @@ class ImageFeatures(NamedTuple):
         return ImageFeatures(*(part[rows] for part in self))
 
 
-def pack(features: ImageFeatures) -> Tensor:
+def pack(features: Encoded) -> Tensor:
     """Return (B, F) half-precision rows."""
     return torch.cat([part.flatten(1).half() for part in features], dim=1)
+
+
+def to_float32(features: Kept) -> Kept:
+    """Return the features in single precision."""
+    return features._make([part.float() for part in features])
+
+
+def join(parts: Sequence[Kept]) -> Kept:
+    """Return the features of all images of several parts, at least one."""
+    return parts[0]._make([torch.cat(column) for column in zip(*parts, strict=True)])
 
 
 def unpack(rows: Tensor, architecture: Architecture) -> ImageFeatures:

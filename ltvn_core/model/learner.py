@@ -10,13 +10,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ltvn_core.model.architecture import Architecture
+from ltvn_core.model.architecture import AnyArchitecture, Architecture
 from ltvn_core.model.augmentation import Augmentation, augment, mirror
+from ltvn_core.model.contract import Compared
 from ltvn_core.model.examples import Batch, Confusion, ExamplePool
-from ltvn_core.model.features import ImageFeatures
-from ltvn_core.model.loss import matching_loss, pair_loss, place_loss, true_correspondence
+from ltvn_core.model.families import build_network
+from ltvn_core.model.features import Encoded
+from ltvn_core.model.loss import pair_loss
 from ltvn_core.model.mining import Far, hardest
-from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.precision import Precision
 from ltvn_core.model.predictor import images_to_tensors
 from ltvn_core.model.team import ALONE, Team
@@ -33,9 +34,9 @@ class LearningPlan:
     beta: float = 3.0
     """Weight of the yaw error in Eq. 1."""
     matching: float = 0.15
-    """Weight of the auxiliary loss on token matches."""
+    """Weight of the auxiliary loss on token matches, in networks that match."""
     place: float = 0.1
-    """Weight of the auxiliary loss on the cheap place score."""
+    """Weight of the auxiliary loss on the cheap place score, in networks that have one."""
     groups: int = 10
     """Clusters of images per step and process."""
     pairs_per_group: int = 18
@@ -43,7 +44,7 @@ class LearningPlan:
     confusions: int = 2
     """Mined far pairs per step, each bringing both its clusters along."""
     hard: int = 40
-    """Far pairs of the step's images that look most alike by place score."""
+    """Far pairs of the step's images that look most alike to the network's rough score, or any if it has none."""
     random: int = 12
     """Far pairs drawn at random."""
     rate: float = 2e-3
@@ -73,11 +74,12 @@ class StepReport:
 class Learner:
     """Network, average and optimiser; the n-th step is the same whether or not training was interrupted before."""
 
-    def __init__(self, plan: LearningPlan, size: Architecture | None = None) -> None:
+    def __init__(self, plan: LearningPlan, size: AnyArchitecture | None = None) -> None:
         self.plan = plan
         torch.manual_seed(plan.seed)
-        self.network = PairNetwork(size).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.average = PairNetwork(size).eval()
+        size = size or Architecture()
+        self.network = build_network(size).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.average = build_network(size).eval()
         self.average.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), plan.rate, weight_decay=plan.decay)
         self.steps = 0
@@ -109,36 +111,36 @@ class Learner:
     ) -> tuple[Tensor, Tensor, int]:
         """Return Eq. 1, the total, and the number of pairs."""
         features, mirrored = self._encode(batch, precision, rng, generator)
-        place = self.network.place_logits(features.place_query, features.place_key)
-        sources, targets, reachable = self._pairs(batch, place.detach(), generator)
+        sources, targets, reachable = self._pairs(batch, self.network.rough_logits(features).detach(), generator)
         waypoints = torch.from_numpy(batch.waypoints(sources.numpy(), targets.numpy())).float()
         if mirrored:
             waypoints = waypoints * torch.tensor([1.0, -1.0, -1.0])
         here, there = features.take(sources), features.take(targets)
-        output = self.network.compare(here, there)
+        output = precision.compare(self.network, here, there)
         plan = self.plan
         loss = pair_loss(output.logit, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
         scene = torch.from_numpy(batch.scene)
-        true = true_correspondence(here, there, waypoints, scene[sources] == scene[targets])
-        known = self._place_labels(batch, sources, targets, reachable)
-        extra = plan.matching * matching_loss(output.matching, true) + plan.place * place_loss(place, known)
-        return loss, loss + extra, len(sources)
+        known = self._known_labels(batch, sources, targets, reachable)
+        seen = Compared(features, here, there, output, waypoints, scene[sources] == scene[targets], known)
+        weights = {"matching": plan.matching, "place": plan.place}
+        extra = [weights[name] * term for name, term in self.network.auxiliary_losses(seen).items()]
+        return loss, loss + sum(extra), len(sources)
 
     def _encode(
         self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator
-    ) -> tuple[ImageFeatures, bool]:
+    ) -> tuple[Encoded, bool]:
         rgb, depth = images_to_tensors(batch.rgb, batch.depth_mm / np.float32(1000))
         rgb, depth = augment(rgb, depth, torch.from_numpy(batch.scene), self.plan.augmentation, generator)
         if mirrored := bool(rng.random() < 0.5):
             rgb, depth = mirror(rgb, depth)
         return precision.encode(self.network, rgb, depth), mirrored
 
-    def _pairs(self, batch: Batch, place: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    def _pairs(self, batch: Batch, rough: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """Return sources, targets and labels (P,) of the batch's pairs and of further far ones."""
         far = self._far(batch)
-        hard = hardest(place, far, self.plan.hard, generator)
+        hard = hardest(rough, far, self.plan.hard, generator)
         same_scene = torch.from_numpy(batch.scene[:, None] == batch.scene[None, :])
-        random = hardest(torch.zeros_like(place), far & same_scene, self.plan.random, generator)
+        random = hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)
         sources = torch.cat([torch.from_numpy(batch.sources), hard[0], random[0]])
         targets = torch.cat([torch.from_numpy(batch.targets), hard[1], random[1]])
         labels = torch.zeros(len(sources))
@@ -150,7 +152,7 @@ class Learner:
         foreign = batch.scene[:, None] != batch.scene[None, :]
         return torch.from_numpy(foreign | self.plan.far.pairs(batch.poses, batch.poses))
 
-    def _place_labels(self, batch: Batch, sources: Tensor, targets: Tensor, reachable: Tensor) -> Tensor:
+    def _known_labels(self, batch: Batch, sources: Tensor, targets: Tensor, reachable: Tensor) -> Tensor:
         """Return (B, B): 1 reachable, 0 not, nan unknown."""
         labels = torch.full((len(batch.rgb), len(batch.rgb)), torch.nan)
         labels[self._far(batch)] = 0.0

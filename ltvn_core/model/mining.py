@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ltvn_core.geometry import wrap_angle
+from ltvn_core.model.contract import Network
 from ltvn_core.model.examples import Confusion, Examples
-from ltvn_core.model.features import ImageFeatures
-from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.features import Kept, join
 from ltvn_core.model.precision import Precision
 from ltvn_core.model.predictor import images_to_tensors
 from ltvn_core.types import Pose
@@ -38,7 +38,7 @@ class Far:
 
 @torch.no_grad()
 def find_confusions(
-    network: PairNetwork,
+    network: Network[Kept],
     precision: Precision,
     scene: Examples,
     scene_number: int,
@@ -51,17 +51,18 @@ def find_confusions(
 ) -> list[Confusion]:
     """Return the far pairs among some images of a scene that the network calls reachable, worst first.
 
-    Only the `candidates` pairs with the best place scores are compared in full.
+    Only the `candidates` pairs with the best rough scores are compared in full; ties are broken at random.
     """
     rows = rng.choice(len(scene.poses), min(images, len(scene.poses)), replace=False)
     features = _encode(network, precision, scene, rows)
-    scores = network.place_logits(features.place_query, features.place_key)
+    scores = network.rough_logits(features)
     scores[torch.from_numpy(~far.pairs(scene.poses[rows], scene.poses[rows]))] = -torch.inf
-    best = scores.flatten().topk(min(candidates, scores.numel())).indices
+    shuffled = torch.from_numpy(rng.permutation(scores.numel()))
+    best = shuffled[scores.flatten()[shuffled].topk(min(candidates, scores.numel())).indices]
     sources, targets = best // len(rows), best % len(rows)
     logits = torch.cat(
         [
-            network.compare(features.take(i), features.take(j)).logit
+            precision.compare(network, features.take(i), features.take(j)).logit
             for i, j in zip(sources.split(256), targets.split(256), strict=True)
         ]
     )
@@ -71,12 +72,12 @@ def find_confusions(
     return [Confusion(scene_number, int(rows[sources[k]]), int(rows[targets[k]])) for k in order.tolist()]
 
 
-def _encode(network: PairNetwork, precision: Precision, scene: Examples, rows: NDArray[np.intp]) -> ImageFeatures:
-    parts: list[ImageFeatures] = []
+def _encode(network: Network[Kept], precision: Precision, scene: Examples, rows: NDArray[np.intp]) -> Kept:
+    parts: list[Kept] = []
     for part in np.array_split(rows, max(len(rows) // 128, 1)):
         rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000))
         parts.append(precision.encode(network, rgb, depth))
-    return ImageFeatures(*(torch.cat(column) for column in zip(*parts, strict=True)))
+    return join(parts)
 
 
 def hardest(scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:

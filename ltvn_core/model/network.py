@@ -1,4 +1,4 @@
-"""The whole network: encoder, pair head, the cheap place score, and the calibration of reachability.
+"""The network that aligns pairs: encoder, pair head and the cheap place score.
 
 Owns how the parts are put together. Training, files and numpy are elsewhere.
 """
@@ -7,37 +7,66 @@ import torch
 from torch import Tensor, nn
 
 from ltvn_core.model.architecture import Architecture
+from ltvn_core.model.contract import Compared, Network
 from ltvn_core.model.encoder import Encoder
-from ltvn_core.model.features import ImageFeatures
+from ltvn_core.model.features import ImageFeatures, place_columns, row_length, unpack
+from ltvn_core.model.loss import matching_loss, place_loss, true_correspondence
 from ltvn_core.model.pair_head import PairHead, PairOutput
+from ltvn_core.model.shortlist import Glance, coarse_descriptors, resemblance
 
 
-class PairNetwork(nn.Module):
-    """f(o_i, o_j) -> (r, dx, dy, dtheta), in an `encode` per image and a `compare` per pair."""
-
-    calibration: Tensor
-    """(2,) scale and offset of the logit, fitted on validation after training (Platt)."""
+class PairNetwork(Network[ImageFeatures]):
+    """Encodes each image into tokens in space, matches two images' tokens and aligns what matched."""
 
     def __init__(self, size: Architecture | None = None) -> None:
         super().__init__()
-        self.size = size or Architecture()
-        self.encoder = Encoder(self.size)
-        self.head = PairHead(self.size)
+        size = size or Architecture()
+        self.encoder = Encoder(size)
+        self.head = PairHead(size)
         self.place_line = nn.Parameter(torch.tensor([8.0, -4.0]))
-        self.register_buffer("calibration", torch.tensor([1.0, 0.0]))
+
+    @property
+    def size(self) -> Architecture:
+        """Return the widths of the layers."""
+        return self.encoder.size
+
+    @property
+    def row_length(self) -> int:
+        """Return F, the numbers that are kept per image."""
+        return row_length(self.size)
 
     def encode(self, rgb: Tensor, depth: Tensor) -> ImageFeatures:
         """Encode rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres."""
         return self.encoder(rgb, depth)
 
+    def unpack(self, rows: Tensor) -> ImageFeatures:
+        """Return the features held in (B, F) rows, as float32."""
+        return unpack(rows, self.size)
+
     def compare(self, source: ImageFeatures, target: ImageFeatures) -> PairOutput:
-        """Compare P sources with P targets."""
-        return self.head(source, target)
+        """Compare P sources with P targets, in float32 whatever precision is set: matching and geometry need it."""
+        with torch.autocast(source.points.device.type, enabled=False):
+            return self.head(source, target)
 
     def place_logits(self, query: Tensor, key: Tensor) -> Tensor:
         """Return (S, T) rough logits of reachability from place queries (S, P) and keys (T, P)."""
         return self.place_line[0] * (query @ key.T) + self.place_line[1]
 
-    def reachability(self, logit: Tensor) -> Tensor:
-        """Return the calibrated probability of logits of any shape."""
-        return torch.sigmoid(self.calibration[0] * logit + self.calibration[1])
+    def rough_logits(self, features: ImageFeatures) -> Tensor:
+        """Return (B, B) place scores."""
+        return self.place_logits(features.place_query, features.place_key)
+
+    def glance(self, source: Tensor, targets: Tensor) -> Glance:
+        """Score the places of one source row (1, F) and of target rows (T, F), and look for some of its tokens."""
+        query, key = place_columns(self.size)
+        logits = self.place_logits(source[:, query].float(), targets[:, key].float())[0]
+        alike = resemblance(self.unpack(source), coarse_descriptors(targets, self.size), self.head.sharpness)
+        return Glance(logits, alike)
+
+    def auxiliary_losses(self, seen: Compared[ImageFeatures]) -> dict[str, Tensor]:
+        """Return the losses on token matches and on the place score."""
+        losses = {"place": place_loss(self.rough_logits(seen.features), seen.labels)}
+        if seen.output.matching is not None:
+            true = true_correspondence(seen.here, seen.there, seen.waypoints, seen.same_scene)
+            losses["matching"] = matching_loss(seen.output.matching, true)
+        return losses

@@ -45,8 +45,8 @@ class PairOutput(NamedTuple):
     """(P,) of reachability."""
     pose: Tensor
     """(P, 4): dx, dy, sin, cos; sine and cosine are not normalised."""
-    matching: Matching
-    """The first matching, which knows nothing of space yet; training supervises it."""
+    matching: Matching | None = None
+    """The first matching, which knows nothing of space yet; training supervises it. None where nothing is matched."""
 
 
 class PairHead(nn.Module):

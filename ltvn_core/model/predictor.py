@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ltvn_core.errors import ImageError
-from ltvn_core.model.architecture import Architecture
+from ltvn_core.model.architecture import AnyArchitecture
+from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.features import pack as pack_features
-from ltvn_core.model.features import place_columns, row_length, unpack
-from ltvn_core.model.network import PairNetwork
-from ltvn_core.model.shortlist import coarse_descriptors, resemblance
+from ltvn_core.model.shortlist import Glance
 from ltvn_core.model.weights import SHIPPED, load_weights, weights_fingerprint
 from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Features, Observation, Prediction
 
@@ -37,7 +36,7 @@ other at every layer, so that any other busy program would slow them down many t
 class NetworkPredictor:
     """f(o_i, o_j) -> (r, dx, dy, dtheta) from weights."""
 
-    def __init__(self, network: PairNetwork, fingerprint: str, *, prefilter_from: int | None = PREFILTER_FROM) -> None:
+    def __init__(self, network: AnyNetwork, fingerprint: str, *, prefilter_from: int | None = PREFILTER_FROM) -> None:
         """Take a trained network; `prefilter_from` None compares every pair in full."""
         self._network = network.eval()
         self._fingerprint = fingerprint
@@ -49,13 +48,13 @@ class NetworkPredictor:
         return self._fingerprint
 
     @property
-    def architecture(self) -> Architecture:
+    def architecture(self) -> AnyArchitecture:
         """Return the sizes of the network."""
         return self._network.size
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return (N, F) float16 features. Raises ImageError for observations of another size than 96 x 72."""
-        parts = [np.empty((0, row_length(self.architecture)), np.float16)]
+        parts = [np.empty((0, self._network.row_length), np.float16)]
         for first in range(0, len(observations), _IMAGES_AT_ONCE):
             parts.append(self._encode(observations[first : first + _IMAGES_AT_ONCE]))
         return np.concatenate(parts)
@@ -63,14 +62,17 @@ class NetworkPredictor:
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare sources (N, F) or (1, F) with targets (N, F).
 
-        One source against many targets (200 or more, unless switched off) compares in full only the 96 that resemble
-        it most. The others get a rough reachability, at most the lowest found in full, and a waypoint of zeros, which
-        says nothing.
+        One source against many targets (200 or more, unless switched off or the network has no quick look at pairs)
+        compares in full only the 96 that resemble it most. The others get a rough reachability, at most the lowest
+        found in full, and a waypoint of zeros, which says nothing.
         """
         self._check(sources, targets)
         alone = len(sources) == 1 and len(targets) > 1
         if alone and self._prefilter_from is not None and len(targets) >= self._prefilter_from:
-            return self._predict_filtered(sources, targets)
+            glance = self._glance(sources, targets)
+            return (
+                self._predict(sources, targets) if glance is None else self._predict_filtered(sources, targets, glance)
+            )
         return self._predict(sources, targets)
 
     @torch.inference_mode()
@@ -85,34 +87,31 @@ class NetworkPredictor:
         reachability, waypoints = [np.empty(0)], [np.empty((0, 3))]
         for first in range(0, len(targets), _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
-            there = unpack(torch.from_numpy(np.ascontiguousarray(targets[part])), self.architecture)
-            here = unpack(
-                torch.from_numpy(np.ascontiguousarray(sources if len(sources) == 1 else sources[part])),
-                self.architecture,
-            )
+            rows = targets[part]
+            there = self._network.unpack(_tensor(rows))
+            here = self._network.unpack(_tensor(sources if len(sources) == 1 else sources[part]))
             if len(sources) == 1:
-                here = here.take(torch.zeros(len(there.depth), dtype=torch.long))
+                here = here.take(torch.zeros(len(rows), dtype=torch.long))
             output = self._network.compare(here, there)
             reachability.append(self._network.reachability(output.logit).double().numpy())
             waypoints.append(pose_to_waypoints(output.pose))
         return Prediction(np.concatenate(reachability), np.concatenate(waypoints))
 
     @torch.inference_mode()
-    def _predict_filtered(self, source: Features, targets: Features) -> Prediction:
-        query, key = place_columns(self.architecture)
-        rows = torch.from_numpy(np.ascontiguousarray(targets))
-        logits = self._network.place_logits(_tensor(source[:, query]), rows[:, key].float())[0]
-        here = unpack(_tensor(source), self.architecture)
-        alike = resemblance(here, coarse_descriptors(rows, self.architecture), self._network.head.sharpness)
-        best = np.sort(alike.topk(PREFILTER_KEEP).indices.numpy())
+    def _glance(self, source: Features, targets: Features) -> Glance | None:
+        return self._network.glance(_tensor(source), _tensor(targets))
+
+    @torch.inference_mode()
+    def _predict_filtered(self, source: Features, targets: Features, glance: Glance) -> Prediction:
+        best = np.sort(glance.resemblance.topk(PREFILTER_KEEP).indices.numpy())
         full = self._predict(source, targets[best])
-        reachability = np.minimum(torch.sigmoid(logits).double().numpy(), full.reachability.min())
+        reachability = np.minimum(torch.sigmoid(glance.logit).double().numpy(), full.reachability.min())
         waypoints = np.zeros((len(targets), 3))
         reachability[best], waypoints[best] = full
         return Prediction(reachability, waypoints)
 
     def _check(self, sources: Features, targets: Features) -> None:
-        width = row_length(self.architecture)
+        width = self._network.row_length
         if sources.ndim != 2 or targets.ndim != 2 or sources.shape[1] != width or targets.shape[1] != width:
             raise ValueError(f"Features must be (N, {width}), got {sources.shape} and {targets.shape}.")
         if len(sources) not in (1, len(targets)):
@@ -149,4 +148,4 @@ def _checked(observation: Observation) -> Observation:
 
 
 def _tensor(rows: Features) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(rows)).float()
+    return torch.from_numpy(np.ascontiguousarray(rows))

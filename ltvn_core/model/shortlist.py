@@ -3,6 +3,8 @@
 Owns this rough score. It says how much of the source seems to appear in a target at all, whatever the geometry.
 """
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
@@ -14,6 +16,15 @@ SOURCE_TOKENS = 32
 
 TARGET_STEP = 2
 """They are looked for among every second token of each second row of the targets."""
+
+
+class Glance(NamedTuple):
+    """What a quick look says of one source and each of T targets."""
+
+    logit: Tensor
+    """(T,) rough logits of reachability."""
+    resemblance: Tensor
+    """(T,) how much is to be gained from a full comparison."""
 
 
 def coarse_descriptors(rows: Tensor, size: Architecture) -> Tensor:

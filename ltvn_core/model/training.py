@@ -16,15 +16,16 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from ltvn_core.model.architecture import AnyArchitecture, Architecture
 from ltvn_core.model.assessment import Drive, assess_drives, assess_pairs, encode_images, predict_pairs
 from ltvn_core.model.calibration import fit_platt, logit
 from ltvn_core.model.checkpoint import resume, save_checkpoint
+from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.examples import ExamplePool, Examples
 from ltvn_core.model.figures import DriveFigures, PairFigures
 from ltvn_core.model.learner import Learner, LearningPlan, StepReport, schedule
 from ltvn_core.model.memory import keep_freed_memory
 from ltvn_core.model.mining import find_confusions
-from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.precision import Precision, choose_precision
 from ltvn_core.model.predictor import NetworkPredictor
 from ltvn_core.model.scalars import Scalars
@@ -45,6 +46,8 @@ class TrainingPlan:
 
     learning: LearningPlan = field(default_factory=LearningPlan)
     """What each step does."""
+    architecture: AnyArchitecture = field(default_factory=Architecture)
+    """The network to train."""
     minutes: float | None = 45.0
     """Time to train for; None trains for `steps`."""
     steps: int = 6000
@@ -135,7 +138,7 @@ class _Course:
     def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, team: Team) -> None:
         self.data, self.plan, self.folder, self.team = data, plan, folder, team
         self.pool = ExamplePool(data.scenes)
-        self.learner = Learner(plan.learning)
+        self.learner = Learner(plan.learning, plan.architecture)
         self.checkpoint, self.best_path = folder / "checkpoint.safetensors", folder / "best.safetensors"
         self.spent = resume(self.learner, self.checkpoint) if self.checkpoint.exists() else 0.0
         self.best = _read_best(folder)
@@ -243,7 +246,7 @@ class _Course:
         return TrainingResult(weights, self.best, self.learner.steps, self.learner.pairs, self.spent)
 
 
-def calibrate(network: PairNetwork, scenes: Sequence[Examples]) -> None:
+def calibrate(network: AnyNetwork, scenes: Sequence[Examples]) -> None:
     """Fit the network's calibration on all labelled pairs of scenes."""
     network.calibration.copy_(torch.tensor([1.0, 0.0]))
     predictor = NetworkPredictor(network, "in calibration")

@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 
 from ltvn_core.errors import WeightsError
-from ltvn_core.model.architecture import Architecture
-from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.architecture import AnyArchitecture
+from ltvn_core.model.contract import AnyNetwork
+from ltvn_core.model.families import build_network, read_architecture
 
 SHIPPED = Path(__file__).parent / "weights" / "ltvn.safetensors"
 """The weights that come with the package."""
@@ -27,7 +28,7 @@ SCHEMA = "ltvn-weights-1"
 """Name of the file format; another one is refused."""
 
 
-def save_weights(network: PairNetwork, path: Path, card: Mapping[str, Any] | None = None) -> str:
+def save_weights(network: AnyNetwork, path: Path, card: Mapping[str, Any] | None = None) -> str:
     """Write weights, and their card where there is one, and return the fingerprint; an old file stays until then."""
     partial = path.with_suffix(".partial")
     # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
@@ -48,8 +49,8 @@ def save_weights(network: PairNetwork, path: Path, card: Mapping[str, Any] | Non
     return fingerprint
 
 
-def load_weights(path: Path) -> PairNetwork:
-    """Rebuild a network. Raises WeightsError for files that are missing, cut, foreign or of another architecture."""
+def load_weights(path: Path) -> AnyNetwork:
+    """Rebuild a network. Raises WeightsError for files that are missing, cut, foreign or of an unknown family."""
     if not path.is_file():
         raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
     try:
@@ -60,7 +61,7 @@ def load_weights(path: Path) -> PairNetwork:
         raise WeightsError(
             f"{path}: not a whole safetensors file ({error}); fetch or train the weights again."
         ) from error
-    network = PairNetwork(size)
+    network = build_network(size)
     try:
         network.load_state_dict(state)
     except RuntimeError as error:
@@ -90,21 +91,14 @@ def read_card(path: Path) -> dict[str, Any]:
         raise WeightsError(f"{card_path(path)}: not a readable card ({error}).") from error
 
 
-def _architecture(metadata: Mapping[str, str], path: Path) -> Architecture:
+def _architecture(metadata: Mapping[str, str], path: Path) -> AnyArchitecture:
     try:
         found = json.loads(metadata["ltvn"])
     except (KeyError, ValueError):
         found = {}
     if found.get("schema") != SCHEMA:
         raise WeightsError(f"{path}: holds {found.get('schema', 'something else')!r}, not {SCHEMA!r}.")
-    if found.get("name") != Architecture().name:
-        raise WeightsError(
-            f"{path}: made for the architecture {found.get('name')!r}; this version knows {Architecture().name!r}."
-        )
     try:
-        sizes: dict[str, Any] = {
-            field.name: int(found[field.name]) for field in fields(Architecture) if field.name != "name"
-        }
-    except (KeyError, ValueError) as error:
-        raise WeightsError(f"{path}: the description of the architecture is damaged ({error}).") from error
-    return Architecture(**sizes)
+        return read_architecture(found)
+    except WeightsError as error:
+        raise WeightsError(f"{path}: {error}") from error

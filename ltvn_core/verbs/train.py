@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.verbs.dataset import open_world
 from ltvn_core.verbs.verb import Summary, Verb
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ltvn_core.data.shards import Shard
     from ltvn_core.model.assessment import Drive
     from ltvn_core.model.card import Card, Measured
+    from ltvn_core.model.speed import Speed
     from ltvn_core.model.training import TrainingData, TrainingPlan, TrainingResult
 
 VALIDATION = ("tune-0", "tune-1", "tune-2")
@@ -31,6 +32,12 @@ class Trained:
     pairs: int
     """Pairs compared."""
     minutes: float
+    architecture: str
+    parameters: int
+    encode_ms: float
+    """Per image,"""
+    pair_ms: float
+    """and per pair of encoded images, on this machine."""
     auc: float
     """On all ordered image pairs of drives, as are the others."""
     position_median_m: float
@@ -46,6 +53,8 @@ class Train(Verb):
 
     data: Path = Path("data")
     """The folder of `ltvn dataset`."""
+    architecture: Literal["aligned-pairs", "stacked"] = "aligned-pairs"
+    """The network: tokens matched and aligned, or the paper's plain network over both images stacked."""
     output: Path
     """The weights to write; a card is written beside them."""
     work: Path = Path("data/training")
@@ -59,18 +68,21 @@ class Train(Verb):
 
     def run(self) -> Summary:
         """Train, measure and save; raises DatasetError, SceneError and WeightsError."""
+        from ltvn_core.model.families import default_architecture
         from ltvn_core.model.learner import LearningPlan
+        from ltvn_core.model.speed import measure_speed
         from ltvn_core.model.training import TrainingPlan, train_together
         from ltvn_core.model.weights import load_weights, save_weights
 
-        plan = TrainingPlan(LearningPlan(seed=self.seed), minutes=self.minutes)
+        plan = TrainingPlan(LearningPlan(seed=self.seed), default_architecture(self.architecture), minutes=self.minutes)
         result = train_together(LoadTraining(self.data), plan, self.work, processes=self.processes)
+        network = load_weights(result.weights)
         measured = measure(result.weights, self.data / "unseen")
-        card = self._card(plan, result, measured)
-        fingerprint = save_weights(load_weights(result.weights), self.output, asdict(card))
+        card = self._card(plan, result, measure_speed(network), measured)
+        fingerprint = save_weights(network, self.output, asdict(card))
         return summary(self.output, fingerprint, card)
 
-    def _card(self, plan: "TrainingPlan", result: "TrainingResult", measured: "Measured") -> "Card":
+    def _card(self, plan: "TrainingPlan", result: "TrainingResult", speed: "Speed", measured: "Measured") -> "Card":
         from ltvn_core.model.card import Card, SuccessRates, TrainedOn
 
         learned, _ = read_shards(self.data)
@@ -89,9 +101,10 @@ class Train(Verb):
             self.processes,
             (
                 f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
-                f"ltvn train --data data --output {self.output.name} --minutes {self.minutes:g} "
-                f"--processes {self.processes} --seed {self.seed}",
+                f"ltvn train --data data --architecture {self.architecture} --output {self.output.name} "
+                f"--minutes {self.minutes:g} --processes {self.processes} --seed {self.seed}",
             ),
+            speed,
             measured,
             measured.pairs.distance_sigma,
             SuccessRates(),
@@ -179,6 +192,10 @@ def summary(weights: Path, fingerprint: str, card: "Card") -> Trained:
         card.steps,
         card.pairs_compared,
         card.minutes,
+        card.plan.architecture.name,
+        card.speed.parameters,
+        card.speed.encode_ms,
+        card.speed.pair_ms,
         pairs.auc,
         pairs.position_median_m,
         pairs.position_p90_m,

@@ -1,6 +1,7 @@
 """Weights survive a round trip, and everything that is not weights is refused in plain words."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import torch
 from safetensors.torch import save_file
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.model.architecture import StackedArchitecture
 from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.predictor import load_predictor
 from ltvn_core.model.weights import card_path, load_weights, read_card, save_weights
@@ -55,8 +57,15 @@ def test_cut_and_foreign_files_are_refused(tmp_path: Path) -> None:
 def test_weights_of_another_architecture_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     state = PairNetwork(SMALL).state_dict()
+    save_file(state, path, {"ltvn": json.dumps({"schema": "ltvn-weights-1", "name": "siamese"})})
+    with pytest.raises(WeightsError, match=r"w\.safetensors: .*'siamese'.*aligned-pairs, stacked"):
+        load_weights(path)
     save_file(state, path, {"ltvn": json.dumps({"schema": "ltvn-weights-1", "name": "stacked"})})
-    with pytest.raises(WeightsError, match="'stacked'"):
+    with pytest.raises(WeightsError, match="damaged"):
+        load_weights(path)
+    stacked = {"schema": "ltvn-weights-1", **asdict(StackedArchitecture())}
+    save_file(state, path, {"ltvn": json.dumps(stacked)})
+    with pytest.raises(WeightsError, match="do not fit"):
         load_weights(path)
     save_weights(PairNetwork(), path)
     text = path.read_bytes().replace(b'\\"tokens\\": 96', b'\\"tokens\\": 64')

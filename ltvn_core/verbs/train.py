@@ -83,7 +83,7 @@ class Train(Verb):
         return summary(self.output, fingerprint, card)
 
     def _card(self, plan: "TrainingPlan", result: "TrainingResult", speed: "Speed", measured: "Measured") -> "Card":
-        from ltvn_core.model.card import Card, SuccessRates, TrainedOn
+        from ltvn_core.model.card import Card, TrainedOn
 
         learned, _ = read_shards(self.data)
         return Card(
@@ -106,8 +106,6 @@ class Train(Verb):
             ),
             speed,
             measured,
-            measured.pairs.distance_sigma,
-            SuccessRates(),
         )
 
 

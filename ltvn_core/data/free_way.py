@@ -15,9 +15,7 @@ _STEP = 3
 """Looks at every third pixel of a row and of a column."""
 
 
-def way_clearance(
-    waypoints: Waypoint, source_depth: NDArray[np.floating], camera: Intrinsics
-) -> NDArray[np.float64]:
+def way_clearance(waypoints: Waypoint, source_depth: NDArray[np.floating], camera: Intrinsics) -> NDArray[np.float64]:
     """Return the metres (P,) between the straight way to each waypoint (P, 3) and the nearest thing seen beside it.
 
     Depth is (P, H, W) in metres; infinity where nothing is seen at the robot's height.

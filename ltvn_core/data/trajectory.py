@@ -59,7 +59,11 @@ class Trajectory:
 
 
 def trajectory(
-    observations: Sequence[Observation], name: str, *, camera: Intrinsics | None = None, thinning: Thinning | None = None
+    observations: Sequence[Observation],
+    name: str,
+    *,
+    camera: Intrinsics | None = None,
+    thinning: Thinning | None = None,
 ) -> Trajectory:
     """Thin a drive and cut it where its odometry jumps.
 

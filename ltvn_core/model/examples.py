@@ -54,6 +54,8 @@ class Batch(NamedTuple):
     """(P,)"""
     reachable: NDArray[np.bool_]
     """(P,)"""
+    apart: NDArray[np.bool_] | None = None
+    """(B, B): pairs that are certainly not reachable, where poses and scenes alone do not say so."""
 
     def waypoints(self, sources: NDArray[np.intp], targets: NDArray[np.intp]) -> Waypoint:
         """Return targets in the sources' frames (P, 3); meaningless between scenes."""

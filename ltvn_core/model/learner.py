@@ -149,6 +149,8 @@ class Learner:
 
     def _far(self, batch: Batch) -> Tensor:
         """Return (B, B): pairs that are certainly not reachable, also those of different scenes."""
+        if batch.apart is not None:
+            return torch.from_numpy(batch.apart)
         foreign = batch.scene[:, None] != batch.scene[None, :]
         return torch.from_numpy(foreign | self.plan.far.pairs(batch.poses, batch.poses))
 

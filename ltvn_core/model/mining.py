@@ -36,7 +36,6 @@ class Far:
         return (np.hypot(shift[..., 0], shift[..., 1]) > self.distance_m) | (turn > self.yaw_rad)
 
 
-@torch.no_grad()
 def find_confusions(
     network: Network[Kept],
     precision: Precision,
@@ -54,11 +53,31 @@ def find_confusions(
     Only the `candidates` pairs with the best rough scores are compared in full; ties are broken at random.
     """
     rows = rng.choice(len(scene.poses), min(images, len(scene.poses)), replace=False)
+    apart = far.pairs(scene.poses[rows], scene.poses[rows])
+    return confusions_among(
+        network, precision, scene, scene_number, rows, apart, rng, candidates=candidates, above=above
+    )
+
+
+@torch.no_grad()
+def confusions_among(
+    network: Network[Kept],
+    precision: Precision,
+    scene: Examples,
+    scene_number: int,
+    rows: NDArray[np.intp],
+    apart: NDArray[np.bool_],
+    rng: np.random.Generator,
+    *,
+    candidates: int = 1000,
+    above: float = 0.03,
+) -> list[Confusion]:
+    """Return those of some images' far pairs that the network calls reachable, worst first; `apart` is (N, N)."""
     features = _encode(network, precision, scene, rows)
     scores = network.rough_logits(features)
-    scores[torch.from_numpy(~far.pairs(scene.poses[rows], scene.poses[rows]))] = -torch.inf
+    scores[torch.from_numpy(~apart)] = -torch.inf
     shuffled = torch.from_numpy(rng.permutation(scores.numel()))
-    best = shuffled[scores.flatten()[shuffled].topk(min(candidates, scores.numel())).indices]
+    best = shuffled[scores.flatten()[shuffled].topk(min(candidates, int(apart.sum()))).indices]
     sources, targets = best // len(rows), best % len(rows)
     logits = torch.cat(
         [

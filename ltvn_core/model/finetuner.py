@@ -1,0 +1,39 @@
+"""One step of fine-tuning: as in training, but from trained weights and without letting go of them.
+
+Owns what differs from `ltvn_core.model.learner`: the start, and statistics of batch normalisation that stay.
+"""
+
+import numpy as np
+import torch
+from torch import nn
+
+from ltvn_core.model.examples import Batch
+from ltvn_core.model.features import ImageFeatures
+from ltvn_core.model.learner import Learner, LearningPlan
+from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.precision import Precision
+
+
+class FineTuner(Learner):
+    """A learner that begins at trained weights."""
+
+    def __init__(self, plan: LearningPlan, start: PairNetwork) -> None:
+        super().__init__(plan, start.size)
+        self.network.load_state_dict(start.state_dict())
+        self.average.load_state_dict(start.state_dict())
+
+    def _encode(
+        self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator
+    ) -> tuple[ImageFeatures, bool]:
+        freeze_statistics(self.network)
+        return super()._encode(batch, precision, rng, generator)
+
+
+def freeze_statistics(network: nn.Module) -> None:
+    """Let batch normalisation use the statistics that training found, until the next `train()`.
+
+    One drive shows too little of the world to measure them anew.
+    """
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            module.eval()

@@ -1,0 +1,44 @@
+"""Makes r honest again after fine-tuning, on pairs that were not learned from: simulated ones and the drive's own.
+
+Owns which pairs count how much. The fit is in `ltvn_core.model.calibration`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ltvn_core.model.assessment import encode_images, predict_pairs
+from ltvn_core.model.calibration import fit_platt, logit
+from ltvn_core.model.examples import Examples
+from ltvn_core.model.mixed_pool import OwnDrive
+from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.predictor import NetworkPredictor
+
+
+def recalibrate(network: PairNetwork, drive: OwnDrive, scenes: Sequence[Examples], *, most: int = 10_000) -> None:
+    """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
+
+    The drive lacks the pairs about which odometry is unsure, and they are the hard ones. So it never counts more than
+    simulation does, where that is at hand.
+    """
+    network.calibration.copy_(torch.tensor([1.0, 0.0]))
+    rng = np.random.default_rng(0)
+    judged = [_judge(network, scene, rng.permutation(len(scene.sources))[:most]) for scene in scenes]
+    limit = sum(len(logits) for logits, _ in judged) if judged else most
+    kept_back = np.flatnonzero(drive.held_out[drive.sources] & drive.held_out[drive.targets])
+    judged.append(_judge(network, drive, rng.permutation(kept_back)[:limit]))
+    logits, positive = (np.concatenate(column) for column in zip(*judged, strict=True))
+    network.calibration.copy_(torch.tensor(fit_platt(logits, positive)))
+
+
+def _judge(
+    network: PairNetwork, scene: Examples, pairs: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return logits and labels of some labelled pairs."""
+    predictor = NetworkPredictor(network, "in calibration")
+    rows, at = np.unique(np.concatenate([scene.sources[pairs], scene.targets[pairs]]), return_inverse=True)
+    features = encode_images(predictor, scene.rgb[rows], scene.depth_mm[rows])
+    found = predict_pairs(predictor, features, at[: len(pairs)], at[len(pairs) :])
+    return logit(found.reachability), scene.reachable[pairs]

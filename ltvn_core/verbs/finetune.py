@@ -1,0 +1,263 @@
+"""`ltvn finetune`: weights get to know the place of one recording (sections III-B and IV of the paper)."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from shutil import rmtree
+from typing import TYPE_CHECKING, Any
+
+from tyro.conf import Positional
+
+from ltvn_core.errors import OptionError, WeightsError
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.data.trajectory_pairs import TrajectoryPairs
+    from ltvn_core.model.finetuning import FineTuned, FineTuningData, FineTuningPlan
+
+MIXED = ("train-00", "train-07", "train-14", "train-21")
+"""Scenes that are shown in between where no dataset is named,"""
+CHECKED = ("tune-0", "tune-1")
+"""and those by which old knowledge and the calibration are checked."""
+_MOST_SCENES = 8
+"""More scenes of a dataset would fill the memory and are not needed for a few minutes."""
+
+
+@dataclass(frozen=True)
+class FineTunedWeights:
+    """New weights, and figures before and after."""
+
+    weights: Path
+    fingerprint: str
+    parent: str
+    """Fingerprint of the weights it started from."""
+    images: int
+    """Images of the drive that were used."""
+    pieces: int
+    """Pieces of the drive between jumps of its odometry; 1 is what one wants."""
+    steps: int
+    minutes: float
+    before: dict[str, float]
+    """On the own drive by odometry, and in simulated scenes that are not learned from."""
+    after: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finetune(Verb):
+    """Let weights learn from a robot's own drive; goes on where an interrupted call with the same output stopped."""
+
+    recording: Positional[Path]
+    """The recording of the drive, with odometry."""
+    output: Path
+    """The weights to write, with a card beside them; must not exist yet."""
+    horizon: int = 15
+    """H: an image counts as reachable from those up to so many images before it. Images closer than 0.1 m and 8
+    degrees to the last one are left out first, so 15 images are about 1.5 m of straight driving."""
+    literal: bool = False
+    """Take the paper's rule as it is: all within the horizon are reachable, all others are not. Otherwise odometry and
+    depth are asked as well, and pairs they are unsure of are left out."""
+    weights: Path | None = None
+    """Weights to start from instead of the shipped ones; they are not changed."""
+    data: Path | None = None
+    """A folder of `ltvn dataset` to draw simulated pairs from; without one, a few scenes are rendered once."""
+    minutes: float = 3.0
+    """How long to learn, beside the time that judging takes."""
+    seed: int = 0
+    """Draws batches and augmentation."""
+
+    def run(self) -> Summary:
+        """Fine-tune, judge and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
+        from ltvn_core.model.finetuning import finetune
+        from ltvn_core.model.weights import SHIPPED
+
+        self._check_options()
+        start, plan = self.weights or SHIPPED, self._plan()
+        drive = read_drive(self.recording, horizon=self.horizon, gated=not self.literal)
+        if (done := self._already_done(start, drive)) is not None:
+            return done
+        data = with_simulation(drive, self.data)
+        folder = self.output.with_suffix(".finetuning")
+        with _Bar() as bar:
+            result = finetune(data, start, plan, folder, on_progress=bar)
+        assert result is not None  # Nobody cancels here.
+        fingerprint = self._save(result, start, plan, data)
+        rmtree(folder, ignore_errors=True)
+        return _summary(self.output, fingerprint, _card(self.output))
+
+    def _check_options(self) -> None:
+        if self.horizon < 2:
+            raise OptionError(f"--horizon must be 2 or more images, got {self.horizon}; 15 is a good start.")
+        if not self.minutes > 0:
+            raise OptionError(f"--minutes must be above 0, got {self.minutes:g}; 3 is a good start.")
+        if self.output.suffix != ".safetensors":
+            raise OptionError(f"--output must end in .safetensors, got {self.output.name}.")
+
+    def _plan(self) -> "FineTuningPlan":
+        from dataclasses import replace
+
+        from ltvn_core.model.finetuning import FineTuningPlan
+
+        plan = FineTuningPlan(minutes=self.minutes)
+        return replace(plan, learning=replace(plan.learning, seed=self.seed))
+
+    def _run(self, start: Path, drive: "TrajectoryPairs") -> dict[str, Any]:
+        from ltvn_core.model.finetuning import drive_fingerprint
+        from ltvn_core.model.weights import weights_fingerprint
+
+        return {
+            "parent": weights_fingerprint(start),
+            "drive": drive_fingerprint(drive),
+            "minutes": self.minutes,
+            "seed": self.seed,
+            "data": str(self.data or ""),
+        }
+
+    def _already_done(self, start: Path, drive: "TrajectoryPairs") -> FineTunedWeights | None:
+        """Return the summary if the output is of this very run. Raises WeightsError if it is something else."""
+        if not self.output.exists():
+            return None
+        card = _card(self.output)
+        if card.get("run") != self._run(start, drive):
+            raise WeightsError(
+                f"{self.output} exists and was made otherwise; nothing is overwritten. Name another --output, or "
+                "move that file away."
+            )
+        return _summary(self.output, card["fingerprint"], card)
+
+    def _save(self, result: "FineTuned", start: Path, plan: "FineTuningPlan", data: "FineTuningData") -> str:
+        from ltvn_core.data.trajectory_pairs import TrajectoryPairs
+        from ltvn_core.model.finetuning_card import FineTuningCard, distance_sigma
+        from ltvn_core.model.weights import read_card, save_weights
+
+        drive = data.drive
+        assert isinstance(drive, TrajectoryPairs)
+        card = FineTuningCard(
+            parent=result.parent,
+            parent_card=read_card(start),
+            recording=self.recording.name,
+            run=self._run(start, drive),
+            command=self._command(),
+            seed=self.seed,
+            images=len(drive.poses),
+            pieces=drive.trajectory.pieces,
+            simulated_scenes=tuple(scene.name for scene in data.scenes),
+            validation_scenes=tuple(scene.name for scene in data.validation),
+            plan=plan,
+            steps=result.steps,
+            pairs_compared=result.pairs,
+            minutes=result.seconds / 60,
+            before=result.before,
+            after=result.after,
+            distance_sigma=distance_sigma(result),
+        )
+        return save_weights(result.network, self.output, asdict(card))
+
+    def _command(self) -> str:
+        options = [f"--output {self.output.name}", f"--horizon {self.horizon}", f"--minutes {self.minutes:g}"]
+        options += ["--literal"] * self.literal
+        options += [
+            f"--{name} {path.name}" for name in ("weights", "data") if (path := getattr(self, name)) is not None
+        ]
+        return " ".join([f"ltvn finetune {self.recording.name}", *options, f"--seed {self.seed}"])
+
+
+def read_drive(path: Path, *, horizon: int, gated: bool) -> "TrajectoryPairs":
+    """Read a recording and label its pairs by odometry. Raises RecordingError."""
+    import numpy as np
+
+    from ltvn_core.data.trajectory import trajectory
+    from ltvn_core.data.trajectory_pairs import PairRule, label_trajectory
+    from ltvn_core.recording.reader import Recording
+
+    recording = Recording.open(path)
+    observations = [recording.observation(frame) for frame in recording.frames]
+    drive = trajectory(observations, path.name, camera=recording.meta.intrinsics)
+    return label_trajectory(drive, PairRule(horizon=horizon, gated=gated), np.random.default_rng(0))
+
+
+def with_simulation(drive: "TrajectoryPairs", folder: Path | None) -> "FineTuningData":
+    """Add simulated pairs to a drive: of a dataset, or of a few scenes rendered here. Raises DatasetError."""
+    from ltvn_core.data.shards import read_shard
+    from ltvn_core.model.finetuning import FineTuningData
+    from ltvn_core.verbs.train import drives
+
+    learned, validation = _chosen(folder) if folder is not None else _rendered()
+    return FineTuningData(
+        drive,
+        [read_shard(path) for path in learned],
+        [read_shard(path) for path in validation],
+        drives(CHECKED, images=150),
+    )
+
+
+def _rendered() -> tuple[list[Path], list[Path]]:
+    """Return shards of a few scenes in the user's cache, made there at the first call."""
+    from platformdirs import user_cache_path
+
+    from ltvn_core.data.generate import DatasetRecipe, generate
+    from ltvn_core.verbs.dataset import open_world
+
+    folder = user_cache_path("ltvn") / "finetuning"
+    recipe = DatasetRecipe(clusters=100)
+    paths = generate((*MIXED, *CHECKED), open_world, folder, recipe)
+    return paths[: len(MIXED)], paths[len(MIXED) :]
+
+
+def _chosen(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return some shards of a dataset, evenly over its scenes. Raises DatasetError if there are none of a kind."""
+    from ltvn_core.data.shards import shard_path
+    from ltvn_core.errors import DatasetError
+
+    shards = sorted(folder.glob("*.pairs.safetensors"))
+    validation = [path for path in (shard_path(folder, name) for name in CHECKED) if path in shards]
+    learned = [path for path in shards if not path.name.startswith("tune-")]
+    if not learned or not validation:
+        raise DatasetError(
+            f"{folder}: needs shards of scenes to learn from and of {' or '.join(CHECKED)}, found "
+            f"{len(shards)} in all; run `ltvn dataset --folder {folder}`, or leave --data out to have a few scenes rendered."
+        )
+    return learned[:: max(-(-len(learned) // _MOST_SCENES), 1)], validation
+
+
+def _card(weights: Path) -> dict[str, Any]:
+    from ltvn_core.model.weights import read_card
+
+    return read_card(weights)
+
+
+def _summary(weights: Path, fingerprint: str, card: dict[str, Any]) -> FineTunedWeights:
+    return FineTunedWeights(
+        weights,
+        fingerprint,
+        card["parent"],
+        card["images"],
+        card["pieces"],
+        card["steps"],
+        card["minutes"],
+        _figures(card["before"]),
+        _figures(card["after"]),
+    )
+
+
+def _figures(standing: dict[str, Any]) -> dict[str, float]:
+    from ltvn_core.model.finetuning_card import flat_figures
+
+    return flat_figures(standing)
+
+
+class _Bar:
+    """A progress bar that fine-tuning fills."""
+
+    def __init__(self) -> None:
+        from tqdm import tqdm
+
+        self._bar = tqdm(total=100.0, desc="fine-tuning", bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}")
+
+    def __enter__(self) -> "_Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def __call__(self, progress: Any) -> None:
+        self._bar.set_postfix(doing=progress.doing, step=progress.steps, loss=f"{progress.loss:.3f}", refresh=False)
+        self._bar.update(100 * progress.share - self._bar.n)

@@ -22,6 +22,7 @@ from ltvn_core.verbs.dataset import Dataset
 from ltvn_core.verbs.demo import Demo
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.navigate import Lifelong, Navigate
+from ltvn_core.verbs.pairs import Pairs
 from ltvn_core.verbs.train import Train
 from ltvn_core.verbs.verb import Verb, to_json, to_text
 from ltvn_core.verbs.view import View
@@ -36,6 +37,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Replay, subcommand("replay", prefix_name=False)]
     | Annotated[View, subcommand("view", prefix_name=False)]
     | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
+    | Annotated[Pairs, subcommand("pairs", prefix_name=False)]
     | Annotated[Train, subcommand("train", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]

@@ -20,6 +20,7 @@ from ltvn_core.verbs.build import Build
 from ltvn_core.verbs.collect import Collect
 from ltvn_core.verbs.dataset import Dataset
 from ltvn_core.verbs.demo import Demo
+from ltvn_core.verbs.figures import Figures
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.navigate import Lifelong, Navigate
 from ltvn_core.verbs.pairs import Pairs
@@ -39,6 +40,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
     | Annotated[Pairs, subcommand("pairs", prefix_name=False)]
     | Annotated[Train, subcommand("train", prefix_name=False)]
+    | Annotated[Figures, subcommand("figures", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]
     | Annotated[Repair, subcommand("repair", prefix_name=False)]

@@ -26,14 +26,14 @@ ALL, REACHABLE, UNREACHABLE = "all pairs", "reachable", "not reachable"
 MOVES: dict[str, Order] = {"Previous": Step(-1), "Next": Step(1), "Random": Jump()}
 
 _STYLE = f"""<style>
-.lp-key {{ display: grid; grid-template-columns: 1fr 1fr; gap: .2em; color: #c1c2c5; }}
+.lp-key {{ display: flex; justify-content: space-between; color: #c1c2c5; }}
 .lp-key b {{ color: #f1f3f5; font-weight: 600; }}
 .lp-chip {{ display: inline-block; width: .8em; height: .8em; border-radius: 2px; margin-right: .4em;
   vertical-align: -1px; }}
 .lp-verdict {{ display: flex; flex-wrap: wrap; gap: .3em .7em; align-items: center; color: #c1c2c5; }}
 .lp-label {{ padding: .1em .8em; border-radius: 1em; font-weight: 600; color: #fff; background: #1864ab; }}
 .lp-label[data-reachable="0"] {{ background: #9a4310; }}
-.lp-why {{ margin: .35em 0 0; padding: 0; list-style: none; color: #dee2e6; }}
+.lp-why {{ margin: .35em 0 0; min-height: 1.45em; padding: 0; list-style: none; color: #dee2e6; }}
 .lp-why b {{ color: {palette.TARGET.css}; font-weight: 600; }}
 </style>"""
 
@@ -46,8 +46,8 @@ class PairPanel:
         gui.add_html(STYLE + _STYLE)
         Markup(gui, _key())
         self._picture = gui.add_image(nothing(), format="jpeg", jpeg_quality=90)
+        self._moves = gui.add_button_group("Pair", list(MOVES), hint="or press P, N, R")
         self._verdict, self._numbers = Markup(gui), Markup(gui)
-        self._moves = gui.add_button_group("", list(MOVES))
         self._scene = gui.add_dropdown("Scene", list(scenes))
         self._kind = gui.add_dropdown("Show", list(_kinds()))
         self._range = gui.add_multi_slider(
@@ -108,8 +108,8 @@ def _key() -> str:
 
     return (
         f'<div class="lt"><div class="lp-key"><span>{chip(palette.SOURCE)}<b>Source</b></span>'
-        f"<span>{chip(palette.TARGET)}<b>Target</b>, where it is</span><span></span>"
-        f"<span>{chip(palette.GHOST)}where the network puts it</span></div></div>"
+        f"<span>{chip(palette.TARGET)}<b>Target</b> and its true place</span>"
+        f"<span>{chip(palette.GHOST)}place the network gives it</span></div></div>"
     )
 
 

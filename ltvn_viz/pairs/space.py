@@ -30,13 +30,15 @@ class PairSpace:
     def __init__(self, server: viser.ViserServer) -> None:
         """Add all nodes, hidden, and look straight down."""
         scene = server.scene
-        server.initial_camera.look_at = (1.0, 0.0, 0.0)
-        server.initial_camera.position = (0.3, 0.0, 5.4)
+        scene.configure_default_lights(cast_shadow=False)
+        scene.configure_environment_map("warehouse", environment_intensity=0.35)
+        server.initial_camera.look_at = (1.35, 0.0, 0.0)
+        server.initial_camera.position = (0.75, 0.0, 5.2)
         # Plain squares of a metre: the grid of the library shades every pixel, which is slow without a GPU.
         _ruled(scene)
         self._source = _Camera(scene, "/source", palette.SOURCE)
         self._target = _Camera(scene, "/target", palette.TARGET)
-        self._predicted = _arrow(scene, "/predicted", palette.GHOST, height_m=0.72)
+        self._predicted = _arrow(scene, "/predicted", palette.GHOST, length_m=0.17, height_m=0.72)
 
     def show(self, look: Look) -> None:
         """Place everything."""
@@ -56,7 +58,7 @@ class _Camera:
     """An arrow where the robot stands, the frustum of its camera, and the points it sees."""
 
     def __init__(self, scene: viser.SceneApi, name: str, colour: Rgb8) -> None:
-        self._arrow = _arrow(scene, name, colour, height_m=0.66)
+        self._arrow = _arrow(scene, name, colour, length_m=0.3, height_m=0.66)
         fov = 2 * np.arctan(_EYE.height / 2 / _EYE.focal_px)
         scene.add_camera_frustum(
             f"{name}/camera",
@@ -93,9 +95,9 @@ def _ruled(scene: viser.SceneApi) -> None:
     Lines(scene, "/floor", thickness_px=1.0).draw(segments, np.full((len(segments), 3), (52, 57, 69), np.uint8))
 
 
-def _arrow(scene: viser.SceneApi, name: str, colour: Rgb8, *, height_m: float) -> viser.FrameHandle:
+def _arrow(scene: viser.SceneApi, name: str, colour: Rgb8, *, length_m: float, height_m: float) -> viser.FrameHandle:
     frame = scene.add_frame(name, show_axes=False, visible=False)
-    vertices, faces = arrowhead(0.26, 0.02)
+    vertices, faces = arrowhead(length_m, 0.02)
     scene.add_mesh_simple(
         f"{name}/arrow",
         vertices,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from ltvn_core.model.figures import calibration_error, drive_figures
@@ -67,12 +68,13 @@ def calibration(found: PairEvidence, ink: Ink) -> Figure:
     above.plot(bins.predicted, bins.true, "o-", color=ink.first, label="measured")
     error = calibration_error(found.reachability, found.reachable)
     above.set(ylabel="share truly reachable", ylim=(-0.02, 1.02), title=f"Mean gap (ECE) {error:.3f}")
-    above.legend(loc="upper left")
     edges = np.linspace(0, 1, 11)
     both = [found.reachability[found.reachable], found.reachability[~found.reachable]]
-    below.hist(both, edges, stacked=True, color=[ink.first, ink.second], label=["reachable", "not reachable"])
-    below.set(yscale="log", xlabel="r, as the network says", ylabel="pairs", xlim=(0, 1))
-    below.legend(ncols=2, loc="upper center", fontsize=9)
+    below.hist(both, edges, color=[ink.first, ink.second], label=["reachable", "not reachable"])
+    below.set(yscale="log", xlabel="r, as the network says", ylabel="pairs", xlim=(0, 1), ylim=(1, None))
+    below.yaxis.set_major_locator(LogLocator(numticks=4))
+    below.yaxis.set_minor_formatter(NullFormatter())
+    above.legend(handles=[*above.get_lines(), *below.get_legend_handles_labels()[0]], loc="upper left")
     return figure
 
 
@@ -105,12 +107,14 @@ def wormholes(found: DriveEvidence, ink: Ink) -> Figure:
     floor = 0.5 / max(len(far), 1)
     axes.step(kept, np.maximum(passed, floor), where="post", color=ink.first)
     axes.axhline(1e-4, color=ink.grey, linestyle="--", linewidth=1.2)
-    axes.annotate("goal at 0.6: 1e-4", (0.02, 1.15e-4), color=ink.grey, xycoords=("axes fraction", "data"))
+    axes.annotate("1 in 10,000", (0.02, 1.15e-4), color=ink.grey, xycoords=("axes fraction", "data"))
     axes.plot(0.6, max(figures.far_fpr_at_tpr60, floor), "o", color=ink.second, markersize=8, zorder=5)
+    passing = f"{figures.far_fpr_at_tpr60:.1e}" if figures.far_fpr_at_tpr60 else "none"
     axes.annotate(
-        f"{figures.far_fpr_at_tpr60:.1e} at r ≥ {figures.threshold_at_tpr60:.2f}",
+        f"{passing} at r ≥ {figures.threshold_at_tpr60:.2f}",
         (0.6, max(figures.far_fpr_at_tpr60, floor)),
-        (12, -14),
+        (-10, 12),
+        ha="right",
         textcoords="offset points",
         color=ink.second,
         weight="bold",

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ltvn_core.data.labels import Failed
+from ltvn_core.data.labels import Failed, Limits
 from ltvn_core.data.pair_table import LabelledPair, PairTable
 from ltvn_core.data.reasons import criteria, limits_of, name_of, reasons
 from ltvn_core.data.shards import Shard
@@ -25,6 +25,10 @@ DISTANCES_M = (0.4, 0.9, 1.4, 2.0)
 
 ROW_IN = 1.62
 """Height of a row."""
+
+
+_COLUMNS = 38
+"""Letters in a line of text beside a pair."""
 
 
 class Row(NamedTuple):
@@ -53,8 +57,7 @@ def unreachable_rows(shards: Sequence[Shard], rng: np.random.Generator) -> list[
     rows = []
     for criterion in criteria():
         if (pair := _failing(shards, criterion, rng)) is not None:
-            why = [each.text for each in reasons(pair, limits_of(shards[0].recipe)) if each.criterion == criterion]
-            rows.append(Row(pair, name_of(criterion), _wrapped(f"{why[0]}.")))
+            rows.append(Row(pair, name_of(criterion), _why(pair, criterion, limits_of(shards[0].recipe))))
     return rows
 
 
@@ -78,22 +81,30 @@ def gallery(rows: Sequence[Row], ink: Ink) -> Figure:
 
 
 def _failing(shards: Sequence[Shard], criterion: Failed, rng: np.random.Generator) -> LabelledPair | None:
+    """Return a pair that fails the criterion: rather alone, and rather with its place in the picture."""
     tables = [PairTable(shard) for shard in shards]
-    for only in (True, False):
-        found = [(table, row) for table in tables for row in _rows(table, criterion, only=only)]
+    for only, ahead in ((True, True), (False, True), (False, False)):
+        found = [(table, int(row)) for table in tables for row in _rows(table, criterion, only=only, ahead=ahead)]
         if found:
             table, row = found[int(rng.integers(len(found)))]
-            return table.pair(int(row))
+            return table.pair(row)
     return None
 
 
-def _rows(table: PairTable, criterion: Failed, *, only: bool) -> NDArray[np.intp]:
-    failed = table.shard.failed
-    alone = failed == int(criterion) if only else (failed & int(criterion)) != 0
-    # A place ahead can be drawn into the source; a pair that fails by a hair shows little.
-    ahead = (table.waypoints[:, 0] > 0.5) & (np.abs(table.waypoints[:, 1]) < 0.6 * table.waypoints[:, 0])
-    good = np.flatnonzero(alone & ahead)
-    return good if len(good) else np.flatnonzero(alone)
+def _rows(table: PairTable, criterion: Failed, *, only: bool, ahead: bool) -> NDArray[np.intp]:
+    failed, (forward, left, _) = table.shard.failed, table.waypoints.T
+    chosen = failed == int(criterion) if only else (failed & int(criterion)) != 0
+    if ahead:
+        chosen &= (forward > 0.5) & (np.abs(left) < 0.6 * forward)
+    return np.flatnonzero(chosen)
+
+
+def _why(pair: LabelledPair, criterion: Failed, limits: Limits) -> str:
+    found = reasons(pair, limits)
+    text = next(each.text for each in found if each.criterion == criterion)
+    lines = textwrap.wrap(f"{text[0].upper()}{text[1:]}.", _COLUMNS)
+    others = ", ".join(each.name for each in found if each.criterion != criterion)
+    return "\n".join([*lines, f"(Fails {others} too.)"] if others else lines)
 
 
 def _numbers(pair: LabelledPair) -> str:
@@ -106,11 +117,8 @@ def _numbers(pair: LabelledPair) -> str:
 
 def _picture(axes: Axes, rgb: NDArray[np.uint8], colour: Colour) -> None:
     height, width = rgb.shape[:2]
-    axes.imshow(rgb, interpolation="bicubic")
+    # Plain pixels show what the network gets, and they pack well.
+    axes.imshow(rgb, interpolation="nearest")
     axes.set(xticks=[], yticks=[], xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     for spine in axes.spines.values():
         spine.set(visible=True, edgecolor=colour, linewidth=2.5)
-
-
-def _wrapped(text: str, columns: int = 38) -> str:
-    return "\n".join(textwrap.wrap(text[0].upper() + text[1:], columns))

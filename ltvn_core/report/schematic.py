@@ -18,9 +18,9 @@ _WIDTH, _HEIGHT = 1.75, 0.95
 
 def schematic(size: Architecture, ink: Ink) -> Figure:
     """Draw the network of an architecture."""
-    figure = Figure(figsize=(8.4, 4.3), layout="constrained")
+    figure = Figure(figsize=(8.4, 3.85), layout="constrained")
     axes = figure.subplots()
-    axes.set(xlim=(-0.05, 10.55), ylim=(-0.1, 5.25), aspect="equal")
+    axes.set(xlim=(-0.05, 10.55), ylim=(0.55, 5.25), aspect="equal")
     axes.axis("off")
     _once_per_image(axes, size, ink)
     _once_per_pair(axes, ink)
@@ -29,7 +29,7 @@ def schematic(size: Architecture, ink: Ink) -> Figure:
 
 def _once_per_image(axes: Axes, size: Architecture, ink: Ink) -> None:
     rows, columns = size.grid
-    axes.text(0, 5.05, "Once per image", weight="bold", va="center")
+    axes.text(0, 5.05, "Once per image, the same encoder for both", weight="bold", va="center")
     for y, name, colour in ((3.75, "Source", ink.first), (2.45, "Target", ink.second)):
         _box(axes, 0.0, y, f"{name}\nRGB + depth\n96 × 72", colour)
         _box(axes, 2.2, y, "Encoder\nconvolutions,\nself-attention", colour)
@@ -44,8 +44,8 @@ def _once_per_pair(axes: Axes, ink: Ink) -> None:
     _box(axes, 6.6, 3.1, "Matching\nof tokens,\nboth ways", ink.third)
     _box(axes, 8.75, 3.1, "Alignment\nof the matches\non the floor", ink.third)
     steps = (
-        (8.75, "Second matching\nknows what lies\nwhere"),
-        (6.6, "Second\nalignment"),
+        (8.75, "Matching again\nknowing what\nlies where"),
+        (6.6, "Alignment\nagain"),
         (4.4, "Verification\ndo both depth\nimages fit?"),
         (2.2, "Head\nweighs what\ncame of it"),
     )

@@ -103,7 +103,8 @@ def _ink() -> "Ink":
     from ltvn_core.report.style import Ink
     from ltvn_viz import palette
 
-    def light(colour: palette.Rgb8) -> tuple[float, float, float]:
-        return colour.red / 255, colour.green / 255, colour.blue / 255
+    def on_white(colour: palette.Rgb8) -> tuple[float, float, float]:
+        red, green, blue = (0.82 * part / 255 for part in colour)  # The page is dark and needs lighter colours.
+        return red, green, blue
 
-    return Ink(light(palette.SOURCE), light(palette.TARGET), light(palette.GOAL))
+    return Ink(on_white(palette.SOURCE), on_white(palette.TARGET), on_white(palette.GOAL))

@@ -20,10 +20,12 @@ from ltvn_core.verbs.build import Build
 from ltvn_core.verbs.collect import Collect
 from ltvn_core.verbs.dataset import Dataset
 from ltvn_core.verbs.demo import Demo
+from ltvn_core.verbs.figures import Figures
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.finetune import Finetune
 from ltvn_core.verbs.measure import Measure
 from ltvn_core.verbs.navigate import Lifelong, Navigate
+from ltvn_core.verbs.pairs import Pairs
 from ltvn_core.verbs.train import Train
 from ltvn_core.verbs.verb import Verb, to_json, to_text
 from ltvn_core.verbs.view import View
@@ -38,9 +40,11 @@ AnyVerb: TypeAlias = (
     | Annotated[Replay, subcommand("replay", prefix_name=False)]
     | Annotated[View, subcommand("view", prefix_name=False)]
     | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
+    | Annotated[Pairs, subcommand("pairs", prefix_name=False)]
     | Annotated[Train, subcommand("train", prefix_name=False)]
     | Annotated[Finetune, subcommand("finetune", prefix_name=False)]
     | Annotated[Measure, subcommand("measure", prefix_name=False)]
+    | Annotated[Figures, subcommand("figures", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]
     | Annotated[Repair, subcommand("repair", prefix_name=False)]

@@ -4,11 +4,9 @@ Owns what is opened in which order, and that all of it is closed again. Who driv
 adds the page.
 """
 
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from types import FrameType
 
 from ltvn_core.sim.locobot import locobot_glb
 from ltvn_viz.actions import listener
@@ -20,6 +18,7 @@ from ltvn_viz.scenery import floor_of, scene_glb
 from ltvn_viz.screen import Assets, furnish, look_from_above
 from ltvn_viz.server import GuardedServer
 from ltvn_viz.session import Session
+from ltvn_viz.signals import ended_by_signals
 from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.staging import open_stage
 from ltvn_viz.thumbnails import Thumbnails
@@ -37,7 +36,7 @@ class App:
 
 def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
     """Serve the page until interrupted; `say` gets the lines a person needs to open it. Raises LtvnError."""
-    with opened(options) as app, _ended_by_signals(app.session.stop):
+    with opened(options) as app, ended_by_signals(app.session.stop):
         port = app.server.port
         say(f"Open {app.server.url}")
         say(f"From another machine, first: ssh -L {port}:127.0.0.1:{port} THIS_MACHINE")
@@ -73,18 +72,3 @@ class _Screen:
 
     def publish(self, snapshot: Snapshot) -> None:
         self.painter.publish(snapshot)
-
-
-@contextmanager
-def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Let Ctrl-C and a polite kill end the app in order, so that a recording is finished."""
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        stop()
-
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -43,8 +43,10 @@ LOADER = 'e.type="module";'
 class Page:
     """The whole HTML of the page, ready but for its nonce."""
 
-    def __init__(self) -> None:
-        self._html = _with_our_parts((Path(viser.__file__).parent / "client/build/index.html").read_text())
+    def __init__(self, *, drives: bool = True) -> None:
+        """Read the page; one that drives nothing comes without pad and keys."""
+        index = (Path(viser.__file__).parent / "client/build/index.html").read_text()
+        self._html = _with_our_parts(index, _script() if drives else "")
 
     def answer(self) -> Response:
         """Return the page with a fresh nonce."""
@@ -53,14 +55,14 @@ class Page:
         return reply(HTTPStatus.OK, html, content_type=HTML, policy=policy)
 
 
-def _with_our_parts(index: str) -> str:
+def _with_our_parts(index: str, script: str) -> str:
     if index.count("<script ") != 1 or index.count(LOADER) != 1 or index.count("</head>") != 1:
         raise RuntimeError(f"viser {viser.__version__} has another page than the one this guard was written for")
     index = index.replace("<title>Viser</title>", f"<title>{TITLE}</title>")
     index = index.replace("<script ", f'<script nonce="{NONCE}" ')
     index = index.replace(LOADER, f'{LOADER}e.nonce="{NONCE}";')
     style = f"<style>{(STATIC / 'ltvn.css').read_text()}</style>"
-    return index.replace("</head>", f'{style}<script nonce="{NONCE}">{_script()}</script></head>')
+    return index.replace("</head>", f'{style}<script nonce="{NONCE}">{script}</script></head>')
 
 
 def _script() -> str:

@@ -45,9 +45,15 @@ class GuardedServer:
     """Serve the page to whoever has the token, and to nobody else."""
 
     def __init__(
-        self, host: str = "127.0.0.1", port: int = 0, token: str | None = None, *, seat: DriverSeat | None = None
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        token: str | None = None,
+        *,
+        seat: DriverSeat | None = None,
+        drives: bool = True,
     ) -> None:
-        """Start serving; port 0 takes any free one. Raises ServerError."""
+        """Start serving; port 0 takes any free one. A page that drives nothing has no pad. Raises ServerError."""
         if not is_loopback(host):
             raise ServerError(
                 f"Refused to listen on {host}: everybody in the network could drive the robot. Listen on 127.0.0.1 "
@@ -60,7 +66,7 @@ class GuardedServer:
         self.seat = seat or DriverSeat()
         self._drive = DriveSocket(self.seat)
         self._routes = Routes()
-        self._page = Page()
+        self._page = Page(drives=drives)
         self._guard = Guard(self.token, f"ltvn_{self.port}")
         self._files = ThreadPoolExecutor(max_workers=2, thread_name_prefix="page files")
         self.viser = self._start(listening)

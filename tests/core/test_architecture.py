@@ -14,6 +14,7 @@ HOMES = {
     "pybullet": ("ltvn_core/sim",),
     "torch": ("ltvn_core/model",),
     "rerun": ("ltvn_core/recording",),
+    "matplotlib": ("ltvn_core/report",),
 }
 
 COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluate", "ltvn_core/verbs", "ltvn_viz")

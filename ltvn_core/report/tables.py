@@ -1,0 +1,116 @@
+"""Tables of a page, written from the card of the weights between two comments, so that no number is copied by hand.
+
+Owns the wording of the card's fields and the marks in the page.
+"""
+
+import json
+from collections.abc import Mapping
+from math import degrees
+from pathlib import Path
+from typing import Any
+
+from ltvn_core.data.reasons import limits_of
+from ltvn_core.errors import OptionError, WeightsError
+
+NAMES = {
+    "pairs": "pairs",
+    "auc": "AUC of reachability",
+    "ece": "calibration error of r (ECE)",
+    "position_median_m": "position error, median (m)",
+    "position_p90_m": "position error, 90th percentile (m)",
+    "position_median_1_to_1_5_m": "position error at 1 to 1.5 m, median (m)",
+    "yaw_median_deg": "yaw error, median (degrees)",
+    "yaw_p90_deg": "yaw error, 90th percentile (degrees)",
+    "distance_sigma": "spread of the distance (σ of Eq. 4)",
+    "far_pairs": "far pairs",
+    "near_pairs": "near pairs",
+    "threshold_at_tpr60": "r that 60 % of the near pairs reach",
+    "far_fpr_at_tpr60": "share of the far pairs that reach it too",
+    "far_fpr_at_half": "share of the far pairs with r > 0.5",
+    "near_tpr_at_half": "share of the near pairs with r > 0.5",
+}
+"""What the card's figures are called; a figure without a name keeps its key."""
+
+
+def blocks(card: Mapping[str, Any]) -> dict[str, str]:
+    """Return the page's blocks by name. Raises WeightsError if the card lacks what they show."""
+    try:
+        measured, trained = card["measured"], card["trained_on"]
+        return {
+            "figures": _figures(measured),
+            "limits": _limits(trained["recipe"]),
+            "training": _training(card, trained),
+            "commands": "\n".join(f"    {command}" for command in card["commands"]),
+        }
+    except (KeyError, TypeError) as error:
+        raise WeightsError(
+            f"The card of the weights lacks {error}, so there is nothing to write into the page; "
+            "train the weights with `ltvn train`, which writes a whole card."
+        ) from error
+
+
+def fill(page: Path, content: Mapping[str, str]) -> None:
+    """Put each block between its two comments in a page. Raises OptionError if page or comments are missing."""
+    try:
+        text = page.read_text(encoding="utf-8")
+        for name, block in content.items():
+            text = _filled(text, name, block, page)
+        page.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OptionError(f"{page}: cannot be filled in ({error}); name another --page.") from error
+
+
+def shown(number: object) -> str:
+    """Write a figure of the card for a reader."""
+    if isinstance(number, float):
+        return f"{number:.1e}" if 0 < abs(number) < 1e-3 else f"{number:.3f}"
+    return f"{number:,}" if isinstance(number, int) else str(number)
+
+
+def _filled(text: str, name: str, block: str, page: Path) -> str:
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
+        raise OptionError(f"{page}: needs the lines {begin} and {end}, once and in this order.")
+    return f"{text[: text.index(begin)]}{begin}\n{block}\n{text[text.index(end) :]}"
+
+
+def _figures(measured: Mapping[str, Any]) -> str:
+    near, drives = measured["pairs"], measured["drive_pairs"]
+    keys = list(dict.fromkeys([*near, *drives]))
+    rows = [(NAMES.get(key, key), shown(near.get(key, "–")), shown(drives.get(key, "–"))) for key in keys]
+    rest = [(NAMES.get(key, key), "–", shown(number)) for key, number in measured["drives"].items()]
+    scenes = ", ".join(measured["scenes"])
+    head = ("", "labelled neighbours", "all pairs of drives")
+    return f"On {scenes}, which training has never seen:\n\n{_table(head, [*rows, *rest])}"
+
+
+def _limits(recipe: str) -> str:
+    limits = limits_of(recipe)
+    rows = [
+        ("distance", f"below {limits.distance_m:g} m"),
+        ("yaw", f"below {degrees(limits.yaw_rad):.0f}°"),
+        ("visibility", f"the target's place is ahead, in view and not hidden, or nearer than {limits.at_place_m:g} m"),
+        ("overlap", f"the source sees more than {limits.overlap:.0%} of the target's points"),
+        ("path", f"the way is below {limits.path_ratio:g} times the straight line"),
+        ("line", f"nothing stands within {limits.line_clearance_m:g} m of the straight line"),
+    ]
+    return _table(("criterion", "holds if"), rows)
+
+
+def _training(card: Mapping[str, Any], trained: Mapping[str, Any]) -> str:
+    rows = [
+        ("weights", f"`{card['fingerprint']}`"),
+        ("apartments to learn from", shown(len(trained["scenes"]))),
+        ("apartments to choose by", ", ".join(trained["validation_scenes"])),
+        ("images", shown(trained["images"])),
+        ("labelled pairs", shown(trained["pairs"])),
+        ("clusters per apartment", shown(json.loads(trained["recipe"]).get("clusters", "–"))),
+        ("pairs compared in training", shown(card["pairs_compared"])),
+        ("time of training", f"{card['minutes']:.0f} minutes in {card['processes']} processes"),
+    ]
+    return _table(("", "these weights"), rows)
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

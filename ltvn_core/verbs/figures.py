@@ -1,0 +1,110 @@
+"""`ltvn figures`: the pictures and tables of `docs/network.md`, from shards, weights and their card."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.dataset import open_world
+from ltvn_core.verbs.train import UNSEEN, drives
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ltvn_core.data.shards import Shard
+    from ltvn_core.model.predictor import NetworkPredictor
+    from ltvn_core.report.style import Ink
+
+
+@dataclass(frozen=True)
+class FiguresMade:
+    """What was drawn."""
+
+    pictures: tuple[Path, ...]
+    page: Path | None
+    fingerprint: str
+    pairs: int
+    """Labelled pairs behind the pictures."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures(Verb):
+    """Draw all pictures about the network, and write the card's figures into their page."""
+
+    weights: Path | None = None
+    """Weights to draw; the shipped ones unless named."""
+    data: Path = Path("data")
+    """Folder of the dataset; pairs of the unseen scenes are kept in `unseen` below it, as `ltvn train` does."""
+    output: Path = Path("docs/images/network")
+    """Where the pictures go."""
+    page: Path | None = Path("docs/network.md")
+    """The page whose tables are written."""
+    scenes: tuple[str, ...] = UNSEEN
+    """Scenes that training has not seen."""
+    clusters: int = 180
+    """Clusters of images per scene."""
+    images: int = 300
+    """Images of the drive through each scene."""
+
+    def run(self) -> Summary:
+        """Draw and write; raises OptionError, WeightsError, SceneError and DatasetError."""
+        ensure_matplotlib()
+        from ltvn_core.model.predictor import load_predictor
+        from ltvn_core.model.weights import SHIPPED, read_card
+        from ltvn_core.report.style import drawing, save
+        from ltvn_core.report.tables import blocks, fill
+
+        predictor, tables = load_predictor(self.weights), blocks(read_card(self.weights or SHIPPED))
+        shards, ink = self._shards(), _ink()
+        with drawing(ink):
+            figures = self._figures(predictor, shards, ink)
+            pictures = tuple(save(figure, self.output / f"{name}.png") for name, figure in figures.items())
+        if self.page is not None:
+            fill(self.page, tables)
+        return FiguresMade(pictures, self.page, predictor.fingerprint, sum(len(shard.sources) for shard in shards))
+
+    def _shards(self) -> "list[Shard]":
+        from ltvn_core.data.generate import DatasetRecipe, generate
+        from ltvn_core.data.shards import read_shard
+
+        recipe = DatasetRecipe(clusters=self.clusters)
+        return [read_shard(path) for path in generate(self.scenes, open_world, self.data / "unseen", recipe)]
+
+    def _figures(self, predictor: "NetworkPredictor", shards: "list[Shard]", ink: "Ink") -> "dict[str, Figure]":
+        import numpy as np
+
+        from ltvn_core.report.curves import calibration, errors, wormholes
+        from ltvn_core.report.evidence import ask_about_drives, ask_about_pairs
+        from ltvn_core.report.gallery import gallery, reachable_rows, unreachable_rows
+        from ltvn_core.report.schematic import schematic
+
+        rng, said = np.random.default_rng(0), ask_about_pairs(predictor, shards)
+        driven = ask_about_drives(predictor, drives(self.scenes, images=self.images))
+        return {
+            "reachable": gallery(reachable_rows(shards, rng), ink),
+            "unreachable": gallery(unreachable_rows(shards, rng), ink),
+            "network": schematic(predictor.architecture, ink),
+            "calibration": calibration(said, ink),
+            "errors": errors(said, ink),
+            "wormholes": wormholes(driven, ink),
+        }
+
+
+def ensure_matplotlib() -> None:
+    """Raise OptionError where matplotlib is not installed."""
+    from importlib.util import find_spec
+
+    if find_spec("matplotlib") is None:
+        raise OptionError("Drawing needs matplotlib, which is not installed: pip install 'ltvn[docs]'.")
+
+
+def _ink() -> "Ink":
+    from ltvn_core.report.style import Ink
+    from ltvn_viz import palette
+
+    def on_white(colour: palette.Rgb8) -> tuple[float, float, float]:
+        red, green, blue = (0.82 * part / 255 for part in colour)  # The page is dark and needs lighter colours.
+        return red, green, blue
+
+    return Ink(on_white(palette.SOURCE), on_white(palette.TARGET), on_white(palette.GOAL))

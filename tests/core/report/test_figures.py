@@ -1,0 +1,101 @@
+"""`ltvn figures` draws every picture from a tiny dataset, and the page's numbers are the card's."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ltvn_core.errors import OptionError, WeightsError
+from ltvn_core.model.figures import calibration_error
+from ltvn_core.model.weights import SHIPPED, read_card
+from ltvn_core.report.curves import band, reliability
+from ltvn_core.report.style import MOST_BYTES
+from ltvn_core.report.tables import NAMES, blocks, fill, shown
+from ltvn_core.verbs.figures import Figures, FiguresMade
+
+PAGE = Path(__file__).parents[3] / "docs" / "network.md"
+
+
+def test_all_pictures_of_the_page_are_drawn_and_small(tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    page = tmp_path / "network.md"
+    page.write_text(PAGE.read_text())
+    made = Figures(
+        data=tmp_path / "data", output=tmp_path / "images", page=page, scenes=("tune-3",), clusters=8, images=40
+    ).run()
+    assert isinstance(made, FiguresMade)
+    assert {path.name for path in made.pictures} == {
+        Path(line.split("(")[1].rstrip(")")).name for line in PAGE.read_text().splitlines() if line.startswith("![")
+    }
+    for path in made.pictures:
+        assert path.stat().st_size <= MOST_BYTES
+        picture = np.asarray(Image.open(path).convert("RGB"))
+        assert min(picture.shape[:2]) > 400
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
+    assert "AUC" in page.read_text()
+
+
+def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) -> None:
+    page = tmp_path / "network.md"
+    page.write_text(PAGE.read_text())
+    card = read_card(SHIPPED)
+    fill(page, blocks(card))
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.read_text().splitlines() if "|" in line]
+    table = {row[0]: row[1:] for row in rows}
+    for key, number in card["measured"]["pairs"].items():
+        assert table[NAMES[key]][0] == shown(number)
+    for key, number in card["measured"]["drives"].items():
+        assert table[NAMES[key]][1] == shown(number)
+    for command in card["commands"]:
+        assert f"    {command}\n" in page.read_text()
+
+
+def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path: Path) -> None:
+    page = tmp_path / "network.md"
+    page.write_text(PAGE.read_text())
+    fill(page, blocks(read_card(SHIPPED)))
+    assert page.read_text() == PAGE.read_text(), "run `ltvn figures` after exchanging the weights"
+
+
+def test_filling_a_page_twice_changes_nothing_more(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- a: begin -->\nold\n<!-- a: end -->\nafter\n")
+    fill(page, {"a": "new"})
+    once = page.read_text()
+    fill(page, {"a": "new"})
+    assert page.read_text() == once == "before\n<!-- a: begin -->\nnew\n<!-- a: end -->\nafter\n"
+
+
+@pytest.mark.parametrize("text", ["", "<!-- a: end --><!-- a: begin -->", "<!-- a: begin -->"])
+def test_a_page_without_the_comments_is_left_alone_and_named(tmp_path: Path, text: str) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(text)
+    with pytest.raises(OptionError, match="a: begin"):
+        fill(page, {"a": "new"})
+    assert page.read_text() == text
+
+
+def test_a_missing_page_and_an_empty_card_are_clear_errors(tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match="page"):
+        fill(tmp_path / "nowhere.md", {"a": "new"})
+    with pytest.raises(WeightsError, match="ltvn train"):
+        blocks({})
+
+
+def test_the_reliability_diagram_shows_the_bins_of_the_calibration_error() -> None:
+    rng = np.random.default_rng(0)
+    said = rng.random(2000)
+    true = rng.random(2000) < said**2
+    bins = reliability(said, true)
+    assert bins.count.sum() == 2000
+    gap = np.average(np.abs(bins.predicted - bins.true), weights=bins.count)
+    assert gap == pytest.approx(calibration_error(said, true))
+
+
+def test_a_band_holds_nine_tenths_of_the_errors_and_leaves_out_bins_of_few() -> None:
+    at = np.concatenate([np.full(1000, 0.5), np.full(3, 1.5)])
+    error = np.concatenate([np.linspace(0, 1, 1000), np.full(3, 9.0)])
+    found = band(at, error, np.array([0.0, 1.0, 2.0]))
+    assert found.middle.tolist() == [0.5]
+    assert (found.low[0], found.median[0], found.high[0]) == pytest.approx((0.05, 0.5, 0.95))

@@ -15,7 +15,7 @@ from ltvn_core.types import FrameId, Intrinsics, Pose, Predictor
 
 if TYPE_CHECKING:
     from ltvn_core.sim.robot import SimulatedRobot
-    from ltvn_core.sim.scenes import Scene
+    from ltvn_core.sim.scene import Scene
 
 PredictorName: TypeAlias = Literal["network", "oracle"]
 """The trained network, or the simulator's own geometry."""

@@ -9,7 +9,8 @@ from ltvn_core.composition import START_CLEARANCE_M, Simulation, open_predictor,
 from ltvn_core.errors import SceneError, WeightsError
 from ltvn_core.recording.maps import LoadedMap
 from ltvn_core.sim.camera import EmbreeCamera
-from ltvn_core.sim.scenes import Scene, load_scene
+from ltvn_core.sim.scene import Scene
+from ltvn_core.sim.scenes import load_scene
 from ltvn_core.types import Intrinsics, Pose, Predictor
 from ltvn_viz.absent import AbsentFeed, AbsentPredictor, AbsentRobot
 from ltvn_viz.feed import CameraFeed

@@ -105,7 +105,7 @@ def _new_recording(path: Path, options: AppOptions, method: Method, cast: Cast, 
         raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
     writer = RecordingWriter(
         path,
-        scene=options.scene,
+        scene=cast.simulation.scene.address,
         config=asdict(method),
         fingerprint=mapping.fingerprint,
         scene_glb=cast.simulation.scene.glb(with_ceiling=False),

@@ -58,7 +58,7 @@ _ARRAYS = tuple(field.name for field in fields(Shard) if field.name not in ("nam
 
 def shard_path(folder: Path, name: str) -> Path:
     """Return where the shard of a scene lies."""
-    return folder / f"{name}.pairs.safetensors"
+    return folder / f"{Path(name).stem}.pairs.safetensors"
 
 
 def write_shard(shard: Shard, path: Path) -> None:

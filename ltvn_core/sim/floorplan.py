@@ -30,6 +30,7 @@ class RoomKind(Enum):
     STUDY = "study"
     LIBRARY = "library"
     BATH = "bathroom"
+    UNNAMED = "part of a foreign scene"
 
 
 @dataclass(frozen=True, slots=True)

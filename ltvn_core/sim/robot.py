@@ -18,7 +18,7 @@ from ltvn_core.sim.world import BODY_RADIUS_M, TICK_S, TICKS_PER_SECOND, World
 from ltvn_core.types import Camera, Depth, FrameId, Intrinsics, Observation, Pose, Rgb, RobotState, Twist
 
 if TYPE_CHECKING:
-    from ltvn_core.sim.scenes import Scene
+    from ltvn_core.sim.scene import Scene
 
 CONTROL_STEP_S = 0.1
 """Robot time between two control steps."""

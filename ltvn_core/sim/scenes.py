@@ -1,6 +1,6 @@
-"""Scenes by name: generated once, kept on disk, the same on every machine.
+"""Scenes by name, generated once, kept on disk, the same on every machine; or by the path of a mesh.
 
-Owns names, seeds and the cache. How an apartment comes about is in `apartment`.
+Owns names, seeds and the cache. How an apartment comes about is in `apartment`, how a mesh is read in `mesh_scene`.
 """
 
 import logging
@@ -13,43 +13,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 from ltvn_core.errors import SceneError
 from ltvn_core.sim.apartment import grow
 from ltvn_core.sim.clearance import ClearanceMap
-from ltvn_core.sim.drawing_mesh import to_glb
-from ltvn_core.sim.extrusion import extruded
 from ltvn_core.sim.floorplan import Room, RoomKind
+from ltvn_core.sim.mesh_scene import load_mesh_scene
+from ltvn_core.sim.scene import Scene
 from ltvn_core.sim.surfaces import Surfaces
 
 log = logging.getLogger(__name__)
 
 GENERATOR_VERSION = 1
 """Part of the cache's file names; goes up whenever the same seed gives another apartment."""
-
-_OBSTACLE_HEIGHT_M = 0.9
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """A place in which a robot can drive."""
-
-    name: str
-    area_m2: float
-    """Of the floor between the outer walls."""
-    rooms: tuple[Room, ...]
-    clearance: ClearanceMap
-    surfaces: Surfaces
-
-    def collision_triangles(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Return vertices (V, 3) and faces (F, 3) of all that a robot can bump into."""
-        return extruded(self.clearance, _OBSTACLE_HEIGHT_M)
-
-    def glb(self, *, with_ceiling: bool) -> bytes:
-        """Return the visible surfaces as a binary glTF, z up."""
-        return to_glb(self.surfaces if with_ceiling else self.surfaces.without_overhead())
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,15 +54,38 @@ def scene_names() -> tuple[str, ...]:
 
 @lru_cache(maxsize=4)
 def load_scene(name: str) -> Scene:
-    """Return a scene, generated at the first call and read from the user's cache later. Raises SceneError."""
+    """Return a scene, generated at the first call and read from the user's cache later. Raises SceneError.
+
+    What is no name is the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in Gibson layout.
+    """
     if name not in _RECIPES:
-        raise SceneError(f"There is no scene {name!r}. Choose one of: {', '.join(_RECIPES)}.")
+        return load_mesh_scene(_mesh_path(name))
     path = _cache_path(name)
     if (kept := _read(name, path)) is not None:
         return kept
     scene = _generate(name)
     _keep(scene, path)
     return scene
+
+
+def _mesh_path(name: str) -> Path:
+    """Return the absolute path that is meant; a file that moved to the current folder is found there."""
+    path = Path(name).expanduser().absolute()
+    if path.exists():
+        return path
+    if not path.suffix and len(Path(name).parts) == 1:
+        raise SceneError(
+            f"There is no scene {name!r}. Choose one of: {', '.join(_RECIPES)}; or give the path of a mesh "
+            "(.glb, .gltf, .obj, .ply) or of a folder in Gibson layout."
+        )
+    here = Path(path.name).absolute()
+    if not here.exists():
+        raise SceneError(
+            f"The scene's file {path} does not exist. Put it there or into the current folder ({Path.cwd()}), or give "
+            "the path where it is now."
+        )
+    log.warning("The scene's file %s does not exist; using %s.", path, here)
+    return here
 
 
 def _cache_path(name: str) -> Path:

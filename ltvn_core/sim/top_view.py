@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.sim.clearance import ClearanceMap
 from ltvn_core.sim.raycast import RayCaster
-from ltvn_core.sim.scenes import Scene
+from ltvn_core.sim.scene import Scene
 from ltvn_core.sim.shading import Shader
 from ltvn_core.types import Rgb
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.sim.clearance import ClearanceMap
 from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
-from ltvn_core.sim.scenes import Scene
+from ltvn_core.sim.scene import Scene
 from ltvn_core.types import Observation, Pose, Twist
 
 

@@ -28,7 +28,7 @@ class App(Verb):
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
     scene: str = "demo"
-    """A scene by name; a wrong name lists the right ones."""
+    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     map: Path | None = None
     """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
     recordings: Path = Path("recordings")

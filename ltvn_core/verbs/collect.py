@@ -26,7 +26,7 @@ class Collect(Verb):
     output: Path
     """The recording to write; must not exist yet."""
     scene: str = "demo"
-    """A scene by name; a wrong name lists the right ones."""
+    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     loops: int = 2
     """How often the tour goes round."""
     seed: int = 0
@@ -47,9 +47,9 @@ class Collect(Verb):
         robot = simulation.robot
         settings = {"verb": "collect", "loops": self.loops, "seed": self.seed}
         frames = 0
-        with RecordingWriter(self.output, scene=self.scene, config=settings, fingerprint="") as writer:
+        with RecordingWriter(self.output, scene=simulation.scene.address, config=settings, fingerprint="") as writer:
             rng = np.random.default_rng(self.seed)
             for seen in tqdm(tour(robot, simulation.scene, rng, loops=self.loops), desc="collect", unit="frame"):
                 writer.frame(seen)
                 frames += 1
-        return Collected(self.output, self.scene, frames, robot.collisions, robot.stamp)
+        return Collected(self.output, simulation.scene.name, frames, robot.collisions, robot.stamp)

@@ -32,7 +32,7 @@ class Dataset(Verb):
     folder: Path = Path("data")
     """Where the shards lie, one file per scene."""
     scenes: tuple[str, ...] = ()
-    """Scenes by name; none stands for those of training and validation."""
+    """Scenes by name or by the path of a mesh; none stands for those of training and validation."""
     clusters: int = 280
     """Clusters of eight images per scene; each gives 56 pairs within and about 28 with others."""
     processes: int = 2

@@ -50,7 +50,7 @@ class Demo(Verb):
     seed: int = 0
     """Draws tour, noise, map and goals."""
     scene: str = "demo"
-    """A scene by name; a wrong name lists the right ones."""
+    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     loops: int = 2
     """How often the mapping tour goes round."""
     predictor: Literal["network", "oracle"] = "network"
@@ -93,9 +93,11 @@ def _demonstrate(options: Demo) -> Demonstrated:
     simulation = open_simulation(options.scene, seed=options.seed)
     predictor = open_predictor(options.predictor, options.scene, options.weights)
     method = preset(options.preset)
-    path = options.recording or Path("runs") / time.strftime(f"demo-{options.scene}-{options.seed}-%Y%m%d-%H%M%S.rrd")
+    path = options.recording or Path("runs") / time.strftime(
+        f"demo-{simulation.scene.name}-{options.seed}-%Y%m%d-%H%M%S.rrd"
+    )
     about = {
-        "scene": options.scene,
+        "scene": simulation.scene.address,
         "config": {"verb": "demo", "seed": options.seed, "loops": options.loops, "method": asdict(method)},
         "fingerprint": predictor.fingerprint,
     }
@@ -115,7 +117,7 @@ def _demonstrate(options: Demo) -> Demonstrated:
         **asdict(outcome),
         predictor=options.predictor,
         preset=options.preset,
-        scene=options.scene,
+        scene=simulation.scene.name,
         seed=options.seed,
         wall_s=time.monotonic() - started,
     )

@@ -9,23 +9,28 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
+from ltvn_core.sim.picture_sizes import fitted
 from ltvn_core.sim.surfaces import Surfaces
+from ltvn_core.types import Rgb
+
+MAX_TEXELS = 8_000_000
+"""All textures of a drawing together; a foreign scene with more is drawn more coarsely than the camera sees it."""
 
 
 def to_glb(surfaces: Surfaces) -> bytes:
     """Return a glTF with one mesh per texture, z up, textures as JPEG."""
     scene = trimesh.Scene()
-    for texture in np.unique(surfaces.face_texture):
-        scene.add_geometry(
-            _part(surfaces.only(surfaces.face_texture == texture), int(texture)), geom_name=f"part{texture}"
-        )
+    used = np.unique(surfaces.face_texture)
+    for texture, picture in zip(used, fitted([surfaces.textures[k] for k in used], MAX_TEXELS), strict=True):
+        part = _part(surfaces.only(surfaces.face_texture == texture), picture)
+        scene.add_geometry(part, geom_name=f"part{texture}")
     return cast(bytes, scene.export(file_type="glb"))
 
 
-def _part(surfaces: Surfaces, texture: int) -> trimesh.Trimesh:
+def _part(surfaces: Surfaces, picture: Rgb) -> trimesh.Trimesh:
     corners = surfaces.vertices[surfaces.faces].reshape(-1, 3)
     material = PBRMaterial(
-        baseColorTexture=_compressed(surfaces.textures[texture]),
+        baseColorTexture=_compressed(picture),
         metallicFactor=0.0,
         roughnessFactor=1.0,
         doubleSided=True,
@@ -34,7 +39,7 @@ def _part(surfaces: Surfaces, texture: int) -> trimesh.Trimesh:
     return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
 
 
-def _compressed(texture: np.ndarray) -> Image.Image:
+def _compressed(texture: Rgb) -> Image.Image:
     """Let the picture go through JPEG, so that the glTF holds it small."""
     buffer = io.BytesIO()
     Image.fromarray(texture).save(buffer, "JPEG", quality=85)

@@ -11,9 +11,9 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
+from ltvn_core.sim.picture_sizes import fitted, power_of_two
 from ltvn_core.types import Rgb
 
-MAX_SIDE = 4096
 MAX_TEXELS = 24_000_000
 """All textures together; the largest are halved until they fit, because each texel costs the camera 16 bytes."""
 
@@ -59,12 +59,7 @@ class ColourTable:
 
     def textures(self) -> tuple[Rgb, ...]:
         """Return all pictures, with sides that are powers of two."""
-        pictures = [_power_of_two(picture) for picture in self._pictures]
-        while sum(picture.size // 3 for picture in pictures) > MAX_TEXELS:
-            largest = max(range(len(pictures)), key=lambda k: pictures[k].size)
-            height, width = pictures[largest].shape[:2]
-            pictures[largest] = _resized(pictures[largest], max(width // 2, 1), max(height // 2, 1))
-        return tuple(pictures)
+        return tuple(fitted([power_of_two(picture) for picture in self._pictures], MAX_TEXELS))
 
     def _texture_of(self, material: Any, *, with_picture: bool) -> int:
         picture, factor = _picture_of(material), _factor_of(material)
@@ -167,18 +162,6 @@ def _opaque(picture: Image.Image) -> Rgb:
         behind = Image.new("RGBA", picture.size, (*GREY, 255))
         picture = Image.alpha_composite(behind, picture.convert("RGBA"))
     return np.asarray(picture.convert("RGB"))
-
-
-def _power_of_two(picture: Rgb) -> Rgb:
-    height, width = (min(MAX_SIDE, 1 << max(0, round(float(np.log2(side))))) for side in picture.shape[:2])
-    return _resized(picture, width, height)
-
-
-def _resized(picture: Rgb, width: int, height: int) -> Rgb:
-    if picture.shape[:2] == (height, width):
-        return np.ascontiguousarray(picture)
-    shrinks = width * height < picture.shape[0] * picture.shape[1]
-    return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
 
 
 def _encoded(light: NDArray[np.floating]) -> NDArray[np.uint8]:

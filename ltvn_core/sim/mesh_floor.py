@@ -47,7 +47,7 @@ class Floor:
     """In the mesh's own frame."""
     clearance: ClearanceMap
     tall: Mask
-    """(rows, columns) of the clearance map's grid: cells of walls and of what is as high."""
+    """(rows, columns) of the clearance map's grid: cells of walls and of what stands there as high."""
     area_m2: float
     """Of the floor indoors, with what stands on it."""
 
@@ -59,19 +59,19 @@ class Floor:
         return float(np.count_nonzero(self.clearance.navigable)) * CELL_M**2
 
 
-def find_floor(triangles: Triangles, mesh: str, heights: list[float] | None, known: IsFloor | None = None) -> Floor:
-    """Return the lowest storey with about the most room, or the lowest of `heights`. Raises SceneError if none is wide.
+def find_floor(triangles: Triangles, mesh: str, height_m: float | None, known: IsFloor | None = None) -> Floor:
+    """Return the lowest storey with about the most room, or that at `height_m`. Raises SceneError if none is wide.
 
     `known` replaces what the mesh says of where there is floor.
     """
-    candidates = _level_heights(triangles) if heights is None else sorted(heights)[:1]
+    candidates = _level_heights(triangles) if height_m is None else [height_m]
     floors = [_survey(triangles, height, known) for height in candidates]
     most = max((floor.navigable_m2 for floor in floors), default=0.0)
     if most < _LEAST_FLOOR_M2:
         tried = ", ".join(f"{height:.2f} m" for height in candidates) or "no height, nothing in it is level"
         raise SceneError(
-            f"{mesh} has no floor that is wide enough for the robot (looked at {tried}; a robot needs {_LEAST_FLOOR_M2:g} "
-            "m2 indoors in one piece). Say which way is up or where the floor is in the JSON file beside it, "
+            f"{mesh} has no floor that is wide enough for the robot (looked at {tried}; it needs "
+            f"{_LEAST_FLOOR_M2:g} m2 indoors). Say which way is up or where the floor is in the JSON file beside it, "
             'for instance {"up": "z", "floor_height": 0.0}, and look for holes in the floor.'
         )
     return next(floor for floor in floors if floor.navigable_m2 > most / 2)
@@ -117,10 +117,9 @@ def _survey(triangles: Triangles, height_m: float, known: IsFloor | None) -> Flo
         floor = _closed(_coarse(grid.cover(ground[level])), 0.1)
         floor &= _indoors(floor & ~low, low | tall, above)
     else:
-        rows, columns = floor_shape = low.shape
-        x, y = (np.arange(floor_shape[1]) + 0.5) * CELL_M, (np.arange(rows) + 0.5) * CELL_M
-        floor = known(grid.origin[0] + x[:columns], grid.origin[1] + y)
-    return _cropped(height_m, floor, low, _closed(tall, 0.3), grid.origin)
+        y, x = (grid.origin[1 - axis] + (np.arange(cells) + 0.5) * CELL_M for axis, cells in enumerate(low.shape))
+        floor = known(x, y)
+    return _cropped(height_m, floor, low, _closed(tall, 0.3) & _closed(low, 0.3), grid.origin)
 
 
 def _grid(lifted: Triangles) -> Raster:
@@ -149,14 +148,9 @@ def _indoors(free: Mask, walls: Mask, above: Mask) -> Mask:
     """Mark what lies under a ceiling; where the mesh has none, what has walls on three of four sides."""
     if np.count_nonzero(free & above) >= _ROOFED_SHARE * np.count_nonzero(free):
         return _closed(above, _HOLE_M)
-    sides = [
-        np.logical_or.accumulate(np.flip(walls, axis) if turn else walls, axis) for axis in (0, 1) for turn in (0, 1)
-    ]
-    sides = [np.flip(side, axis) if turn else side for side, (axis, turn) in zip(sides, _SIDES, strict=True)]
+    sides = [np.logical_or.accumulate(walls, axis) for axis in (0, 1)]
+    sides += [np.flip(np.logical_or.accumulate(np.flip(walls, axis), axis), axis) for axis in (0, 1)]
     return np.sum(sides, axis=0) >= 3
-
-
-_SIDES = ((0, 0), (0, 1), (1, 0), (1, 1))
 
 
 def _cropped(height_m: float, floor: Mask, low: Mask, tall: Mask, origin: NDArray[np.float64]) -> Floor:

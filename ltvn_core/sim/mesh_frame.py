@@ -111,7 +111,7 @@ def _check_size(size: NDArray[np.float64], mesh: Path) -> None:
         return
     factor = next((f for f in (1.0, 0.01, 0.001, 1000.0) if 3 <= span * f <= 60 and height * f <= 15), 0.001)
     raise SceneError(
-        f"{mesh} measures {size[0]:.4g} x {size[1]:.4g} x {height:.4g}, which is no indoor scene in metres (its floor is "
+        f"{mesh} measures {size[0]:.4g} x {size[1]:.4g} x {height:.4g}, which is no indoor scene in metres (a floor is "
         f"{_LEAST_SPAN_M:g} to {_MOST_SPAN_M:g} m wide). If it has another unit, write the metres per unit into "
         f'{mesh.with_suffix(".json")}, for instance {{"scale": {factor:g}}}.'
     )

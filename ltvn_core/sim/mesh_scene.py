@@ -23,8 +23,10 @@ from ltvn_core.sim.surfaces import Surfaces
 _PLACE_M = 3.5
 """Side of the squares that a tour visits, because a mesh does not say where its rooms are."""
 _LEAST_PLACE_M2 = 0.5
-_HIGH_M = 1.9
-"""What lies wholly above this and is no wall hangs overhead."""
+_HIGH_M = 1.3
+"""What lies level above this, and not on a wall or a shelf, hangs overhead."""
+_LEVEL = 0.3
+"""Upward part of the normal; a sloping ceiling is one too, while a lamp's sides may stay."""
 _STOREY_M = 4.0
 
 
@@ -40,8 +42,8 @@ def load_mesh_scene(source: Path) -> Scene:
     notes = read_notes(mesh)
     surfaces = upright(read_mesh(mesh), mesh, notes)
     heights = gibson.floor_heights(source) if source.is_dir() else None
-    wished = heights if notes.floor_height is None else [notes.floor_height]
-    storey = 0 if heights is None or wished is None else int(np.argmin(np.abs(np.array(heights) - wished[0])))
+    wished = heights[0] if heights is not None and notes.floor_height is None else notes.floor_height
+    storey = 0 if heights is None or wished is None else int(np.argmin(np.abs(np.array(heights) - wished)))
     known = gibson.traversable_map(source, storey) if source.is_dir() else None
     floor = find_floor(surfaces.vertices[surfaces.faces].astype(np.float64), str(mesh), wished, known)
     standing = replace(surfaces, vertices=surfaces.vertices - np.float32([0, 0, floor.height_m]))
@@ -69,17 +71,19 @@ def _places(clearance: ClearanceMap) -> tuple[Room, ...]:
 
 
 def _overhead(surfaces: Surfaces, floor: Floor) -> NDArray[np.bool_]:
-    """Mark (F,) ceilings, lamps and upper storeys, but no tops of walls, which close walls seen from above."""
+    """Mark (F,) ceilings, lamps and upper storeys, but no tops of walls and shelves, seen from above."""
     corners = surfaces.vertices[surfaces.faces]
     lowest = corners[:, :, 2].min(axis=1)
-    high = np.flatnonzero(lowest > _HIGH_M)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    level = np.abs(normal[:, 2]) > _LEVEL * np.linalg.norm(normal, axis=1)
+    high = np.flatnonzero(level & (lowest > _HIGH_M))
     samples = np.einsum("sc,fcx->fsx", _INSIDE, corners[high][:, :, :2])
     cell = np.floor((samples - floor.clearance.origin) / floor.clearance.resolution_m).astype(np.intp)
     rows, columns = floor.tall.shape
     on_grid = (cell >= 0).all(-1) & (cell[..., 0] < columns) & (cell[..., 1] < rows)
     tall = floor.tall[cell[..., 1].clip(0, rows - 1), cell[..., 0].clip(0, columns - 1)]
-    overhead = np.zeros(len(corners), bool)
-    overhead[high] = ~(tall | ~on_grid).all(axis=1) | (lowest[high] > _STOREY_M)
+    overhead = lowest > _STOREY_M
+    overhead[high] |= ~(tall | ~on_grid).all(axis=1)
     return overhead
 
 

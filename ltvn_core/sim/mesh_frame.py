@@ -57,9 +57,9 @@ def read_notes(mesh: Path) -> Notes:
 def upright(surfaces: Surfaces, mesh: Path, notes: Notes) -> Surfaces:
     """Return the surfaces z up and in metres, without strays far outside. Raises SceneError for an absurd size."""
     up = notes.up or ("z" if mesh.stem.startswith("mesh_z_up") else _guess_up(surfaces, mesh, notes.scale))
-    vertices = surfaces.vertices * np.float32(notes.scale)
+    vertices = (surfaces.vertices * notes.scale).astype(np.float32)
     if up == "y":
-        vertices = vertices[:, [0, 2, 1]] * np.float32([1, -1, 1])
+        vertices = vertices[:, [0, 2, 1]] * np.array([1, -1, 1], np.float32)
     turned = replace(surfaces, vertices=vertices)
     low, high = _extent(turned)
     _check_size(high - low, mesh)
@@ -69,7 +69,7 @@ def upright(surfaces: Surfaces, mesh: Path, notes: Notes) -> Surfaces:
 
 def _guess_up(surfaces: Surfaces, mesh: Path, scale: float) -> str:
     """Houses are wider than high: the largest flat slab is a floor, a ceiling or a roof."""
-    slab = {axis: _largest_slab(surfaces, column, scale) for axis, column in (("y", 1), ("z", 2))}
+    slab: dict[str, float] = {axis: _largest_slab(surfaces, column, scale) for axis, column in (("y", 1), ("z", 2))}
     standard, other = ("z", "y") if mesh.suffix.lower() == ".ply" else ("y", "z")
     up = other if slab[other] > _SURE * slab[standard] else standard
     log.info('%s: taken as %s-up; if that is wrong, write {"up": "%s"} into %s.', mesh.name, up, "yz".replace(up, ""),

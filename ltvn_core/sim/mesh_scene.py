@@ -46,7 +46,7 @@ def load_mesh_scene(source: Path) -> Scene:
     storey = 0 if heights is None or wished is None else int(np.argmin(np.abs(np.array(heights) - wished)))
     known = gibson.traversable_map(source, storey) if source.is_dir() else None
     floor = find_floor(surfaces.vertices[surfaces.faces].astype(np.float64), str(mesh), wished, known)
-    standing = replace(surfaces, vertices=surfaces.vertices - np.float32([0, 0, floor.height_m]))
+    standing = replace(surfaces, vertices=surfaces.vertices - np.array([0, 0, floor.height_m], np.float32))
     return Scene(
         name=source.name if source.is_dir() else source.stem,
         area_m2=round(floor.area_m2, 2),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from PIL import Image
+from trimesh.visual.color import ColorVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
@@ -54,7 +55,7 @@ def save(house: trimesh.Scene, path: Path) -> Path:
 
 def _paint(part: trimesh.Trimesh, colour: tuple[int, int, int], paint: Paint) -> None:
     if paint == "vertex":
-        part.visual = trimesh.visual.color.ColorVisuals(
+        part.visual = ColorVisuals(
             part, vertex_colors=np.tile((*colour, 255), (len(part.vertices), 1)).astype(np.uint8)
         )
         return

@@ -15,7 +15,7 @@ from ltvn_core.sim.mesh_colours import ColourTable
 from ltvn_core.sim.scene import Scene
 from ltvn_core.sim.scenes import load_scene
 from ltvn_core.types import Intrinsics, Twist
-from ltvn_core.verbs.collect import Collect
+from ltvn_core.verbs.collect import Collect, Collected
 from ltvn_viz.cutaway import HEIGHT_M, cut_away
 from tests.core.sim.box_house import BLUE, HEIGHT, RED, box_house, save
 
@@ -100,7 +100,7 @@ def test_seen_from_above_the_ceiling_is_gone_and_the_walls_are_closed(plain: Pat
     cut = cut_away(scene.surfaces)
     assert cut.vertices[cut.faces][:, :, 2].max() < HEIGHT_M + 0.05
     corners = cut.vertices[cut.faces]
-    lids = cut.only((corners[:, :, 2] > HEIGHT_M - 1e-3).all(axis=1))
+    lids = cut.only(np.asarray(np.all(corners[:, :, 2] > HEIGHT_M - 1e-3, axis=1)))
     area = trimesh.Trimesh(lids.vertices, lids.faces, process=False).area
     assert 1.5 < area < 4.0
 
@@ -161,6 +161,7 @@ def test_a_recording_remembers_the_file_of_its_scene(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     collected = Collect(output=tmp_path / "tour.rrd", scene="plain.glb", loops=1).run()
+    assert isinstance(collected, Collected)
     assert collected.scene == "plain"
     assert collected.collisions == 0
     assert Recording.open(tmp_path / "tour.rrd").meta.scene == str(plain)

@@ -21,6 +21,7 @@ from ltvn_core.verbs.collect import Collect
 from ltvn_core.verbs.dataset import Dataset
 from ltvn_core.verbs.demo import Demo
 from ltvn_core.verbs.files import Info, Repair, Verify
+from ltvn_core.verbs.measure import Measure
 from ltvn_core.verbs.navigate import Lifelong, Navigate
 from ltvn_core.verbs.train import Train
 from ltvn_core.verbs.verb import Verb, to_json, to_text
@@ -37,6 +38,7 @@ AnyVerb: TypeAlias = (
     | Annotated[View, subcommand("view", prefix_name=False)]
     | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
     | Annotated[Train, subcommand("train", prefix_name=False)]
+    | Annotated[Measure, subcommand("measure", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]
     | Annotated[Repair, subcommand("repair", prefix_name=False)]

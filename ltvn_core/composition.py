@@ -4,18 +4,22 @@ Owns the choices every verb and the page share (where the robot starts, which pr
 loop.
 """
 
-from dataclasses import dataclass
+import logging
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
+from ltvn_core.config import Likelihoods, Method, preset
 from ltvn_core.errors import SceneError
 from ltvn_core.types import FrameId, Intrinsics, Pose, Predictor
 
 if TYPE_CHECKING:
     from ltvn_core.sim.robot import SimulatedRobot
     from ltvn_core.sim.scenes import Scene
+
+log = logging.getLogger(__name__)
 
 PredictorName: TypeAlias = Literal["network", "oracle"]
 """The trained network, or the simulator's own geometry."""
@@ -66,3 +70,33 @@ def open_predictor(name: PredictorName, scene_name: str, weights: Path | None = 
     from ltvn_core.model.predictor import load_predictor
 
     return load_predictor(weights)
+
+
+def open_method(
+    name: str, predictor: PredictorName, weights: Path | None = None, *, likelihoods: Likelihoods | None = None
+) -> Method:
+    """Return a preset whose constants of Eq. 3 and Eq. 4 are those measured for the predictor, see `open_predictor`.
+
+    `likelihoods` win over measured ones; where nothing was measured the preset's own stay. Raises OptionError for an
+    unknown preset and WeightsError for a damaged card.
+    """
+    method = preset(name)
+    constants = likelihoods or _measured(predictor, weights)
+    if constants is None:
+        log.info(
+            "Nobody measured these weights; Eq. 3 and Eq. 4 use general constants. `ltvn measure --write` does it."
+        )
+        return method
+    return replace(method, believing=replace(method.believing, **asdict(constants)))
+
+
+def _measured(predictor: PredictorName, weights: Path | None) -> Likelihoods | None:
+    if predictor == "oracle":
+        from ltvn_core.sim.oracle import LIKELIHOODS
+
+        return LIKELIHOODS
+    from ltvn_core.model.driving import likelihoods, read_driving
+    from ltvn_core.model.weights import SHIPPED, own_card
+
+    measured = read_driving(own_card(weights or SHIPPED))
+    return None if measured is None else likelihoods(measured)

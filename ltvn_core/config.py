@@ -135,8 +135,24 @@ class Judging:
 
 
 @dataclass(frozen=True, slots=True)
+class Likelihoods:
+    """The constants of Eq. 3 and Eq. 4 that depend on the predictor, measured in simulation by `ltvn measure`."""
+
+    p_success_if_reachable: float
+    """p(s | r), below 1 (paper)."""
+    p_success_if_not: float
+    """p(s | not r), above 0 (paper)."""
+    sigma2: float
+    """Variance of d as the predictor measures it (paper)."""
+
+
+@dataclass(frozen=True, slots=True)
 class Believing:
-    """Eq. 3, Eq. 4 and pruning."""
+    """Eq. 3, Eq. 4 and pruning.
+
+    The first two and `sigma2` hold for a predictor that nobody measured; `composition.open_method` puts the measured
+    ones in their place.
+    """
 
     p_success_if_reachable: float = 0.85
     """p(s | r): how often an edge that exists is driven with success (paper; measured in simulation)."""

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ltvn_core.config import Method, preset
+from ltvn_core.composition import open_method
+from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.nav.events import GraphChanged
 from ltvn_core.recording.maps import LoadedMap, check_fingerprint, load_map
@@ -46,7 +47,7 @@ def open_stage(options: AppOptions, stack: ExitStack, thumbnails: Thumbnails) ->
     library = Library(options.recordings)
     if options.replay is not None:
         library.path(options.replay)
-    method = preset(options.preset)
+    method = open_method(options.preset, options.predictor, options.weights)
     chosen = None if options.map is None else load_map(options.map)
     if chosen is not None:
         options = replace(options, scene=chosen.meta.scene)

@@ -6,6 +6,7 @@ Owns the card's fields. `ltvn_core.model.weights` writes it beside the weights.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ltvn_core.model.driving import MeasuredDriving
 from ltvn_core.model.figures import DriveFigures, PairFigures
 from ltvn_core.model.training import TrainingPlan
 
@@ -40,16 +41,6 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class SuccessRates:
-    """How often an attempt to drive an edge ends well; for Eq. 3. None stands for "not measured"."""
-
-    given_reachable: float | None = None
-    """p(s given r)."""
-    given_unreachable: float | None = None
-    """p(s given not r)."""
-
-
-@dataclass(frozen=True)
 class Card:
     """All that is known of a set of weights."""
 
@@ -66,6 +57,5 @@ class Card:
     commands: Sequence[str]
     """What makes these weights again, up to the time that training took elsewhere."""
     measured: Measured
-    distance_sigma: float
-    """Standard deviation of d(predicted) - d(true) on reachable pairs of unseen scenes, for Eq. 4."""
-    success_rates: SuccessRates
+    driving: MeasuredDriving | None = None
+    """What Eq. 3 and Eq. 4 take their constants from; None until `ltvn measure --write` has run."""

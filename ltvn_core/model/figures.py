@@ -31,7 +31,7 @@ class PairFigures:
     yaw_p90_deg: float
     """Its 90th percentile."""
     distance_sigma: float
-    """Standard deviation of d(predicted) - d(true) on reachable pairs: sigma of Eq. 4."""
+    """Standard deviation of d(predicted) - d(true) on reachable pairs."""
 
 
 @dataclass(frozen=True, slots=True)

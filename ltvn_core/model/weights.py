@@ -90,6 +90,33 @@ def read_card(path: Path) -> dict[str, Any]:
         raise WeightsError(f"{card_path(path)}: not a readable card ({error}).") from error
 
 
+def own_card(path: Path) -> dict[str, Any]:
+    """Return the card of weights, empty where the one that lies beside them belongs to others. Raises WeightsError."""
+    card = read_card(path)
+    return card if path.is_file() and card.get("fingerprint") == weights_fingerprint(path) else {}
+
+
+def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
+    """Write one part of the card of weights, leaving all others, and return where the card lies.
+
+    Raises WeightsError if there are no weights, if the card belongs to other ones, or if it cannot be written.
+    """
+    if not path.is_file():
+        raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
+    card, fingerprint, target = read_card(path), weights_fingerprint(path), card_path(path)
+    if card.setdefault("fingerprint", fingerprint) != fingerprint:
+        raise WeightsError(f"{target}: belongs to {card['fingerprint']}, not to the weights beside it ({fingerprint}).")
+    partial = target.with_suffix(".partial")
+    try:
+        partial.write_text(json.dumps({**card, section: content}, indent=2) + "\n", encoding="utf-8")
+        os.replace(partial, target)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink()
+        raise WeightsError(f"{target}: the card could not be written ({error}); free some space.") from error
+    return target
+
+
 def _architecture(metadata: Mapping[str, str], path: Path) -> Architecture:
     try:
         found = json.loads(metadata["ltvn"])

@@ -9,12 +9,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.config import Likelihoods
 from ltvn_core.geometry import relative
 from ltvn_core.sim.clearance import ClearanceMap
 from ltvn_core.types import Features, Intrinsics, Observation, Pose, Prediction, Waypoint
 
 REACHABLE, UNREACHABLE = 0.97, 0.03
 """What the oracle answers; never quite sure, because beliefs of 0 and 1 could not be revised."""
+
+LIKELIHOODS = Likelihoods(0.98, 0.02, 1e-4)
+"""Constants of Eq. 3 and Eq. 4 for a method that asks the oracle.
+
+Exact waypoints lead to their ends, and an exact r denies an end that was not reached. None is a certainty, and sigma is
+a centimetre, because a map that learns nothing could not be tested.
+"""
 
 MAX_DISTANCE_M = 2.5
 """E_max of the paper's criteria; the value is ours."""

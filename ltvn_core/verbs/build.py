@@ -45,8 +45,7 @@ class Build(Verb):
         import numpy as np
         from tqdm import tqdm
 
-        from ltvn_core.composition import open_predictor
-        from ltvn_core.config import preset
+        from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.builder import build
         from ltvn_core.graph.planner import count_pieces
         from ltvn_core.graph.topograph import TopologicalGraph
@@ -57,7 +56,7 @@ class Build(Verb):
         recording = Recording.open(self.recording)
         observations = [recording.observation(frame) for frame in recording.frames]
         predictor = open_predictor(self.predictor, recording.meta.scene, self.weights)
-        views, method = Views(predictor), preset(self.preset)
+        views, method = Views(predictor), open_method(self.preset, self.predictor, self.weights)
         with tqdm(total=len(observations), desc="build", unit="image") as bar:
 
             def show(done: int, total: int) -> None:

@@ -80,8 +80,7 @@ class Demo(Verb):
 def _demonstrate(options: Demo) -> Demonstrated:
     import numpy as np
 
-    from ltvn_core.composition import open_predictor, open_simulation
-    from ltvn_core.config import preset
+    from ltvn_core.composition import open_method, open_predictor, open_simulation
     from ltvn_core.graph.topograph import TopologicalGraph
     from ltvn_core.graph.views import Views
     from ltvn_core.recording.maps import save_map
@@ -92,7 +91,7 @@ def _demonstrate(options: Demo) -> Demonstrated:
     rng = np.random.default_rng(options.seed)
     simulation = open_simulation(options.scene, seed=options.seed)
     predictor = open_predictor(options.predictor, options.scene, options.weights)
-    method = preset(options.preset)
+    method = open_method(options.preset, options.predictor, options.weights)
     path = options.recording or Path("runs") / time.strftime(f"demo-{options.scene}-{options.seed}-%Y%m%d-%H%M%S.rrd")
     about = {
         "scene": options.scene,

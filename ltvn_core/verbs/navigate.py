@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
+    from ltvn_core.config import Method
     from ltvn_core.recording.maps import LoadedMap
     from ltvn_core.types import NodeId, Pose
     from ltvn_core.verbs.headless import Queries, Workbench
@@ -57,9 +58,13 @@ class _ByMap(Verb):
 
     def settings(self) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
-        from ltvn_core.config import preset
+        return {"verb": type(self).__name__.lower(), "seed": self.seed, "method": asdict(self.method())}
 
-        return {"verb": type(self).__name__.lower(), "seed": self.seed, "method": asdict(preset(self.preset))}
+    def method(self) -> "Method":
+        """Return the preset with the constants measured for the predictor."""
+        from ltvn_core.composition import open_method
+
+        return open_method(self.preset, self.predictor, self.weights)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +113,6 @@ def _drive(options: _ByMap, output: Path | None) -> Navigated:
     import numpy as np
 
     from ltvn_core.composition import open_predictor, open_simulation
-    from ltvn_core.config import preset
     from ltvn_core.graph.views import Views
     from ltvn_core.recording.maps import check_fingerprint, load_map, save_map
     from ltvn_core.recording.writer import RecordingWriter
@@ -126,7 +130,7 @@ def _drive(options: _ByMap, output: Path | None) -> Navigated:
     about = {"scene": scene, "config": options.settings(), "fingerprint": predictor.fingerprint}
     with RecordingWriter(options.recording, **about) as writer:
         writer.map(loaded.graph, loaded.observations.values())
-        bench = Workbench(simulation, writer, views, predictor, preset(options.preset), loaded.graph)
+        bench = Workbench(simulation, writer, views, predictor, options.method(), loaded.graph)
         outcome = bench.run_queries(options.goals(bench, rng), rng)
     if output is not None:
         save_map(output, bench.graph, bench.kept(), **about)

@@ -71,7 +71,7 @@ class Train(Verb):
         return summary(self.output, fingerprint, card)
 
     def _card(self, plan: "TrainingPlan", result: "TrainingResult", measured: "Measured") -> "Card":
-        from ltvn_core.model.card import Card, SuccessRates, TrainedOn
+        from ltvn_core.model.card import Card, TrainedOn
 
         learned, _ = read_shards(self.data)
         return Card(
@@ -93,8 +93,6 @@ class Train(Verb):
                 f"--processes {self.processes} --seed {self.seed}",
             ),
             measured,
-            measured.pairs.distance_sigma,
-            SuccessRates(),
         )
 
 

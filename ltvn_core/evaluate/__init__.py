@@ -1,0 +1,1 @@
+"""Measures the method in simulation, where the truth is known."""

@@ -1,0 +1,127 @@
+"""Measures what Eq. 3 and Eq. 4 need, and how r and the waypoints err, on drives through simulated scenes.
+
+Owns the protocol: half of the attempts on edges that exist, half on edges that do not, the same number in each scene.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import Method
+from ltvn_core.evaluate.attempts import Attempted, Attempts
+from ltvn_core.evaluate.proposals import Proposal, Proposals
+from ltvn_core.evaluate.survey import Survey, survey
+from ltvn_core.geometry import distance
+from ltvn_core.model.driving import MeasuredDriving
+from ltvn_core.model.rates import Rate
+from ltvn_core.model.tables import calibration_table, error_table
+from ltvn_core.types import Camera, Predictor
+
+if TYPE_CHECKING:
+    from ltvn_core.sim.scenes import Scene
+
+DISTANCE_BINS_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
+OVERLAP_BINS = (0.25, 0.4, 0.55, 0.7, 0.85, 1.0)
+
+Progress = Callable[[], object]
+"""Called after every attempt."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMeasured:
+    """One scene's share of a measurement."""
+
+    drive: Survey
+    edges: NDArray[np.bool_]
+    """(N, N): reachable pairs that become edges."""
+    attempted: tuple[Attempted, ...]
+    not_begun: int
+
+
+def measure_scene(
+    scene: "Scene",
+    camera: Camera,
+    predictor: Predictor,
+    method: Method,
+    *,
+    attempts: int,
+    images: int,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> SceneMeasured:
+    """Look along a drive and drive `attempts` of its edges; fewer if there are not so many. Raises SceneError."""
+    drive = survey(scene, camera, predictor, images=images, rng=rng)
+    proposals = Proposals(drive, predictor, method)
+    tried: list[Attempted | None] = []
+    with closing(Attempts(drive, predictor, method, proposals.errors(), rng)) as robot:
+        for edges in (proposals.true_edges(rng), proposals.false_edges(rng)):
+            tried.extend(_drive_some(robot, edges, attempts // 2, progress))
+    attempted = tuple(each for each in tried if each is not None)
+    return SceneMeasured(drive, proposals.edges(), attempted, len(tried) - len(attempted))
+
+
+def _drive_some(
+    robot: Attempts, edges: Iterator[Proposal], count: int, progress: Progress
+) -> Iterator[Attempted | None]:
+    """Drive edges until so many have begun, or there are no more."""
+    for edge in edges:
+        done = robot.drive(edge)
+        yield done
+        if done is None:
+            continue
+        progress()
+        count -= 1
+        if count == 0:
+            return
+
+
+def summarise(scenes: Sequence[SceneMeasured], command: str) -> MeasuredDriving:
+    """Put the shares of several scenes together."""
+    attempted = [each for scene in scenes for each in scene.attempted]
+    there = [each for each in attempted if each.edge.true]
+    not_there = [each for each in attempted if not each.edge.true]
+    error_m, error_d, straight_m, overlap = (
+        np.concatenate(column) for column in zip(*map(_errors, scenes), strict=True)
+    )
+    edges = np.concatenate([scene.edges[scene.drive.reachable] for scene in scenes])
+    return MeasuredDriving(
+        command=command,
+        scenes=tuple(scene.drive.scene.name for scene in scenes),
+        images=len(scenes[0].drive.poses),
+        success_if_reachable=Rate.of(sum(each.succeeded for each in there), len(there)),
+        success_if_not=Rate.of(sum(each.succeeded for each in not_there), len(not_there)),
+        arrival_if_reachable=Rate.of(sum(each.arrived for each in there), len(there)),
+        arrival_if_not=Rate.of(sum(each.arrived for each in not_there), len(not_there)),
+        connected_if_not=sum(each.edge.connected for each in not_there),
+        not_begun=sum(scene.not_begun for scene in scenes),
+        distance_sigma=_spread(error_d[edges]),
+        distance_sigma_all=_spread(error_d),
+        calibration=calibration_table(
+            *(np.concatenate(column) for column in zip(*map(_certainty, scenes), strict=True))
+        ),
+        error_by_distance=error_table(DISTANCE_BINS_M, straight_m, error_m),
+        error_by_overlap=error_table(OVERLAP_BINS, overlap, error_m),
+    )
+
+
+def _errors(scene: SceneMeasured) -> tuple[NDArray[np.float64], ...]:
+    """Return (P,) position error, error of d, straight distance and overlap of all reachable pairs."""
+    drive = scene.drive
+    true, predicted = drive.waypoints[drive.reachable], drive.predicted.waypoints[drive.reachable]
+    error_m = np.hypot(*(predicted - true)[:, :2].T)
+    straight_m = np.hypot(true[:, 0], true[:, 1])
+    return error_m, distance(predicted) - distance(true), straight_m, drive.overlap[drive.reachable]
+
+
+def _certainty(scene: SceneMeasured) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return (P,) r and truth of all ordered pairs."""
+    pairs = ~np.eye(len(scene.drive.poses), dtype=bool)
+    return scene.drive.predicted.reachability[pairs], scene.drive.reachable[pairs]
+
+
+def _spread(numbers: NDArray[np.float64]) -> float:
+    return float(numbers.std()) if len(numbers) else 0.0

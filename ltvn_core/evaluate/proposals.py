@@ -1,0 +1,115 @@
+"""Which edges of a drive are worth driving: those the method would put into a map, true ones and false ones.
+
+Owns the choice. An edge is true if the pair is reachable in the direction in which the network was asked, or, where the
+method asks both ways and backs up along the same waypoint, in either.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import Method
+from ltvn_core.evaluate.survey import Survey
+from ltvn_core.geometry import distance, invert, relative
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.operators import Gates, connectable, mergeable
+from ltvn_core.graph.travel import Travel
+from ltvn_core.types import FrameId, Predictor, Waypoint
+
+_APART = 2
+"""Of pairs whose images were taken so few frames from each other's, one is enough."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """An edge to drive."""
+
+    source: FrameId
+    target: FrameId
+    waypoint: Waypoint
+    """(3,) as the method would write it into the map."""
+    reachability: float
+    """The method's r, with temporal support where the method asks for it."""
+    true: bool
+    """The edge exists."""
+    connected: bool
+    """The method would put it into the map."""
+
+
+class Proposals:
+    """The edges of one drive."""
+
+    def __init__(self, drive: Survey, predictor: Predictor, method: Method) -> None:
+        """Compare all pairs as the method would, but for temporal support, which is asked for one by one."""
+        self._drive, self._method = drive, method
+        self._matcher = Matcher(predictor, drive.views, method.matching)
+        self._travel = Travel(drive.observations, method.building)
+        self._gates = Gates.building(method.building)
+        self._reachability, self._waypoints = _both_ways(drive, method)
+        both = drive.reachable.T if method.matching.both_directions else np.zeros_like(drive.reachable)
+        self._true = drive.reachable | both
+        np.fill_diagonal(self._true, False)
+
+    def edges(self) -> NDArray[np.bool_]:
+        """Tell (N, N) which reachable pairs become edges as far as r and d alone decide."""
+        return self._near() & (self._reachability > self._gates.connect_reachability) & self._drive.reachable
+
+    def errors(self) -> Waypoint:
+        """Return (E, 3) where drives along true edges lead, in the frame of where they should."""
+        i, j = np.nonzero(self._true & self._near() & (self._reachability > self._gates.connect_reachability))
+        return relative(self._drive.waypoints[i, j], self._waypoints[i, j])
+
+    def true_edges(self, rng: np.random.Generator) -> Iterator[Proposal]:
+        """Yield true edges that the method would make, in random order."""
+        pairs = np.argwhere(self._true & self._near() & (self._reachability > self._gates.connect_reachability))
+        found = (self._proposal(i, j) for i, j in _scattered(rng.permutation(pairs)))
+        return (proposal for proposal in found if proposal.connected)
+
+    def false_edges(self, rng: np.random.Generator) -> Iterator[Proposal]:
+        """Yield edges that do not exist, first those the method would make, then the most reachable in its eyes.
+
+        It ends where the method would break off a leg because its target does not look reachable any more: what looks
+        less reachable than that is nothing like an edge of a map.
+        """
+        likely = self._near() & (self._reachability > self._method.driving.lost_reachability)
+        pairs = rng.permutation(np.argwhere(~self._true & likely))
+        order = np.argsort(-self._reachability[tuple(pairs.T)], kind="stable")
+        certain = [self._proposal(i, j) for i, j in _scattered(pairs[order])]
+        yield from sorted(certain, key=lambda proposal: not proposal.connected)
+
+    def _near(self) -> NDArray[np.bool_]:
+        """Tell (N, N) which pairs seem near enough for an edge; the diagonal is not."""
+        near = distance(self._waypoints) < self._gates.connect_distance
+        np.fill_diagonal(near, False)
+        return near
+
+    def _proposal(self, source: FrameId, target: FrameId) -> Proposal:
+        found = self._matcher.match(self._drive.views.features([source]), (target,))
+        found = self._matcher.supported(found, source)
+        true, r = bool(self._true[source, target]), float(found.reachability[0])
+        return Proposal(source, target, found.waypoints[0], r, true, self._connects(source, found))
+
+    def _connects(self, source: FrameId, found: Matches) -> bool:
+        apart = not mergeable(found, self._gates).any()
+        return apart and bool(connectable(found, self._gates).all() and self._travel.plausible(source, found).all())
+
+
+def _both_ways(drive: Survey, method: Method) -> tuple[NDArray[np.float64], Waypoint]:
+    """Return r (N, N) and waypoints (N, N, 3) of the more reachable direction, if the method asks for both."""
+    r, ahead = drive.predicted
+    if not method.matching.both_directions:
+        return r, ahead
+    backwards = (r < r.T) & (distance(ahead) < method.matching.reverse_within)
+    back = invert(np.swapaxes(ahead, 0, 1))
+    return np.where(backwards, r.T, r), np.where(backwards[..., None], back, ahead)
+
+
+def _scattered(pairs: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
+    """Yield pairs (P, 2), leaving out those that are nearly the same as an earlier one."""
+    seen: set[tuple[int, int]] = set()
+    for i, j in pairs.tolist():
+        if (i // _APART, j // _APART) not in seen:
+            seen.add((i // _APART, j // _APART))
+            yield i, j

@@ -1,0 +1,110 @@
+"""`ltvn measure`: the constants of Eq. 3 and Eq. 4, and the errors behind them, from simulated drives."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.train import UNSEEN
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.model.driving import MeasuredDriving
+
+IMAGES = 220
+"""Images of the drive through each scene: more than a hundred thousand ordered pairs in three."""
+
+
+@dataclass(frozen=True)
+class DrivingMeasured:
+    """What simulated driving showed; `driving` holds all of it."""
+
+    card: Path | None
+    """The card that was written, if it was asked for."""
+    p_success_if_reachable: float
+    """p(s given r), Laplace's estimate."""
+    p_success_if_not: float
+    """p(s given not r), Laplace's estimate."""
+    sigma: float
+    """Of d."""
+    driving: "MeasuredDriving"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure(Verb):
+    """Drive edges in simulation and measure the constants of Eq. 3 and Eq. 4; takes a few minutes."""
+
+    weights: Path | None = None
+    """Weights to measure instead of the shipped ones."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The method that drives and judges."""
+    attempts: int = 200
+    """Edges to drive in all: half of them exist, half do not, or fewer where the network is hard to mislead."""
+    seed: int = 0
+    """Draws drives, edges, starts and odometry noise."""
+    scenes: tuple[str, ...] = UNSEEN
+    """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
+    write: bool = False
+    """Write the result into the weights' card, from which the method takes its constants."""
+
+    def run(self) -> Summary:
+        """Drive and measure; raises OptionError, SceneError and WeightsError."""
+        from ltvn_core.model.driving import likelihoods
+
+        self._check()
+        measured = self._measure()
+        constants = likelihoods(measured)
+        card = self._write(measured) if self.write else None
+        return DrivingMeasured(
+            card,
+            constants.p_success_if_reachable,
+            constants.p_success_if_not,
+            constants.sigma2**0.5,
+            measured,
+        )
+
+    def _check(self) -> None:
+        if not self.scenes:
+            raise OptionError("--scenes needs at least one scene by name.")
+        if self.attempts < 2 * len(self.scenes):
+            raise OptionError(f"--attempts must be two or more per scene, so {2 * len(self.scenes)} or more.")
+
+    def _measure(self) -> "MeasuredDriving":
+        import numpy as np
+        from tqdm import tqdm
+
+        from ltvn_core.config import preset
+        from ltvn_core.evaluate.measuring import measure_scene, summarise
+        from ltvn_core.model.predictor import load_predictor
+        from ltvn_core.sim.camera import open_camera
+        from ltvn_core.sim.scenes import load_scene
+
+        share = self.attempts // len(self.scenes)
+        shares = [share + (k < self.attempts % len(self.scenes)) for k in range(len(self.scenes))]
+        measured, predictor = [], load_predictor(self.weights)
+        with tqdm(total=self.attempts, desc="measure", unit="edge") as bar:
+            for k, (name, attempts) in enumerate(zip(self.scenes, shares, strict=True)):
+                scene = load_scene(name)
+                measured.append(
+                    measure_scene(
+                        scene,
+                        open_camera(scene),
+                        predictor,
+                        preset(self.preset),
+                        attempts=attempts,
+                        images=IMAGES,
+                        rng=np.random.default_rng([self.seed, k]),
+                        progress=bar.update,
+                    )
+                )
+        return summarise(measured, self._command())
+
+    def _command(self) -> str:
+        named = "" if self.scenes == UNSEEN else f" --scenes {' '.join(self.scenes)}"
+        return f"ltvn measure --attempts {self.attempts} --seed {self.seed} --preset {self.preset}{named}"
+
+    def _write(self, measured: "MeasuredDriving") -> Path:
+        from ltvn_core.model.driving import SECTION
+        from ltvn_core.model.weights import SHIPPED, add_to_card
+
+        return add_to_card(self.weights or SHIPPED, SECTION, asdict(measured))

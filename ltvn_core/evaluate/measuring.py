@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import Method
 from ltvn_core.data.drives import drive_poses
+from ltvn_core.data.labels import Limits
 from ltvn_core.evaluate.attempts import Attempted, Attempts
 from ltvn_core.evaluate.proposals import Proposal, Proposals
 from ltvn_core.evaluate.survey import Survey, survey
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     from ltvn_core.sim.scenes import Scene
 
 DISTANCE_BINS_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
-OVERLAP_BINS = (0.25, 0.4, 0.55, 0.7, 0.85, 1.0)
+OVERLAP_BINS = tuple(np.linspace(Limits().overlap, 1, 5).tolist())
+"""Less overlap than that is not reachable."""
 
 Progress = Callable[[], object]
 """Called after every attempt."""

@@ -155,7 +155,7 @@ def test_the_oracle_has_constants_of_its_own_and_explicit_ones_win() -> None:
 
 
 def test_measuring_nothing_is_refused_before_anything_is_driven() -> None:
-    with pytest.raises(OptionError, match="6 or more"):
+    with pytest.raises(OptionError, match="two or more per scene"):
         Measure(attempts=2).run()
     with pytest.raises(OptionError, match="at least one scene"):
         Measure(scenes=()).run()

@@ -4,8 +4,10 @@ Owns the tiny map in which an edge is driven, and where the robot starts. What c
 `ltvn_core.nav.episode`.
 """
 
+from collections.abc import Generator
 from contextlib import closing
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, NodeAdded
 from ltvn_core.graph.operators import node_of, pose_row
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.nav.episode import judge
-from ltvn_core.nav.events import LegEnd, LegEnded, Localised, Tick
+from ltvn_core.nav.events import Event, LegEnd, LegEnded, Localised, Tick
 from ltvn_core.nav.navigator import Navigator
 from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
 from ltvn_core.types import FrameId, Pose, Predictor, Waypoint
@@ -68,7 +70,8 @@ class Attempts:
         goal = self._far_from(edge.source)
         graph = TopologicalGraph(self._map(edge, goal))
         navigator = Navigator(self._robot, graph, self._drive.views, self._predictor, self._method, self._rng)
-        with closing(navigator.query(goal, 0)) as events:  # type: ignore[type-var]
+        # Closing the query ends it wherever it is, here after its first leg.
+        with closing(cast(Generator[Event | Tick, None, None], navigator.query(goal, 0))) as events:
             for event in events:
                 if isinstance(event, Tick):
                     self._robot.advance(CONTROL_STEP_S)

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Method
+from ltvn_core.data.drives import drive_poses
+from ltvn_core.data.labels import Limits
 from ltvn_core.evaluate.attempts import Attempted, Attempts
 from ltvn_core.evaluate.proposals import Proposal, Proposals
 from ltvn_core.evaluate.survey import Survey, survey
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
     from ltvn_core.sim.scenes import Scene
 
 DISTANCE_BINS_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
-OVERLAP_BINS = (0.25, 0.4, 0.55, 0.7, 0.85, 1.0)
+OVERLAP_BINS = tuple(np.linspace(Limits().overlap, 1, 5).tolist())
+"""Less overlap than that is not reachable."""
 
 Progress = Callable[[], object]
 """Called after every attempt."""
@@ -54,7 +57,7 @@ def measure_scene(
     progress: Progress,
 ) -> SceneMeasured:
     """Look along a drive and drive `attempts` of its edges; fewer if there are not so many. Raises SceneError."""
-    drive = survey(scene, camera, predictor, images=images, rng=rng)
+    drive = survey(scene, camera, predictor, drive_poses(scene.clearance, rng, images))
     proposals = Proposals(drive, predictor, method)
     tried: list[Attempted | None] = []
     with closing(Attempts(drive, predictor, method, proposals.errors(), rng)) as robot:
@@ -87,6 +90,7 @@ def summarise(scenes: Sequence[SceneMeasured], command: str) -> MeasuredDriving:
     error_m, error_d, straight_m, overlap = (
         np.concatenate(column) for column in zip(*map(_errors, scenes), strict=True)
     )
+    certainty, reachable = (np.concatenate(column) for column in zip(*map(_certainty, scenes), strict=True))
     edges = np.concatenate([scene.edges[scene.drive.reachable] for scene in scenes])
     return MeasuredDriving(
         command=command,
@@ -100,9 +104,7 @@ def summarise(scenes: Sequence[SceneMeasured], command: str) -> MeasuredDriving:
         not_begun=sum(scene.not_begun for scene in scenes),
         distance_sigma=_spread(error_d[edges]),
         distance_sigma_all=_spread(error_d),
-        calibration=calibration_table(
-            *(np.concatenate(column) for column in zip(*map(_certainty, scenes), strict=True))
-        ),
+        calibration=calibration_table(certainty, reachable),
         error_by_distance=error_table(DISTANCE_BINS_M, straight_m, error_m),
         error_by_overlap=error_table(OVERLAP_BINS, overlap, error_m),
     )
@@ -114,7 +116,7 @@ def _errors(scene: SceneMeasured) -> tuple[NDArray[np.float64], ...]:
     true, predicted = drive.waypoints[drive.reachable], drive.predicted.waypoints[drive.reachable]
     error_m = np.hypot(*(predicted - true)[:, :2].T)
     straight_m = np.hypot(true[:, 0], true[:, 1])
-    return error_m, distance(predicted) - distance(true), straight_m, drive.overlap[drive.reachable]
+    return error_m, distance(predicted) - distance(true), straight_m, drive.overlap[drive.reachable].astype(np.float64)
 
 
 def _certainty(scene: SceneMeasured) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -1,6 +1,6 @@
 """A mapping drive through a scene, all of whose ordered image pairs are labelled and predicted.
 
-Owns what is true and what is predicted of a drive. Drives no robot: the poses come from `ltvn_core.data.drives`.
+Owns what is true and what is predicted of a drive. Drives no robot; the poses come from `ltvn_core.data.drives`.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.data.drives import drive_poses
 from ltvn_core.data.generate import label_all
 from ltvn_core.data.labels import Limits
 from ltvn_core.data.worlds import World
@@ -46,9 +45,9 @@ class Survey:
     """(N, N) and (N, N, 3)."""
 
 
-def survey(scene: "Scene", camera: Camera, predictor: Predictor, *, images: int, rng: np.random.Generator) -> Survey:
-    """Look along a drive of so many images, label and predict all of its ordered pairs."""
-    poses = drive_poses(scene.clearance, rng, images)
+def survey(scene: "Scene", camera: Camera, predictor: Predictor, poses: Pose) -> Survey:
+    """Look from the poses (N, 3) of a drive, and label and predict all ordered pairs."""
+    images = len(poses)
     seen = tuple(_look(camera, pose, frame) for frame, pose in enumerate(poses))
     views = Views(predictor)
     views.add(seen)

@@ -11,8 +11,8 @@ from ltvn_core.verbs.verb import Summary, Verb
 if TYPE_CHECKING:
     from ltvn_core.model.driving import MeasuredDriving
 
-IMAGES = 220
-"""Images of the drive through each scene: more than a hundred thousand ordered pairs in three."""
+IMAGES = 150
+"""Images of the drive through each scene: more than a hundred thousand ordered pairs in six."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ltvn_core.composition import open_method
-from ltvn_core.config import ROBUST, Likelihoods
+from ltvn_core.config import ROBUST, Likelihoods, preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.graph.beliefs import existence
 from ltvn_core.model.driving import SECTION, MeasuredDriving, likelihoods, read_driving
@@ -130,14 +130,21 @@ def test_a_damaged_measurement_is_named(damage: dict[str, object]) -> None:
         read_driving({SECTION: section})
 
 
-@pytest.mark.parametrize("preset", ["robust", "paper"])
-def test_the_method_takes_its_constants_from_the_shipped_card(preset: str) -> None:
+@pytest.mark.parametrize("name", ["robust", "paper"])
+def test_the_method_takes_its_constants_from_the_shipped_card_as_far_as_they_were_measured(name: str) -> None:
     section = read_driving(read_card(SHIPPED))
-    assert section is not None
-    believing = open_method(preset, "network").believing
-    assert believing.p_success_if_reachable == section.success_if_reachable.shrunk
-    assert believing.p_success_if_not == section.success_if_not.shrunk
-    assert believing.sigma2 == pytest.approx(section.distance_sigma**2)
+    expected = {} if section is None else asdict(likelihoods(section))
+    assert open_method(name, "network").believing == replace(preset(name).believing, **expected)
+
+
+def test_the_method_takes_its_constants_from_a_card_of_its_weights(tmp_path: Path) -> None:
+    weights = tmp_path / "own.safetensors"
+    weights.write_bytes(b"weights")
+    add_to_card(weights, SECTION, asdict(measured(there=18, not_there=2, sigma=0.1)))
+    believing = open_method("robust", "network", weights).believing
+    assert believing.p_success_if_reachable == pytest.approx(19 / 22)
+    assert believing.p_success_if_not == pytest.approx(3 / 22)
+    assert believing.sigma2 == pytest.approx(0.01)
 
 
 def test_the_oracle_has_constants_of_its_own_and_explicit_ones_win() -> None:
@@ -148,7 +155,7 @@ def test_the_oracle_has_constants_of_its_own_and_explicit_ones_win() -> None:
 
 
 def test_measuring_nothing_is_refused_before_anything_is_driven() -> None:
-    with pytest.raises(OptionError, match="6 or more"):
+    with pytest.raises(OptionError, match="two or more per scene"):
         Measure(attempts=2).run()
     with pytest.raises(OptionError, match="at least one scene"):
         Measure(scenes=()).run()

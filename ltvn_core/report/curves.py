@@ -27,7 +27,7 @@ class Reliability(NamedTuple):
     """(B,) mean r in the bin,"""
     true: NDArray[np.float64]
     """(B,) share of reachable pairs in it,"""
-    count: NDArray[np.intp]
+    pairs: NDArray[np.intp]
     """(B,) and how many pairs there are."""
 
 

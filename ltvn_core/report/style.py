@@ -62,7 +62,7 @@ def drawing(ink: Ink) -> Iterator[None]:
         "svg.hashsalt": "ltvn",
     }
     settings |= {name: ink.text for name in ("text.color", "axes.labelcolor", "xtick.color", "ytick.color")}
-    with mpl.rc_context(settings):
+    with mpl.rc_context(settings):  # type: ignore[arg-type]
         yield
 
 

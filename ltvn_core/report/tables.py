@@ -76,7 +76,7 @@ def _filled(text: str, name: str, block: str, page: Path) -> str:
 
 def _figures(measured: Mapping[str, Any]) -> str:
     near, drives = measured["pairs"], measured["drive_pairs"]
-    keys = list(dict.fromkeys([*near, *drives]))
+    keys: list[str] = list(dict.fromkeys([*near, *drives]))
     rows = [(NAMES.get(key, key), shown(near.get(key, "–")), shown(drives.get(key, "–"))) for key in keys]
     rest = [(NAMES.get(key, key), "–", shown(number)) for key, number in measured["drives"].items()]
     scenes = ", ".join(measured["scenes"])

@@ -10,10 +10,7 @@ from ltvn_core.verbs.train import UNSEEN, drives
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ltvn_core.data.shards import Shard
-    from ltvn_core.model.predictor import NetworkPredictor
     from ltvn_core.report.style import Ink
 
 
@@ -52,14 +49,12 @@ class Figures(Verb):
         ensure_matplotlib()
         from ltvn_core.model.predictor import load_predictor
         from ltvn_core.model.weights import SHIPPED, read_card
-        from ltvn_core.report.style import drawing, save
+        from ltvn_core.report.pictures import draw_all
         from ltvn_core.report.tables import blocks, fill
 
         predictor, tables = load_predictor(self.weights), blocks(read_card(self.weights or SHIPPED))
-        shards, ink = self._shards(), _ink()
-        with drawing(ink):
-            figures = self._figures(predictor, shards, ink)
-            pictures = tuple(save(figure, self.output / f"{name}.png") for name, figure in figures.items())
+        shards, driven = self._shards(), drives(self.scenes, images=self.images)
+        pictures = draw_all(predictor, shards, driven, _ink(), self.output)
         if self.page is not None:
             fill(self.page, tables)
         return FiguresMade(pictures, self.page, predictor.fingerprint, sum(len(shard.sources) for shard in shards))
@@ -70,25 +65,6 @@ class Figures(Verb):
 
         recipe = DatasetRecipe(clusters=self.clusters)
         return [read_shard(path) for path in generate(self.scenes, open_world, self.data / "unseen", recipe)]
-
-    def _figures(self, predictor: "NetworkPredictor", shards: "list[Shard]", ink: "Ink") -> "dict[str, Figure]":
-        import numpy as np
-
-        from ltvn_core.report.curves import calibration, errors, wormholes
-        from ltvn_core.report.evidence import ask_about_drives, ask_about_pairs
-        from ltvn_core.report.gallery import gallery, reachable_rows, unreachable_rows
-        from ltvn_core.report.schematic import schematic
-
-        rng, said = np.random.default_rng(0), ask_about_pairs(predictor, shards)
-        driven = ask_about_drives(predictor, drives(self.scenes, images=self.images))
-        return {
-            "reachable": gallery(reachable_rows(shards, rng), ink),
-            "unreachable": gallery(unreachable_rows(shards, rng), ink),
-            "network": schematic(predictor.architecture, ink),
-            "calibration": calibration(said, ink),
-            "errors": errors(said, ink),
-            "wormholes": wormholes(driven, ink),
-        }
 
 
 def ensure_matplotlib() -> None:

@@ -41,7 +41,8 @@ class PairsApp:
         self._browser = browser
         self._orders: queue.SimpleQueue[Order | None] = queue.SimpleQueue()
         gui = server.gui
-        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=tuple(palette.ACCENT))
+        accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=accent)
         gui.set_panel_label(TITLE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PX)

@@ -94,12 +94,12 @@ class PairPanel:
 
 def _kinds() -> dict[str, tuple[bool | None, Failed]]:
     """Return what each entry of the list of kinds asks for."""
-    plain = {
+    kinds: dict[str, tuple[bool | None, Failed]] = {
         ALL: (None, Failed.NOTHING),
         REACHABLE: (True, Failed.NOTHING),
         UNREACHABLE: (False, Failed.NOTHING),
     }
-    return plain | {f"fails: {name_of(each)}": (None, each) for each in criteria()}
+    return kinds | {f"fails: {name_of(each)}": (None, each) for each in criteria()}
 
 
 def _key() -> str:

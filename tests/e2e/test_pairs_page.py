@@ -48,7 +48,7 @@ def test_a_person_sees_a_pair_goes_on_and_asks_for_those_that_fail_a_criterion(p
     place, failed = page.locator(".lp-place"), page.locator(".lp-criterion")
     expect(place).to_contain_text("pair 1 of")
     expect(page.locator(".lt-table")).to_contain_text("overlap")
-    picture = page.locator("img").first
+    picture = page.locator("img[src^='blob:']")
     picture.evaluate("image => image.decode()")  # Raises for an image that did not come.
     before = picture.get_attribute("src")
 

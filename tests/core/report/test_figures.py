@@ -88,8 +88,8 @@ def test_the_reliability_diagram_shows_the_bins_of_the_calibration_error() -> No
     said = rng.random(2000)
     true = rng.random(2000) < said**2
     bins = reliability(said, true)
-    assert bins.count.sum() == 2000
-    gap = np.average(np.abs(bins.predicted - bins.true), weights=bins.count)
+    assert bins.pairs.sum() == 2000
+    gap = np.average(np.abs(bins.predicted - bins.true), weights=bins.pairs)
     assert gap == pytest.approx(calibration_error(said, true))
 
 

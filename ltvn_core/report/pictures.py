@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.data.shards import Shard
+from ltvn_core.model.architecture import Architecture
 from ltvn_core.model.assessment import Drive
 from ltvn_core.model.predictor import NetworkPredictor
 from ltvn_core.report.curves import calibration, errors, wormholes
@@ -18,7 +19,11 @@ from ltvn_core.report.style import Ink, drawing, save
 def draw_all(
     predictor: NetworkPredictor, shards: Sequence[Shard], drives: Sequence[Drive], ink: Ink, folder: Path
 ) -> tuple[Path, ...]:
-    """Draw everything about a network on unseen shards and drives; returns the files. Raises OptionError."""
+    """Draw everything about a network on unseen shards and drives; returns the files. Raises OptionError.
+
+    A network of another family is drawn as the shipped one.
+    """
+    size = predictor.architecture
     rng, said, driven = (
         np.random.default_rng(0),
         ask_about_pairs(predictor, shards),
@@ -28,7 +33,7 @@ def draw_all(
         figures = {
             "reachable": gallery(reachable_rows(shards, rng), ink),
             "unreachable": gallery(unreachable_rows(shards, rng), ink),
-            "network": schematic(predictor.architecture, ink),
+            "network": schematic(size if isinstance(size, Architecture) else Architecture(), ink),
             "calibration": calibration(said, ink),
             "errors": errors(said, ink),
             "wormholes": wormholes(driven, ink),

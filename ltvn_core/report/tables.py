@@ -21,15 +21,20 @@ NAMES = {
     "position_median_1_to_1_5_m": "position error at 1 to 1.5 m, median (m)",
     "yaw_median_deg": "yaw error, median (degrees)",
     "yaw_p90_deg": "yaw error, 90th percentile (degrees)",
-    "distance_sigma": "spread of the distance (σ of Eq. 4)",
+    "distance_sigma": "spread of d(predicted) - d(true)",
     "far_pairs": "far pairs",
     "near_pairs": "near pairs",
     "threshold_at_tpr60": "r that 60 % of the near pairs reach",
     "far_fpr_at_tpr60": "share of the far pairs that reach it too",
     "far_fpr_at_half": "share of the far pairs with r > 0.5",
     "near_tpr_at_half": "share of the near pairs with r > 0.5",
+    "success_if_reachable": "p(success given reachable), driven edges",
+    "success_if_not": "p(success given not reachable)",
+    "parameters": "parameters of the network",
+    "encode_ms": "time to encode an image (ms)",
+    "pair_ms": "time to compare a pair (ms)",
 }
-"""What the card's figures are called; a figure without a name keeps its key."""
+"""What the card's figures are called; a figure without a name is called by its key."""
 
 
 def blocks(card: Mapping[str, Any]) -> dict[str, str]:
@@ -37,7 +42,7 @@ def blocks(card: Mapping[str, Any]) -> dict[str, str]:
     try:
         measured, trained = card["measured"], card["trained_on"]
         return {
-            "figures": _figures(measured),
+            "figures": _figures(measured) + _further(card),
             "limits": _limits(trained["recipe"]),
             "training": _training(card, trained),
             "commands": "\n".join(f"    {command}" for command in card["commands"]),
@@ -76,12 +81,30 @@ def _filled(text: str, name: str, block: str, page: Path) -> str:
 
 def _figures(measured: Mapping[str, Any]) -> str:
     near, drives = measured["pairs"], measured["drive_pairs"]
-    keys: list[str] = list(dict.fromkeys([*near, *drives]))
-    rows = [(NAMES.get(key, key), shown(near.get(key, "–")), shown(drives.get(key, "–"))) for key in keys]
-    rest = [(NAMES.get(key, key), "–", shown(number)) for key, number in measured["drives"].items()]
+    keys = list(dict.fromkeys([*near, *drives]))
+    rows = [(_name(key), shown(near.get(key, "–")), shown(drives.get(key, "–"))) for key in keys]
+    rest = [(_name(key), "–", shown(number)) for key, number in measured["drives"].items()]
     scenes = ", ".join(measured["scenes"])
     head = ("", "labelled neighbours", "all pairs of drives")
     return f"On {scenes}, which training has never seen:\n\n{_table(head, [*rows, *rest])}"
+
+
+def _further(card: Mapping[str, Any]) -> str:
+    """Return a table of the card's single figures from driving and about speed, empty where it has none."""
+    found = [pair for section in ("driving", "speed") for pair in (card.get(section) or {}).items()]
+    rows = [(_name(key), _single(value)) for key, value in found if _single(value)]
+    return f"\n\n{_table(('', 'measured'), rows)}" if rows else ""
+
+
+def _single(value: object) -> str:
+    """Write a number, or a rate with its interval; nothing for anything else."""
+    if isinstance(value, Mapping) and {"share", "low", "high", "trials"} <= set(value):
+        return f"{value['share']:.3f} ({value['low']:.3f} to {value['high']:.3f}, {value['trials']:,} trials)"
+    return shown(value) if isinstance(value, int | float) else ""
+
+
+def _name(key: str) -> str:
+    return NAMES.get(key, key.replace("_", " "))
 
 
 def _limits(recipe: str) -> str:

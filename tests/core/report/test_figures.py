@@ -58,6 +58,14 @@ def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path:
     assert page.read_text() == PAGE.read_text(), "run `ltvn figures` after exchanging the weights"
 
 
+def test_rates_of_driving_and_times_are_shown_where_the_card_has_them() -> None:
+    rate = {"successes": 9, "trials": 10, "share": 0.9, "low": 0.6, "high": 0.98}
+    card = read_card(SHIPPED) | {"driving": {"success_if_reachable": rate, "scenes": ["a"]}, "speed": {"pair_ms": 0.25}}
+    text = blocks(card)["figures"]
+    assert f"| {NAMES['success_if_reachable']} | 0.900 (0.600 to 0.980, 10 trials) |" in text
+    assert f"| {NAMES['pair_ms']} | 0.250 |" in text
+
+
 def test_filling_a_page_twice_changes_nothing_more(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- a: begin -->\nold\n<!-- a: end -->\nafter\n")

@@ -1,7 +1,8 @@
 """Which edges of a drive are worth driving: those the method would put into a map, true ones and false ones.
 
 Owns the choice. An edge is true if the pair is reachable in the direction in which the network was asked, or, where the
-method asks both ways and backs up along the same waypoint, in either.
+method asks both ways and backs up along the same waypoint, in either. It is false if a robot could not drive it either.
+Pairs between the two, drivable but seen too little of to be called reachable, are no evidence for Eq. 3.
 """
 
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from ltvn_core.geometry import distance, invert, relative
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import Gates, connectable, mergeable
 from ltvn_core.graph.travel import Travel
+from ltvn_core.sim.oracle import is_drivable
 from ltvn_core.types import FrameId, Predictor, Waypoint
 
 _APART = 2
@@ -51,6 +53,7 @@ class Proposals:
         both = drive.reachable.T if method.matching.both_directions else np.zeros_like(drive.reachable)
         self._true = drive.reachable | both
         np.fill_diagonal(self._true, False)
+        self._false = ~self._true & ~_drivable(drive)
 
     def edges(self) -> NDArray[np.bool_]:
         """Tell (N, N) which reachable pairs become edges as far as r and d alone decide."""
@@ -74,7 +77,7 @@ class Proposals:
         less reachable than that is nothing like an edge of a map.
         """
         likely = self._near() & (self._reachability > self._method.driving.lost_reachability)
-        pairs = rng.permutation(np.argwhere(~self._true & likely))
+        pairs = rng.permutation(np.argwhere(self._false & likely))
         order = np.argsort(-self._reachability[tuple(pairs.T)], kind="stable")
         certain = [self._proposal(i, j) for i, j in _scattered(pairs[order])]
         yield from sorted(certain, key=lambda proposal: not proposal.connected)
@@ -94,6 +97,14 @@ class Proposals:
     def _connects(self, source: FrameId, found: Matches) -> bool:
         apart = not mergeable(found, self._gates).any()
         return apart and bool(connectable(found, self._gates).all() and self._travel.plausible(source, found).all())
+
+
+def _drivable(drive: Survey) -> NDArray[np.bool_]:
+    """Tell (N, N) which pairs a robot could drive, one way or the other along the same line."""
+    count = len(drive.poses)
+    first, second = np.divmod(np.arange(count**2), count)
+    one_way = is_drivable(drive.scene.clearance, drive.poses[first], drive.poses[second]).reshape(count, count)
+    return one_way | one_way.T
 
 
 def _both_ways(drive: Survey, method: Method) -> tuple[NDArray[np.float64], Waypoint]:

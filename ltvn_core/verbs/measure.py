@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ltvn_core.errors import OptionError
+from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.verbs.train import UNSEEN
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -21,6 +21,8 @@ class DrivingMeasured:
 
     card: Path | None
     """The card that was written, if it was asked for."""
+    refused: str | None
+    """Why these figures cannot be the method's constants and were not written; None if they can."""
     p_success_if_reachable: float
     """p(s given r), Laplace's estimate."""
     p_success_if_not: float
@@ -48,18 +50,22 @@ class Measure(Verb):
     """Write the result into the weights' card, from which the method takes its constants."""
 
     def run(self) -> Summary:
-        """Drive and measure; raises OptionError, SceneError and WeightsError."""
+        """Drive and measure; raises OptionError, SceneError and, for weights that cannot be read, WeightsError."""
         from ltvn_core.model.driving import likelihoods
 
         self._check()
         measured = self._measure()
-        constants = likelihoods(measured)
-        card = self._write(measured) if self.write else None
+        refused = None
+        try:
+            likelihoods(measured)
+        except WeightsError as error:
+            refused = str(error)
         return DrivingMeasured(
-            card,
-            constants.p_success_if_reachable,
-            constants.p_success_if_not,
-            constants.sigma2**0.5,
+            self._write(measured) if self.write and refused is None else None,
+            refused,
+            measured.success_if_reachable.shrunk,
+            measured.success_if_not.shrunk,
+            measured.distance_sigma,
             measured,
         )
 

@@ -50,9 +50,9 @@ class FineTuningPlan:
     minings: int = 6
     """How many times to search for confusions, the first time at once."""
     validation_pairs: int = 1000
-    """Labelled pairs of each simulated validation scene to look at,"""
+    """Labelled pairs of each simulated validation scene to judge by, and twice as many of the drive,"""
     validation_far: int = 5000
-    """and far pairs of each drive."""
+    """and far pairs of each drive, the own one too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +212,9 @@ class _Course:
         predictor, plan = NetworkPredictor(network, "in fine-tuning"), self.plan
         rng = np.random.default_rng(0)
         return Standing(
-            assess_own_drive(predictor, self.data.drive, rng),
+            assess_own_drive(
+                predictor, self.data.drive, rng, near=2 * plan.validation_pairs, far=plan.validation_far
+            ),
             assess_pairs(predictor, self.data.validation, rng, limit=plan.validation_pairs),
             assess_drives(predictor, self.data.drives, rng, limit=plan.validation_far) if self.data.drives else None,
         )

@@ -212,9 +212,7 @@ class _Course:
         predictor, plan = NetworkPredictor(network, "in fine-tuning"), self.plan
         rng = np.random.default_rng(0)
         return Standing(
-            assess_own_drive(
-                predictor, self.data.drive, rng, near=2 * plan.validation_pairs, far=plan.validation_far
-            ),
+            assess_own_drive(predictor, self.data.drive, rng, near=2 * plan.validation_pairs, far=plan.validation_far),
             assess_pairs(predictor, self.data.validation, rng, limit=plan.validation_pairs),
             assess_drives(predictor, self.data.drives, rng, limit=plan.validation_far) if self.data.drives else None,
         )

@@ -16,9 +16,11 @@ def along(*points: tuple[float, float], step_m: float = 0.12, step_rad: float = 
     for point in points[1:]:
         leg = np.array(point) - pose[:2]
         turn = np.angle(np.exp(1j * (np.arctan2(leg[1], leg[0]) - pose[2])))
-        poses += [pose + [0, 0, part] for part in _parts(turn, step_rad)]
+        poses += [pose + np.array([0, 0, part]) for part in _parts(turn, step_rad)]
         pose = np.array([*pose[:2], pose[2] + turn])
-        poses += [pose + [*(leg * part / np.hypot(*leg)), 0] for part in _parts(float(np.hypot(*leg)), step_m)]
+        poses += [
+            pose + np.array([*(leg * part / np.hypot(*leg)), 0]) for part in _parts(float(np.hypot(*leg)), step_m)
+        ]
         pose = np.array([*point, pose[2]])
     return np.array(poses)
 
@@ -35,7 +37,8 @@ def look(poses: Pose, odometry: Pose | None = None, exact: Sequence[Pose | None]
     odometry = poses if odometry is None else odometry
     exact = exact or [None] * len(poses)
     return [
-        Observation(rgb[k], depth_mm[k] / np.float32(1000), odometry[k], 0.1 * k, k, exact[k]) for k in range(len(poses))
+        Observation(rgb[k], depth_mm[k] / np.float32(1000), odometry[k], 0.1 * k, k, exact[k])
+        for k in range(len(poses))
     ]
 
 

@@ -1,4 +1,4 @@
-"""A drive labels itself by odometry: sure of neighbours in time, unsure where it may have drifted, never by the truth."""
+"""A drive labels itself by odometry: sure of neighbours in time, unsure after drift, and blind to the truth."""
 
 import numpy as np
 import pytest

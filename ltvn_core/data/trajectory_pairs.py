@@ -178,7 +178,7 @@ def _judge(
 
 
 def _visible(
-    waypoints: Waypoint, depth: NDArray[np.float32], trajectory: Trajectory, tolerance_m: float, beside_rad: float
+    waypoints: Waypoint, depth: NDArray[np.floating], trajectory: Trajectory, tolerance_m: float, beside_rad: float
 ) -> NDArray[np.bool_]:
     """Tell whether the target's place is in view, or up to `beside_rad` beside it, and nothing stands before it."""
     camera = trajectory.camera

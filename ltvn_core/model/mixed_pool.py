@@ -115,7 +115,7 @@ def _joined(simulated: Batch, simulated_apart: NDArray[np.bool_], own: Batch) ->
     columns = zip(
         simulated[:-1], own._replace(sources=own.sources + count, targets=own.targets + count)[:-1], strict=True
     )
-    return Batch(*(np.concatenate(parts) for parts in columns), apart)
+    return Batch(*(np.concatenate(parts) for parts in columns))._replace(apart=apart)
 
 
 def _pair_table(drive: OwnDrive, reach: int) -> NDArray[np.int64]:

@@ -4,7 +4,6 @@ Owns the rule by which fine-tuning labels itself. Poses come from odometry and f
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from math import radians
 
 import numpy as np
@@ -95,7 +94,7 @@ class TrajectoryPairs:
         """(N,) stretches of the drive, each three horizons long."""
         return (np.arange(len(self.poses)) // (3 * self.rule.horizon)).astype(np.int32)
 
-    @cached_property
+    @property
     def held_out(self) -> NDArray[np.bool_]:
         """(N,) images that are not learned from."""
         return self.group % _HELD_OUT_EVERY == _HELD_OUT_EVERY // 2
@@ -179,7 +178,7 @@ def _judge(
 
 
 def _visible(
-    waypoints: Waypoint, depth: NDArray[np.float32], trajectory: Trajectory, tolerance_m: float, beside_rad: float
+    waypoints: Waypoint, depth: NDArray[np.floating], trajectory: Trajectory, tolerance_m: float, beside_rad: float
 ) -> NDArray[np.bool_]:
     """Tell whether the target's place is in view, or up to `beside_rad` beside it, and nothing stands before it."""
     camera = trajectory.camera

@@ -7,24 +7,24 @@ import numpy as np
 import torch
 from torch import nn
 
+from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.examples import Batch
-from ltvn_core.model.features import ImageFeatures
+from ltvn_core.model.features import Encoded
 from ltvn_core.model.learner import Learner, LearningPlan
-from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.precision import Precision
 
 
 class FineTuner(Learner):
     """A learner that begins at trained weights."""
 
-    def __init__(self, plan: LearningPlan, start: PairNetwork) -> None:
+    def __init__(self, plan: LearningPlan, start: AnyNetwork) -> None:
         super().__init__(plan, start.size)
         self.network.load_state_dict(start.state_dict())
         self.average.load_state_dict(start.state_dict())
 
     def _encode(
         self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator
-    ) -> tuple[ImageFeatures, bool]:
+    ) -> tuple[Encoded, bool]:
         freeze_statistics(self.network)
         return super()._encode(batch, precision, rng, generator)
 

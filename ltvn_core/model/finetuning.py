@@ -16,14 +16,15 @@ import numpy as np
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.model.assessment import Drive, assess_drives, assess_pairs
+from ltvn_core.model.augmentation import Augmentation
 from ltvn_core.model.checkpoint import resume, save_checkpoint
+from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.examples import Examples
 from ltvn_core.model.figures import DriveFigures, PairFigures
 from ltvn_core.model.finetuner import FineTuner
 from ltvn_core.model.learner import LearningPlan
 from ltvn_core.model.mining import confusions_among, find_confusions
 from ltvn_core.model.mixed_pool import MixedPool, OwnDrive
-from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.own_assessment import OwnFigures, assess_own_drive
 from ltvn_core.model.precision import Precision, choose_precision
 from ltvn_core.model.predictor import NetworkPredictor
@@ -40,9 +41,11 @@ class FineTuningPlan:
     """How to fine-tune (all ours)."""
 
     learning: LearningPlan = field(
-        default_factory=lambda: LearningPlan(groups=8, confusions=4, rate=2e-4, warm_up=0.1, average=0.98)
+        default_factory=lambda: LearningPlan(
+            groups=8, confusions=4, rate=2e-4, warm_up=0.1, average=0.98, augmentation=Augmentation(hue=0.0)
+        )
     )
-    """What each step does: a tenth of the learning rate of training."""
+    """What each step does: a tenth of the learning rate of training, and the place's own colours."""
     minutes: float | None = 3.0
     """Time to learn for; None learns for `steps`."""
     steps: int = 200
@@ -50,9 +53,9 @@ class FineTuningPlan:
     minings: int = 6
     """How many times to search for confusions, the first time at once."""
     validation_pairs: int = 1000
-    """Labelled pairs of each simulated validation scene to look at,"""
+    """Labelled pairs of each simulated validation scene to judge by, and twice as many of the drive,"""
     validation_far: int = 5000
-    """and far pairs of each drive."""
+    """and far pairs of each drive, the own one too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +98,7 @@ class Progress:
 class FineTuned:
     """What fine-tuning ends with."""
 
-    network: PairNetwork
+    network: AnyNetwork
     """Averaged and calibrated."""
     parent: str
     """Fingerprint of the weights it started from."""
@@ -208,11 +211,11 @@ class _Course:
         self.learner.confusions = found
         log.info("step %d: mined %d confusions", self.learner.steps, len(found))
 
-    def _judge(self, network: PairNetwork) -> Standing:
+    def _judge(self, network: AnyNetwork) -> Standing:
         predictor, plan = NetworkPredictor(network, "in fine-tuning"), self.plan
         rng = np.random.default_rng(0)
         return Standing(
-            assess_own_drive(predictor, self.data.drive, rng),
+            assess_own_drive(predictor, self.data.drive, rng, near=2 * plan.validation_pairs, far=plan.validation_far),
             assess_pairs(predictor, self.data.validation, rng, limit=plan.validation_pairs),
             assess_drives(predictor, self.data.drives, rng, limit=plan.validation_far) if self.data.drives else None,
         )

@@ -37,7 +37,8 @@ class MixedPool(ExamplePool):
         self.reach = int(np.abs(drive.targets - drive.sources).max(initial=1))
         self._pair_at = _pair_table(drive, self.reach)
         self._weights_of_drive = _even_weights(drive)
-        self.learnable = np.flatnonzero(~drive.held_out)
+        self._held_out = drive.held_out
+        self.learnable = np.flatnonzero(~self._held_out)
 
     @property
     def drive_number(self) -> int:
@@ -87,7 +88,7 @@ class MixedPool(ExamplePool):
     def _window(self, rng: np.random.Generator, centre: int) -> NDArray[np.intp]:
         """Draw images from the stretch about a centre, which is one of them."""
         rows = np.arange(max(centre - self.reach, 0), min(centre + self.reach + 1, len(self.drive.poses)))
-        usable = ~self.drive.held_out[rows] & (self.drive.piece[rows] == self.drive.piece[centre]) & (rows != centre)
+        usable = ~self._held_out[rows] & (self.drive.piece[rows] == self.drive.piece[centre]) & (rows != centre)
         others = rng.permutation(rows[usable])[: WINDOW_IMAGES - 1]
         return np.sort(np.append(others, centre)).astype(np.intp)
 
@@ -114,7 +115,7 @@ def _joined(simulated: Batch, simulated_apart: NDArray[np.bool_], own: Batch) ->
     columns = zip(
         simulated[:-1], own._replace(sources=own.sources + count, targets=own.targets + count)[:-1], strict=True
     )
-    return Batch(*(np.concatenate(parts) for parts in columns), apart)
+    return Batch(*(np.concatenate(parts) for parts in columns))._replace(apart=apart)
 
 
 def _pair_table(drive: OwnDrive, reach: int) -> NDArray[np.int64]:

@@ -26,7 +26,7 @@ class OwnFigures:
 
 
 def assess_own_drive(
-    predictor: Predictor, drive: OwnDrive, rng: np.random.Generator, *, near: int = 2000, far: int = 6000
+    predictor: Predictor, drive: OwnDrive, rng: np.random.Generator, *, near: int, far: int
 ) -> OwnFigures:
     """Judge a predictor on up to so many near and far pairs of a drive."""
     features = encode_images(predictor, drive.rgb, drive.depth_mm)

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.model.assessment import encode_images, predict_pairs
 from ltvn_core.model.calibration import fit_platt, logit
+from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.examples import Examples
 from ltvn_core.model.mixed_pool import OwnDrive
-from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.predictor import NetworkPredictor
 
 
-def recalibrate(network: PairNetwork, drive: OwnDrive, scenes: Sequence[Examples], *, most: int = 10_000) -> None:
+def recalibrate(network: AnyNetwork, drive: OwnDrive, scenes: Sequence[Examples], *, most: int = 10_000) -> None:
     """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
 
     The drive lacks the pairs about which odometry is unsure, and they are the hard ones. So it never counts more than
@@ -34,7 +34,7 @@ def recalibrate(network: PairNetwork, drive: OwnDrive, scenes: Sequence[Examples
 
 
 def _judge(
-    network: PairNetwork, scene: Examples, pairs: NDArray[np.intp]
+    network: AnyNetwork, scene: Examples, pairs: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return logits and labels of some labelled pairs."""
     predictor = NetworkPredictor(network, "in calibration")

@@ -213,7 +213,7 @@ def _chosen(folder: Path) -> tuple[list[Path], list[Path]]:
     if not learned or not validation:
         raise DatasetError(
             f"{folder}: needs shards of scenes to learn from and of {' or '.join(CHECKED)}, found "
-            f"{len(shards)} in all; run `ltvn dataset --folder {folder}`, or leave --data out to have a few rendered."
+            f"{len(shards)} in all; run `ltvn dataset --folder {folder}`, or leave --data out to have some rendered."
         )
     return learned[:: max(-(-len(learned) // _MOST_SCENES), 1)], validation
 

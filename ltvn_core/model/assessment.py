@@ -73,17 +73,27 @@ def assess_drives(
     return drive_figures(np.concatenate(near), np.concatenate(far))
 
 
-def assess_all_pairs(predictor: Predictor, drives: Sequence[Drive]) -> PairFigures:
-    """Judge a predictor on all ordered image pairs of drives."""
-    predictions, reachable, true = [], [], []
+def assess_all_pairs(predictor: Predictor, drives: Sequence[Drive]) -> tuple[PairFigures, DriveFigures]:
+    """Judge a predictor on all ordered image pairs of drives, and on the near and the far ones among them."""
+    predictions, reachable, true, near, far = [], [], [], [], []
     for drive in drives:
         features = encode_images(predictor, drive.rgb, drive.depth_mm)
         i, j = np.nonzero(~np.eye(len(features), dtype=bool))
         predictions.append(predict_pairs(predictor, features, i, j))
         reachable.append(drive.reachable[i, j])
         true.append(relative(drive.poses[i], drive.poses[j]))
+        near.append(drive.near[i, j])
+        far.append(drive.far[i, j])
     scores, waypoints = (np.concatenate(column) for column in zip(*predictions, strict=True))
-    return pair_figures(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
+    pairs = pair_figures(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
+    return pairs, drive_figures(scores[np.concatenate(near)], scores[np.concatenate(far)])
+
+
+def thin_out(drive: Drive, *, every: int) -> Drive:
+    """Return a drive of every so manieth image."""
+    kept = slice(None, None, every)
+    near, far, reachable = (pairs[kept, kept] for pairs in (drive.near, drive.far, drive.reachable))
+    return Drive(drive.name, drive.rgb[kept], drive.depth_mm[kept], near, far, drive.poses[kept], reachable)
 
 
 def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:

@@ -22,7 +22,10 @@ from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.families import build_network, read_architecture
 
 SHIPPED = Path(__file__).parent / "weights" / "ltvn.safetensors"
-"""The weights that come with the package."""
+"""The weights that come with the package,"""
+
+SHIPPED_STACKED = SHIPPED.with_name("stacked.safetensors")
+"""and those of the plain network, for comparison only."""
 
 SCHEMA = "ltvn-weights-1"
 """Name of the file format; another one is refused."""

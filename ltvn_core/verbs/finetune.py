@@ -178,7 +178,7 @@ def with_simulation(drive: "TrajectoryPairs", folder: Path | None) -> "FineTunin
     """Add simulated pairs to a drive: of a dataset, or of a few scenes rendered here. Raises DatasetError."""
     from ltvn_core.data.shards import read_shard
     from ltvn_core.model.finetuning import FineTuningData
-    from ltvn_core.verbs.train import drives
+    from ltvn_core.verbs.unseen import drives
 
     learned, validation = _chosen(folder) if folder is not None else _rendered()
     return FineTuningData(

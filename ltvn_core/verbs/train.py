@@ -1,50 +1,42 @@
 """`ltvn train`: a dataset becomes weights with a card."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ltvn_core.verbs.dataset import open_world
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.unseen import UNSEEN, VALIDATION, NetworkFigures, drives, figures, measure
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from ltvn_core.data.shards import Shard
-    from ltvn_core.model.assessment import Drive
     from ltvn_core.model.card import Card, Measured
     from ltvn_core.model.speed import Speed
     from ltvn_core.model.training import TrainingData, TrainingPlan, TrainingResult
 
-VALIDATION = ("tune-0", "tune-1", "tune-2")
-"""Scenes by which the best weights are chosen."""
-
-UNSEEN = ("tune-3", "tune-4", "tune-5", "tune-6", "tune-7", "tune-8")
-"""Scenes on which the figures of the card are measured."""
-
 
 @dataclass(frozen=True)
 class Trained:
-    """New weights and their figures on scenes that training has not seen."""
+    """New weights and their figures in scenes that training has not seen."""
 
     weights: Path
-    fingerprint: str
     steps: int
-    pairs: int
-    """Pairs compared."""
+    pairs_compared: int
     minutes: float
-    architecture: str
     parameters: int
     encode_ms: float
     """Per image,"""
     pair_ms: float
     """and per pair of encoded images, on this machine."""
-    auc: float
-    """On all ordered image pairs of drives, as are the others."""
-    position_median_m: float
-    position_p90_m: float
-    yaw_median_deg: float
-    ece: float
-    far_fpr_at_tpr60: float
+    figures: NetworkFigures
+
+
+@dataclass(frozen=True)
+class Evaluated(NetworkFigures):
+    """Figures of weights, and of the paper's plain network beside them."""
+
+    stacked: NetworkFigures | None
+    """None where other weights than the shipped ones were asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,37 +44,68 @@ class Train(Verb):
     """Train the network on a dataset; goes on from the checkpoint in `work` if there is one."""
 
     data: Path = Path("data")
-    """The folder of `ltvn dataset`."""
+    """The folder of `ltvn dataset`; labelled pairs of the scenes to measure on are kept in `unseen` below it."""
     architecture: Literal["aligned-pairs", "stacked"] = "aligned-pairs"
     """The network: tokens matched and aligned, or the paper's plain network over both images stacked."""
-    output: Path
+    output: Path | None = None
     """The weights to write; a card is written beside them."""
     work: Path = Path("data/training")
-    """Where checkpoints and validation figures go."""
+    """Where checkpoints, curves and validation figures go."""
     minutes: float = 45.0
     """How long to train."""
     processes: int = 2
     """Processes of one thread each that train together."""
     seed: int = 0
     """Draws initial weights, batches and augmentation."""
+    evaluate: bool = False
+    """Train nothing: measure weights that are there."""
+    weights: Path | None = None
+    """With --evaluate: the weights to measure instead of the shipped ones."""
+    scenes: tuple[str, ...] = UNSEEN
+    """With --evaluate: the scenes to measure on, by name or by the path of a mesh."""
 
     def run(self) -> Summary:
-        """Train, measure and save; raises DatasetError, SceneError and WeightsError."""
+        """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
+        if self.evaluate:
+            return self._evaluate()
         from ltvn_core.model.families import default_architecture
         from ltvn_core.model.learner import LearningPlan
         from ltvn_core.model.speed import measure_speed
         from ltvn_core.model.training import TrainingPlan, train_together
         from ltvn_core.model.weights import load_weights, save_weights
 
+        output = self._checked_output()
         plan = TrainingPlan(LearningPlan(seed=self.seed), default_architecture(self.architecture), minutes=self.minutes)
         result = train_together(LoadTraining(self.data), plan, self.work, processes=self.processes)
         network = load_weights(result.weights)
         measured = measure(result.weights, self.data / "unseen")
-        card = self._card(plan, result, measure_speed(network), measured)
-        fingerprint = save_weights(network, self.output, asdict(card))
-        return summary(self.output, fingerprint, card)
+        card = self._card(output, plan, result, measure_speed(network), measured)
+        save_weights(network, output, asdict(card))
+        speed, found = card.speed, figures(output, measured)
+        times = (speed.parameters, speed.encode_ms, speed.pair_ms)
+        return Trained(output, card.steps, card.pairs_compared, card.minutes, *times, found)
 
-    def _card(self, plan: "TrainingPlan", result: "TrainingResult", speed: "Speed", measured: "Measured") -> "Card":
+    def _evaluate(self) -> Evaluated:
+        from ltvn_core.model.weights import SHIPPED, SHIPPED_STACKED
+
+        def judge(weights: Path) -> NetworkFigures:
+            return figures(weights, measure(weights, self.data / "unseen", self.scenes))
+
+        found = judge(self.weights or SHIPPED)
+        stacked = judge(SHIPPED_STACKED) if self.weights is None else None
+        return Evaluated(**vars(found), stacked=stacked)
+
+    def _checked_output(self) -> Path:
+        """Return the output. Raises OptionError if there is none or weights lie there already."""
+        if self.output is None:
+            raise OptionError("--output is missing: name the weights to write, for instance --output my.safetensors.")
+        if self.output.exists():
+            raise OptionError(f"{self.output} exists; nothing is overwritten. Name another --output or move it away.")
+        return self.output
+
+    def _card(
+        self, output: Path, plan: "TrainingPlan", result: "TrainingResult", speed: "Speed", measured: "Measured"
+    ) -> "Card":
         from ltvn_core.model.card import Card, TrainedOn
 
         learned, _ = read_shards(self.data)
@@ -101,7 +124,7 @@ class Train(Verb):
             self.processes,
             (
                 f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
-                f"ltvn train --data data --architecture {self.architecture} --output {self.output.name} "
+                f"ltvn train --data data --architecture {self.architecture} --output {output.name} "
                 f"--minutes {self.minutes:g} --processes {self.processes} --seed {self.seed}",
             ),
             speed,
@@ -137,67 +160,3 @@ def read_shards(folder: Path) -> "tuple[list[Shard], list[Shard]]":
             f"{', '.join(shard.name for shard in shards) or 'none'}; run `ltvn dataset --folder {folder}`."
         )
     return learned, validation
-
-
-def drives(names: Sequence[str], *, images: int) -> "list[Drive]":
-    """Look along a drive through each of the named scenes. Raises SceneError."""
-    import numpy as np
-
-    from ltvn_core.data.drives import classify_pairs, drive_poses
-    from ltvn_core.data.generate import label_all, render_all
-    from ltvn_core.data.labels import Limits
-    from ltvn_core.model.assessment import Drive
-
-    found = []
-    for name in names:
-        world = open_world(name)
-        poses = drive_poses(world.floor, np.random.default_rng(0), images)
-        rgb, depth_mm = render_all(world.camera, poses)
-        first, second = np.divmod(np.arange(images**2), images)
-        labels = label_all(world, poses, depth_mm, first, second, Limits())
-        near, far = classify_pairs(poses, world.floor)
-        found.append(Drive(name, rgb, depth_mm, near, far, poses, labels.reachable.reshape(images, images)))
-    return found
-
-
-def measure(weights: Path, folder: Path) -> "Measured":
-    """Measure weights on the unseen scenes, whose labelled pairs are kept in a folder. Raises WeightsError."""
-    import numpy as np
-
-    from ltvn_core.data.generate import DatasetRecipe, generate
-    from ltvn_core.data.shards import read_shard
-    from ltvn_core.model.assessment import assess_all_pairs, assess_drives, assess_pairs
-    from ltvn_core.model.card import Measured
-    from ltvn_core.model.predictor import load_predictor
-
-    predictor, rng = load_predictor(weights), np.random.default_rng(0)
-    shards = [read_shard(path) for path in generate(UNSEEN, open_world, folder, DatasetRecipe(clusters=180))]
-    seen = drives(UNSEEN, images=300)
-    return Measured(
-        UNSEEN,
-        assess_pairs(predictor, shards, rng),
-        assess_all_pairs(predictor, seen),
-        assess_drives(predictor, seen, rng),
-    )
-
-
-def summary(weights: Path, fingerprint: str, card: "Card") -> Trained:
-    """Return the figures that matter most."""
-    pairs = card.measured.drive_pairs
-    return Trained(
-        weights,
-        fingerprint,
-        card.steps,
-        card.pairs_compared,
-        card.minutes,
-        card.plan.architecture.name,
-        card.speed.parameters,
-        card.speed.encode_ms,
-        card.speed.pair_ms,
-        pairs.auc,
-        pairs.position_median_m,
-        pairs.position_p90_m,
-        pairs.yaw_median_deg,
-        pairs.ece,
-        card.measured.drives.far_fpr_at_tpr60,
-    )

@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.model.assessment import Drive, assess_drives, encode_images
 from ltvn_core.model.predictor import load_predictor
 from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
-from ltvn_core.verbs.train import UNSEEN, drives
+from ltvn_core.verbs.unseen import UNSEEN, drives
 
 pytest.importorskip("embreex")
 

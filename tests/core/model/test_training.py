@@ -9,7 +9,7 @@ import torch
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import relative
-from ltvn_core.model.assessment import assess_all_pairs
+from ltvn_core.model.assessment import assess_all_pairs, assess_drives
 from ltvn_core.model.calibration import fit_platt
 from ltvn_core.model.checkpoint import resume, save_checkpoint
 from ltvn_core.model.examples import Confusion, ExamplePool
@@ -71,7 +71,9 @@ def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None
     assert (tmp_path / "validation.jsonl").read_text().count("\n") == 1
     predictor = load_predictor(result.weights)
     assert len(predictor.fingerprint) == 12
-    assert assess_all_pairs(predictor, [tiny_drive()]).pairs == 40 * 39
+    pairs, drives = assess_all_pairs(predictor, [tiny_drive()])
+    assert pairs.pairs == 40 * 39
+    assert drives == assess_drives(predictor, [tiny_drive()], np.random.default_rng(0))
 
 
 def test_two_processes_train_one_network(tmp_path: Path) -> None:

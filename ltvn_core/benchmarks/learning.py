@@ -6,7 +6,8 @@ from ltvn_core.benchmarks.measurement import Measurement, alternating, measured
 from ltvn_core.data.generate import DatasetRecipe, make_shard
 from ltvn_core.data.worlds import World
 from ltvn_core.model.examples import ExamplePool
-from ltvn_core.model.learner import Learner, LearningPlan
+from ltvn_core.model.learner import Learner
+from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.memory import keep_freed_memory
 from ltvn_core.model.plain_loop import PlainLoop
 from ltvn_core.model.precision import choose_precision

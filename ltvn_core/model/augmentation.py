@@ -42,45 +42,47 @@ def augment(
     count = len(rgb)
 
     def spread(amount: float, channels: int) -> Tensor:
-        return (torch.rand(count, channels, 1, 1, generator=generator) * 2 - 1) * amount
+        return (torch.rand(count, channels, 1, 1, generator=generator, device=rgb.device) * 2 - 1) * amount
 
     rgb = turn_hues(rgb, scene, strength.hue, generator)
     mean = rgb.mean(dim=(2, 3), keepdim=True)
     rgb = (rgb - mean) * (1 + spread(strength.contrast, 1)) + mean
-    across = torch.linspace(-1, 1, rgb.shape[3])
+    across = torch.linspace(-1, 1, rgb.shape[3], device=rgb.device)
     light = 1 + spread(strength.gain, 1) + spread(strength.ramp, 1) * across
     rgb = rgb * light + spread(strength.tint, 3)
     rgb = defocus(rgb, strength.blur, generator)
-    rgb = rgb + torch.randn(rgb.shape, generator=generator) * strength.noise
+    rgb = rgb + torch.randn(rgb.shape, generator=generator, device=rgb.device) * strength.noise
     depth = depth * (1 + spread(strength.depth_scale, 1)[:, 0])
-    depth = depth * (1 + torch.randn(depth.shape, generator=generator) * strength.depth_noise)
+    grain = torch.randn(depth.shape, generator=generator, device=rgb.device)
+    depth = depth * (1 + grain * strength.depth_noise)
     return rgb.clamp(0, 1), depth * holes(depth, strength.holes, generator)
 
 
 def turn_hues(rgb: Tensor, scene: Tensor, share: float, generator: torch.Generator) -> Tensor:
     """Turn the colours of a share of the scenes (B,) about the grey axis, each scene by an angle of its own."""
     number = int(scene.max()) + 1
-    angle = (torch.rand(number, generator=generator) * 2 - 1) * torch.pi
-    angle = angle * (torch.rand(number, generator=generator) < share)
-    grey = torch.full((3, 3), 1 / 3)
-    cross = torch.tensor([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]]) / 3**0.5
+    angle = (torch.rand(number, generator=generator, device=rgb.device) * 2 - 1) * torch.pi
+    angle = angle * (torch.rand(number, generator=generator, device=rgb.device) < share)
+    grey = torch.full((3, 3), 1 / 3, device=rgb.device)
+    cross = torch.tensor([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]], device=rgb.device) / 3**0.5
     cos, sin = torch.cos(angle)[:, None, None], torch.sin(angle)[:, None, None]
-    rotation = cos * torch.eye(3) + sin * cross + (1 - cos) * grey
+    rotation = cos * torch.eye(3, device=rgb.device) + sin * cross + (1 - cos) * grey
     return torch.einsum("bij,bjhw->bihw", rotation[scene], rgb)
 
 
 def defocus(rgb: Tensor, share: float, generator: torch.Generator) -> Tensor:
     """Blur a share of the images by a mean over 3 x 3 pixels, more or less."""
-    strength = torch.rand(len(rgb), 1, 1, 1, generator=generator)
-    strength = strength * (torch.rand(len(rgb), 1, 1, 1, generator=generator) < share)
+    strength, chosen = torch.rand(2, len(rgb), 1, 1, 1, generator=generator, device=rgb.device)
+    strength = strength * (chosen < share)
     soft = torch.nn.functional.avg_pool2d(rgb, 3, stride=1, padding=1, count_include_pad=False)
     return rgb + strength * (soft - rgb)
 
 
 def holes(depth: Tensor, share: float, generator: torch.Generator) -> Tensor:
     """Return (B, H, W): 0 in patches of 12 x 12 pixels without return, 1 elsewhere."""
-    patches = torch.rand(len(depth), 1, depth.shape[1] // 12, depth.shape[2] // 12, generator=generator)
-    hit = torch.rand(len(depth), 1, 1, 1, generator=generator) < share
+    cells = (len(depth), 1, depth.shape[1] // 12, depth.shape[2] // 12)
+    patches = torch.rand(cells, generator=generator, device=depth.device)
+    hit = torch.rand(len(depth), 1, 1, 1, generator=generator, device=depth.device) < share
     mask = 1 - ((patches < 0.04) & hit).float()
     return torch.nn.functional.interpolate(mask, size=depth.shape[1:], mode="nearest")[:, 0]
 

@@ -72,7 +72,7 @@ def _tensors(learner: Learner) -> dict[str, Tensor]:
     for number, entry in learner.optimiser.state_dict()["state"].items():
         state |= {f"optimiser.{number}.{name}": torch.as_tensor(value) for name, value in entry.items()}
     state["confusions"] = torch.tensor(learner.confusions, dtype=torch.int64).reshape(-1, 3)
-    return {name: value.detach().clone(memory_format=torch.contiguous_format) for name, value in state.items()}
+    return {name: value.detach().cpu().clone(memory_format=torch.contiguous_format) for name, value in state.items()}
 
 
 def _restore_optimiser(learner: Learner, tensors: dict[str, Tensor]) -> None:

@@ -3,15 +3,11 @@
 Owns what differs from `ltvn_core.model.learner`: the start, and statistics of batch normalisation that stay.
 """
 
-import numpy as np
-import torch
 from torch import nn
 
 from ltvn_core.model.contract import AnyNetwork
-from ltvn_core.model.examples import Batch
-from ltvn_core.model.features import Encoded
-from ltvn_core.model.learner import Learner, LearningPlan
-from ltvn_core.model.precision import Precision
+from ltvn_core.model.learner import Learner
+from ltvn_core.model.learning_plan import LearningPlan
 
 
 class FineTuner(Learner):
@@ -22,11 +18,9 @@ class FineTuner(Learner):
         self.network.load_state_dict(start.state_dict())
         self.average.load_state_dict(start.state_dict())
 
-    def _encode(
-        self, batch: Batch, precision: Precision, rng: np.random.Generator, generator: torch.Generator
-    ) -> tuple[Encoded, bool]:
+    def _prepare(self) -> None:
+        super()._prepare()
         freeze_statistics(self.network)
-        return super()._encode(batch, precision, rng, generator)
 
 
 def freeze_statistics(network: nn.Module) -> None:

@@ -22,7 +22,7 @@ from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.examples import Examples
 from ltvn_core.model.figures import DriveFigures, PairFigures
 from ltvn_core.model.finetuner import FineTuner
-from ltvn_core.model.learner import LearningPlan
+from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.mining import confusions_among, find_confusions
 from ltvn_core.model.mixed_pool import MixedPool, OwnDrive
 from ltvn_core.model.own_assessment import OwnFigures, assess_own_drive

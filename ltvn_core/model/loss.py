@@ -63,7 +63,7 @@ def true_correspondence(
     apart = apart.masked_fill(blind | foreign[:, None, None], 1e3)
     nearest_target, nearest_source = apart.min(2), apart.min(1)
     tolerance_source, tolerance_target = (0.05 + 0.07 * side.points[..., 0] for side in (source, target))
-    tokens = torch.arange(apart.shape[1])
+    tokens = torch.arange(apart.shape[1], device=apart.device)
     mutual = torch.gather(nearest_source.indices, 1, nearest_target.indices) == tokens
     pair, token = torch.nonzero(mutual & (nearest_target.values < tolerance_source), as_tuple=True)
     return Correspondence(

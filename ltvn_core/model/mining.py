@@ -13,6 +13,7 @@ from torch import Tensor
 
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.model.contract import Network
+from ltvn_core.model.device import device_of, to_tensor
 from ltvn_core.model.examples import Confusion, Examples
 from ltvn_core.model.features import Kept, join
 from ltvn_core.model.precision import Precision
@@ -75,8 +76,8 @@ def confusions_among(
     """Return those of some images' far pairs that the network calls reachable, worst first; `apart` is (N, N)."""
     features = _encode(network, precision, scene, rows)
     scores = network.rough_logits(features)
-    scores[torch.from_numpy(~apart)] = -torch.inf
-    shuffled = torch.from_numpy(rng.permutation(scores.numel()))
+    scores[to_tensor(~apart, scores.device)] = -torch.inf
+    shuffled = to_tensor(rng.permutation(scores.numel()), scores.device)
     best = shuffled[scores.flatten()[shuffled].topk(min(candidates, int(apart.sum()))).indices]
     sources, targets = best // len(rows), best % len(rows)
     logits = torch.cat(
@@ -94,14 +95,16 @@ def confusions_among(
 def _encode(network: Network[Kept], precision: Precision, scene: Examples, rows: NDArray[np.intp]) -> Kept:
     parts: list[Kept] = []
     for part in np.array_split(rows, max(len(rows) // 128, 1)):
-        rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000))
+        rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000), device_of(network))
         parts.append(precision.encode(network, rgb, depth))
     return join(parts)
 
 
 def hardest(scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
     """Return rows and columns of the `count` highest scores (B, B) among the allowed, shaken so that they vary."""
-    noise = -torch.log(-torch.log(torch.rand(scores.shape, generator=generator).clamp(1e-9, 1 - 1e-7)))
+    noise = -torch.log(
+        -torch.log(torch.rand(scores.shape, generator=generator, device=scores.device).clamp(1e-9, 1 - 1e-7))
+    )
     shaken = (1.5 * scores + noise).masked_fill(~allowed, -torch.inf)
     best = shaken.flatten().topk(min(count, int(allowed.sum()))).indices
     return best // scores.shape[1], best % scores.shape[1]

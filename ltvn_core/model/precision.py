@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ltvn_core.model.contract import Network
+from ltvn_core.model.device import device_of
 from ltvn_core.model.features import Kept, to_float32
 from ltvn_core.model.pair_head import PairOutput
 
@@ -32,14 +33,16 @@ class Precision:
 
     def compare(self, network: Network[Kept], source: Kept, target: Kept) -> PairOutput:
         """Compare P sources with P targets and return float32 outputs."""
-        with torch.autocast(next(network.parameters()).device.type, torch.bfloat16, enabled=self.bfloat16):
+        with torch.autocast(device_of(network).type, torch.bfloat16, enabled=self.bfloat16):
             output = network.compare(source, target)
         return output._replace(logit=output.logit.float(), pose=output.pose.float())
 
 
 def choose_precision(network: Network[Kept], *, images: int = 48) -> Precision:
     """Return bfloat16 where a training step on as many pairs as images is at least a tenth faster with it."""
-    rgb, depth = torch.rand(images, 3, 72, 96), torch.rand(images, 72, 96) * 4 + 0.5
+    device = device_of(network)
+    rgb = torch.rand(images, 3, 72, 96, device=device)
+    depth = torch.rand(images, 72, 96, device=device) * 4 + 0.5
     seconds = {}
     state = {name: value.clone() for name, value in network.state_dict().items()}
     for bfloat16 in (False, True):
@@ -62,7 +65,7 @@ def choose_precision(network: Network[Kept], *, images: int = 48) -> Precision:
 def _training_step(network: Network[Kept], precision: Precision, rgb: Tensor, depth: Tensor) -> Callable[[], None]:
     def step() -> None:
         features = precision.encode(network, rgb, depth)
-        output = precision.compare(network, features, features.take(torch.arange(len(rgb)).roll(1)))
+        output = precision.compare(network, features, features.take(torch.arange(len(rgb), device=rgb.device).roll(1)))
         (output.logit.mean() + output.pose.mean()).backward()
 
     return step
@@ -71,4 +74,6 @@ def _training_step(network: Network[Kept], precision: Precision, rgb: Tensor, de
 def _seconds(step: Callable[[], None]) -> float:
     start = time.perf_counter()
     step()
+    if torch.cuda.is_available():
+        torch.cuda.synchronize()
     return time.perf_counter() - start

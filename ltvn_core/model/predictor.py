@@ -15,6 +15,7 @@ from torch import Tensor
 from ltvn_core.errors import ImageError
 from ltvn_core.model.architecture import AnyArchitecture
 from ltvn_core.model.contract import AnyNetwork
+from ltvn_core.model.device import CPU, device_of, to_tensor
 from ltvn_core.model.features import pack as pack_features
 from ltvn_core.model.shortlist import Glance
 from ltvn_core.model.weights import SHIPPED, load_weights, weights_fingerprint
@@ -39,6 +40,7 @@ class NetworkPredictor:
     def __init__(self, network: AnyNetwork, fingerprint: str, *, prefilter_from: int | None = PREFILTER_FROM) -> None:
         """Take a trained network; `prefilter_from` None compares every pair in full."""
         self._network = network.eval()
+        self._device = device_of(network)
         self._fingerprint = fingerprint
         self._prefilter_from = prefilter_from
 
@@ -78,9 +80,11 @@ class NetworkPredictor:
     @torch.inference_mode()
     def _encode(self, observations: Sequence[Observation]) -> NDArray[np.float16]:
         rgb, depth = images_to_tensors(
-            np.stack([_checked(each).rgb for each in observations]), np.stack([each.depth for each in observations])
+            np.stack([_checked(each).rgb for each in observations]),
+            np.stack([each.depth for each in observations]),
+            self._device,
         )
-        return pack_features(self._network.encode(rgb, depth)).numpy()
+        return pack_features(self._network.encode(rgb, depth)).cpu().numpy()
 
     @torch.inference_mode()
     def _predict(self, sources: Features, targets: Features) -> Prediction:
@@ -88,27 +92,30 @@ class NetworkPredictor:
         for first in range(0, len(targets), _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
             rows = targets[part]
-            there = self._network.unpack(_tensor(rows))
-            here = self._network.unpack(_tensor(sources if len(sources) == 1 else sources[part]))
+            there = self._network.unpack(self._tensor(rows))
+            here = self._network.unpack(self._tensor(sources if len(sources) == 1 else sources[part]))
             if len(sources) == 1:
-                here = here.take(torch.zeros(len(rows), dtype=torch.long))
+                here = here.take(torch.zeros(len(rows), dtype=torch.long, device=self._device))
             output = self._network.compare(here, there)
-            reachability.append(self._network.reachability(output.logit).double().numpy())
+            reachability.append(self._network.reachability(output.logit).double().cpu().numpy())
             waypoints.append(pose_to_waypoints(output.pose))
         return Prediction(np.concatenate(reachability), np.concatenate(waypoints))
 
     @torch.inference_mode()
     def _glance(self, source: Features, targets: Features) -> Glance | None:
-        return self._network.glance(_tensor(source), _tensor(targets))
+        return self._network.glance(self._tensor(source), self._tensor(targets))
 
     @torch.inference_mode()
     def _predict_filtered(self, source: Features, targets: Features, glance: Glance) -> Prediction:
-        best = np.sort(glance.resemblance.topk(PREFILTER_KEEP).indices.numpy())
+        best = np.sort(glance.resemblance.topk(PREFILTER_KEEP).indices.cpu().numpy())
         full = self._predict(source, targets[best])
-        reachability = np.minimum(torch.sigmoid(glance.logit).double().numpy(), full.reachability.min())
+        reachability = np.minimum(torch.sigmoid(glance.logit).double().cpu().numpy(), full.reachability.min())
         waypoints = np.zeros((len(targets), 3))
         reachability[best], waypoints[best] = full
         return Prediction(reachability, waypoints)
+
+    def _tensor(self, rows: Features) -> Tensor:
+        return to_tensor(rows, self._device)
 
     def _check(self, sources: Features, targets: Features) -> None:
         width = self._network.row_length
@@ -126,14 +133,16 @@ def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PRE
     return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from)
 
 
-def images_to_tensors(rgb: NDArray[np.uint8], depth_m: NDArray[np.floating]) -> tuple[Tensor, Tensor]:
+def images_to_tensors(
+    rgb: NDArray[np.uint8], depth_m: NDArray[np.floating], device: torch.device = CPU
+) -> tuple[Tensor, Tensor]:
     """Return rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres from arrays (B, H, W, 3) and (B, H, W)."""
-    return torch.from_numpy(rgb).permute(0, 3, 1, 2).float() / 255, torch.from_numpy(depth_m).float()
+    return to_tensor(rgb, device).permute(0, 3, 1, 2).float() / 255, to_tensor(depth_m, device).float()
 
 
 def pose_to_waypoints(pose: Tensor) -> NDArray[np.float64]:
     """Return waypoints (P, 3) from network poses (P, 4): dx, dy, sin, cos."""
-    x, y, sin, cos = pose.double().unbind(-1)
+    x, y, sin, cos = pose.double().cpu().unbind(-1)
     return torch.stack([x, y, torch.atan2(sin, cos)], dim=-1).numpy()
 
 
@@ -145,7 +154,3 @@ def _checked(observation: Observation) -> Observation:
             f"network takes {expected} (rows, columns). Let it in through ltvn_core.intake.observation, which resizes."
         )
     return observation
-
-
-def _tensor(rows: Features) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(rows))

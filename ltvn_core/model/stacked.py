@@ -77,7 +77,7 @@ class StackedNetwork(Network[KeptImages]):
 
     def rough_logits(self, features: KeptImages) -> Tensor:
         """Return (B, B) zeros: there is no cheaper way than a full comparison."""
-        return torch.zeros(len(features.rgb), len(features.rgb))
+        return features.rgb.new_zeros(len(features.rgb), len(features.rgb))
 
 
 def stage(inputs: int, outputs: int) -> nn.Sequential:

@@ -1,7 +1,8 @@
 """Several processes that learn together: the same weights, different batches, one shared gradient.
 
-On a few cores, processes of one thread each are steadier than one process of several threads, which waits at every
-layer for whichever thread another program has displaced. Owns the start of the processes and what they share.
+On several graphics cards each process has one of its own. On a few cores, processes of one thread each are steadier than
+one process of several threads, which waits at every layer for whichever thread another program has displaced. Owns the
+start of the processes and what they share.
 """
 
 from collections.abc import Callable
@@ -14,6 +15,9 @@ from typing import TypeVar
 
 import torch
 from torch import distributed, multiprocessing, nn
+from torch.nn.parallel import DistributedDataParallel
+
+from ltvn_core.model.device import CPU, choose_device, graphics_cards
 
 Result = TypeVar("Result")
 
@@ -29,28 +33,26 @@ class Team:
     """Number of this process; process 0 leads: it validates, saves and reports."""
     size: int = 1
     """Number of processes."""
+    device: torch.device = CPU
+    """Where this process learns."""
 
     @property
     def leads(self) -> bool:
         """Tell whether this process leads."""
         return self.rank == 0
 
-    def average_gradients(self, network: nn.Module) -> None:
-        """Replace every gradient of a network by its mean over the processes."""
-        if self.size == 1:
-            return
-        gradients = [each.grad for each in network.parameters() if each.grad is not None]
-        flat = torch.cat([gradient.flatten() for gradient in gradients])
-        distributed.all_reduce(flat)
-        flat /= self.size
-        for gradient, mean in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
-            gradient.copy_(mean.view_as(gradient))
+    def share(self, step: nn.Module) -> nn.Module:
+        """Return a step whose backward pass averages the gradients of all processes.
+
+        Each process keeps the statistics of batch normalisation of its own batches; the leader's are saved.
+        """
+        return DistributedDataParallel(step, broadcast_buffers=False)
 
     def follow(self, number: float) -> float:
         """Return the leader's number."""
         if self.size == 1:
             return number
-        shared = torch.tensor(number, dtype=torch.float64)
+        shared = torch.tensor(number, dtype=torch.float64, device=self.device)
         distributed.broadcast(shared, 0)
         return float(shared)
 
@@ -64,7 +66,7 @@ def run_team(work: Callable[[Team], Result], processes: int) -> Result:
     `work` must be picklable; each process loads its own data. With one process it runs right here.
     """
     if processes == 1:
-        return work(ALONE)
+        return work(Team(device=choose_device()))
     context = multiprocessing.get_context("spawn")
     results: SimpleQueue = context.SimpleQueue()
     with TemporaryDirectory(prefix="ltvn-team-") as folder:
@@ -77,11 +79,16 @@ def _member(
     rank: int, work: Callable[[Team], Result], processes: int, meeting: Path, results: "SimpleQueue[Result]"
 ) -> None:
     torch.set_num_threads(1)
+    device = choose_device(rank)
     distributed.init_process_group(
-        "gloo", init_method=meeting.as_uri(), rank=rank, world_size=processes, timeout=_PATIENCE
+        "nccl" if graphics_cards() else "gloo",
+        init_method=meeting.as_uri(),
+        rank=rank,
+        world_size=processes,
+        timeout=_PATIENCE,
     )
     try:
-        result = work(Team(rank, processes))
+        result = work(Team(rank, processes, device))
         if rank == 0:
             results.put(result)
     finally:

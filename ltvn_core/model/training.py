@@ -23,7 +23,8 @@ from ltvn_core.model.checkpoint import resume, save_checkpoint
 from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.examples import ExamplePool, Examples
 from ltvn_core.model.figures import DriveFigures, PairFigures
-from ltvn_core.model.learner import Learner, LearningPlan, StepReport, schedule
+from ltvn_core.model.learner import Learner, StepReport, schedule
+from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.memory import keep_freed_memory
 from ltvn_core.model.mining import find_confusions
 from ltvn_core.model.precision import Precision, choose_precision
@@ -138,7 +139,7 @@ class _Course:
     def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, team: Team) -> None:
         self.data, self.plan, self.folder, self.team = data, plan, folder, team
         self.pool = ExamplePool(data.scenes)
-        self.learner = Learner(plan.learning, plan.architecture)
+        self.learner = Learner(plan.learning, plan.architecture, team.device)
         self.checkpoint, self.best_path = folder / "checkpoint.safetensors", folder / "best.safetensors"
         self.spent = resume(self.learner, self.checkpoint) if self.checkpoint.exists() else 0.0
         self.best = _read_best(folder)

@@ -36,7 +36,7 @@ def save_weights(network: AnyNetwork, path: Path, card: Mapping[str, Any] | None
     partial = path.with_suffix(".partial")
     # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
     metadata = {"ltvn": json.dumps({"schema": SCHEMA, **asdict(network.size)})}
-    state = {name: value.detach().contiguous() for name, value in network.state_dict().items()}
+    state = {name: value.detach().cpu().contiguous() for name, value in network.state_dict().items()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         save_file(state, partial, metadata)

@@ -53,8 +53,8 @@ class Train(Verb):
     """Where checkpoints, curves and validation figures go."""
     minutes: float = 45.0
     """How long to train."""
-    processes: int = 2
-    """Processes of one thread each that train together."""
+    processes: int | None = None
+    """Processes that train together: one for each graphics card, or without one, two of one thread each."""
     seed: int = 0
     """Draws initial weights, batches and augmentation."""
     evaluate: bool = False
@@ -69,14 +69,14 @@ class Train(Verb):
         if self.evaluate:
             return self._evaluate()
         from ltvn_core.model.families import default_architecture
-        from ltvn_core.model.learner import LearningPlan
+        from ltvn_core.model.learning_plan import LearningPlan
         from ltvn_core.model.speed import measure_speed
         from ltvn_core.model.training import TrainingPlan, train_together
         from ltvn_core.model.weights import load_weights, save_weights
 
         output = self._checked_output()
         plan = TrainingPlan(LearningPlan(seed=self.seed), default_architecture(self.architecture), minutes=self.minutes)
-        result = train_together(LoadTraining(self.data), plan, self.work, processes=self.processes)
+        result = train_together(LoadTraining(self.data), plan, self.work, processes=self._processes())
         network = load_weights(result.weights)
         measured = measure(result.weights, self.data / "unseen")
         card = self._card(output, plan, result, measure_speed(network), measured)
@@ -94,6 +94,11 @@ class Train(Verb):
         found = judge(self.weights or SHIPPED)
         stacked = judge(SHIPPED_STACKED) if self.weights is None else None
         return Evaluated(**vars(found), stacked=stacked)
+
+    def _processes(self) -> int:
+        from ltvn_core.model.device import graphics_cards
+
+        return self.processes or graphics_cards() or 2
 
     def _checked_output(self) -> Path:
         """Return the output. Raises OptionError if there is none or weights lie there already."""
@@ -121,11 +126,11 @@ class Train(Verb):
             result.steps,
             result.pairs,
             result.seconds / 60,
-            self.processes,
+            self._processes(),
             (
                 f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
                 f"ltvn train --data data --architecture {self.architecture} --output {output.name} "
-                f"--minutes {self.minutes:g} --processes {self.processes} --seed {self.seed}",
+                f"--minutes {self.minutes:g} --processes {self._processes()} --seed {self.seed}",
             ),
             speed,
             measured,

@@ -15,7 +15,7 @@ from ltvn_core.data.trajectory_pairs import PairRule, TrajectoryPairs, label_tra
 from ltvn_core.errors import WeightsError
 from ltvn_core.model.finetuner import freeze_statistics
 from ltvn_core.model.finetuning import FineTuningData, FineTuningPlan, Progress, finetune
-from ltvn_core.model.learner import LearningPlan
+from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.mining import Far
 from ltvn_core.model.mixed_pool import MixedPool
 from ltvn_core.model.network import PairNetwork

@@ -12,7 +12,8 @@ from ltvn_core.model.checkpoint import resume, save_checkpoint
 from ltvn_core.model.examples import ExamplePool
 from ltvn_core.model.families import FAMILIES, build_network, default_architecture
 from ltvn_core.model.features import pack
-from ltvn_core.model.learner import Learner, LearningPlan
+from ltvn_core.model.learner import Learner
+from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.mining import Far, find_confusions
 from ltvn_core.model.precision import Precision
 from ltvn_core.model.predictor import PREFILTER_FROM, NetworkPredictor, load_predictor

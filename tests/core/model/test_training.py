@@ -13,7 +13,8 @@ from ltvn_core.model.assessment import assess_all_pairs, assess_drives
 from ltvn_core.model.calibration import fit_platt
 from ltvn_core.model.checkpoint import resume, save_checkpoint
 from ltvn_core.model.examples import Confusion, ExamplePool
-from ltvn_core.model.learner import Learner, LearningPlan, schedule
+from ltvn_core.model.learner import Learner, schedule
+from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.mining import Far, find_confusions
 from ltvn_core.model.precision import Precision
 from ltvn_core.model.predictor import load_predictor

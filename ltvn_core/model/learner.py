@@ -1,6 +1,7 @@
 """One learning step, and the state it changes: network, its moving average, the optimiser.
 
-Owns the update. How a batch becomes a loss is `ltvn_core.model.learning_step`; when to stop, validate, mine or save is decided in `ltvn_core.model.training`.
+Owns the update. How a batch becomes a loss is `ltvn_core.model.learning_step`; when to stop, validate, mine or save is
+decided in `ltvn_core.model.training`.
 """
 
 import math

@@ -102,9 +102,8 @@ def _encode(network: Network[Kept], precision: Precision, scene: Examples, rows:
 
 def hardest(scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
     """Return rows and columns of the `count` highest scores (B, B) among the allowed, shaken so that they vary."""
-    noise = -torch.log(
-        -torch.log(torch.rand(scores.shape, generator=generator, device=scores.device).clamp(1e-9, 1 - 1e-7))
-    )
+    chance = torch.rand(scores.shape, generator=generator, device=scores.device)
+    noise = -torch.log(-torch.log(chance.clamp(1e-9, 1 - 1e-7)))
     shaken = (1.5 * scores + noise).masked_fill(~allowed, -torch.inf)
     best = shaken.flatten().topk(min(count, int(allowed.sum()))).indices
     return best // scores.shape[1], best % scores.shape[1]

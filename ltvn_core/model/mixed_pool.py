@@ -112,10 +112,16 @@ def _joined(simulated: Batch, simulated_apart: NDArray[np.bool_], own: Batch) ->
     apart = np.ones((count + len(own.rgb),) * 2, bool)
     apart[:count, :count] = simulated_apart
     apart[count:, count:] = own.apart
-    columns = zip(
-        simulated[:-1], own._replace(sources=own.sources + count, targets=own.targets + count)[:-1], strict=True
+    return Batch(
+        np.concatenate([simulated.rgb, own.rgb]),
+        np.concatenate([simulated.depth_mm, own.depth_mm]),
+        np.concatenate([simulated.poses, own.poses]),
+        np.concatenate([simulated.scene, own.scene]),
+        np.concatenate([simulated.sources, own.sources + count]),
+        np.concatenate([simulated.targets, own.targets + count]),
+        np.concatenate([simulated.reachable, own.reachable]),
+        apart,
     )
-    return Batch(*(np.concatenate(parts) for parts in columns))._replace(apart=apart)
 
 
 def _pair_table(drive: OwnDrive, reach: int) -> NDArray[np.int64]:

@@ -1,8 +1,8 @@
 """Several processes that learn together: the same weights, different batches, one shared gradient.
 
-On several graphics cards each process has one of its own. On a few cores, processes of one thread each are steadier than
-one process of several threads, which waits at every layer for whichever thread another program has displaced. Owns the
-start of the processes and what they share.
+On several graphics cards each process has one of its own. On a few cores, processes of one thread each are steadier
+than one process of several threads, which waits at every layer for whichever thread another program has displaced. Owns
+the start of the processes and what they share.
 """
 
 from collections.abc import Callable
@@ -80,12 +80,9 @@ def _member(
 ) -> None:
     torch.set_num_threads(1)
     device = choose_device(rank)
+    backend = "nccl" if graphics_cards() else "gloo"
     distributed.init_process_group(
-        "nccl" if graphics_cards() else "gloo",
-        init_method=meeting.as_uri(),
-        rank=rank,
-        world_size=processes,
-        timeout=_PATIENCE,
+        backend, init_method=meeting.as_uri(), rank=rank, world_size=processes, timeout=_PATIENCE
     )
     try:
         result = work(Team(rank, processes, device))

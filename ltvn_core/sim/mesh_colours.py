@@ -90,7 +90,7 @@ class ColourTable:
             table = np.stack([_encoded(_decoded(levels) * share) for share in factor / 255], axis=-1)
         else:
             table = np.stack([np.rint(255 * levels * share).astype(np.uint8) for share in factor / 255], axis=-1)
-        return cv2.LUT(texels, table[None])
+        return np.asarray(cv2.LUT(texels, table[None]), np.uint8)
 
     def _paint_by_palette(self, mesh: trimesh.Trimesh) -> Coloured:
         """Let each face point at one texel: no neighbour bleeds in, because a face without extent is not blurred."""
@@ -124,8 +124,8 @@ def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.flo
         coarse = np.flatnonzero(np.ptp(colours[faces], axis=1).max(axis=1) > _SMOOTH_STEP)
         if len(coarse) == 0 or len(coarse) > 200_000:
             break  # A scan has small faces already.
-        vertices, faces, attributes = trimesh.remesh.subdivide(vertices, faces, coarse, {"colour": colours})[:3]
-        colours = attributes["colour"]
+        divided: Any = trimesh.remesh.subdivide(vertices, faces, coarse, {"colour": colours})
+        vertices, faces, colours = divided[0], divided[1], divided[2]["colour"]
     return vertices[faces], colours[faces]
 
 

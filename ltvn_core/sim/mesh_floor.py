@@ -133,7 +133,7 @@ def _grid(lifted: Triangles) -> Raster:
 
 def _coarse(fine: Mask) -> Mask:
     rows, columns = fine.shape
-    return fine.reshape(rows // _FINE, _FINE, columns // _FINE, _FINE).any(axis=(1, 3))
+    return np.asarray(fine.reshape(rows // _FINE, _FINE, columns // _FINE, _FINE).any(axis=(1, 3)))
 
 
 def _closed(cells: Mask, radius_m: float) -> Mask:

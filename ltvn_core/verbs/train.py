@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.unseen import UNSEEN, VALIDATION, NetworkFigures, drives, figures, measure
+from ltvn_core.verbs.unseen import CLUSTERS, IMAGES, UNSEEN, VALIDATION, NetworkFigures, drives, figures, measure
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -52,7 +52,9 @@ class Train(Verb):
     work: Path = Path("data/training")
     """Where checkpoints, curves and validation figures go."""
     minutes: float = 45.0
-    """How long to train."""
+    """How long to train,"""
+    steps: int | None = None
+    """or for how many steps: takes longer on a slower machine, but gives the same weights."""
     processes: int | None = None
     """Processes that train together: one for each graphics card, or without one, two of one thread each."""
     seed: int = 0
@@ -62,7 +64,11 @@ class Train(Verb):
     weights: Path | None = None
     """With --evaluate: the weights to measure instead of the shipped ones."""
     scenes: tuple[str, ...] = UNSEEN
-    """With --evaluate: the scenes to measure on, by name or by the path of a mesh."""
+    """The scenes to measure on, by name or by the path of a mesh,"""
+    clusters: int = CLUSTERS
+    """clusters of labelled pairs in each of them,"""
+    images: int = IMAGES
+    """and images of the drive through each of them."""
 
     def run(self) -> Summary:
         """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
@@ -75,10 +81,14 @@ class Train(Verb):
         from ltvn_core.model.weights import load_weights, save_weights
 
         output = self._checked_output()
-        plan = TrainingPlan(LearningPlan(seed=self.seed), default_architecture(self.architecture), minutes=self.minutes)
+        learning, size = LearningPlan(seed=self.seed), default_architecture(self.architecture)
+        plan = TrainingPlan(learning, size, minutes=self.minutes)
+        if self.steps is not None:
+            looks = min(max(self.steps // 100, 1), plan.validations)
+            plan = TrainingPlan(learning, size, minutes=None, steps=self.steps, validations=looks, minings=2 * looks)
         result = train_together(LoadTraining(self.data), plan, self.work, processes=self._processes())
         network = load_weights(result.weights)
-        measured = measure(result.weights, self.data / "unseen")
+        measured = self._measure(result.weights)
         card = self._card(output, plan, result, measure_speed(network), measured)
         save_weights(network, output, asdict(card))
         speed, found = card.speed, figures(output, measured)
@@ -89,11 +99,15 @@ class Train(Verb):
         from ltvn_core.model.weights import SHIPPED, SHIPPED_STACKED
 
         def judge(weights: Path) -> NetworkFigures:
-            return figures(weights, measure(weights, self.data / "unseen", self.scenes))
+            return figures(weights, self._measure(weights))
 
         found = judge(self.weights or SHIPPED)
         stacked = judge(SHIPPED_STACKED) if self.weights is None else None
         return Evaluated(**vars(found), stacked=stacked)
+
+    def _measure(self, weights: Path) -> "Measured":
+        folder = self.data / "unseen"
+        return measure(weights, folder, self.scenes, clusters=self.clusters, images=self.images)
 
     def _processes(self) -> int:
         from ltvn_core.model.device import graphics_cards
@@ -130,7 +144,8 @@ class Train(Verb):
             (
                 f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
                 f"ltvn train --data data --architecture {self.architecture} --output {output.name} "
-                f"--minutes {self.minutes:g} --processes {self._processes()} --seed {self.seed}",
+                + (f"--minutes {self.minutes:g}" if self.steps is None else f"--steps {self.steps}")
+                + f" --processes {self._processes()} --seed {self.seed}",
             ),
             speed,
             measured,
@@ -148,7 +163,7 @@ class LoadTraining:
         from ltvn_core.model.training import TrainingData
 
         learned, validation = read_shards(self.folder)
-        return TrainingData(learned, validation, drives(VALIDATION, images=220))
+        return TrainingData(learned, validation, drives([shard.name for shard in validation], images=220))
 
 
 def read_shards(folder: Path) -> "tuple[list[Shard], list[Shard]]":

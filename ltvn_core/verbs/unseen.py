@@ -21,6 +21,9 @@ UNSEEN = ("tune-3", "tune-4", "tune-5", "tune-6", "tune-7", "tune-8")
 """Scenes on which the figures of the card are measured."""
 
 
+CLUSTERS = 180
+"""Clusters of labelled pairs in each unseen scene."""
+
 IMAGES = 300
 """Images of the drive through each unseen scene: half a million ordered pairs in six."""
 
@@ -72,7 +75,9 @@ def drives(names: Sequence[str], *, images: int) -> "list[Drive]":
     return found
 
 
-def measure(weights: Path, folder: Path, scenes: Sequence[str] = UNSEEN) -> "Measured":
+def measure(
+    weights: Path, folder: Path, scenes: Sequence[str], *, clusters: int = CLUSTERS, images: int = IMAGES
+) -> "Measured":
     """Measure weights on scenes, whose labelled pairs are kept in a folder. Raises SceneError and WeightsError."""
     import numpy as np
 
@@ -84,8 +89,8 @@ def measure(weights: Path, folder: Path, scenes: Sequence[str] = UNSEEN) -> "Mea
     from ltvn_core.model.predictor import load_predictor
 
     predictor, rng = load_predictor(weights), np.random.default_rng(0)
-    paths = generate(scenes, open_world, folder, DatasetRecipe(clusters=180), processes=2)
-    seen = drives(scenes, images=IMAGES)
+    paths = generate(scenes, open_world, folder, DatasetRecipe(clusters=clusters), processes=2)
+    seen = drives(scenes, images=images)
     if isinstance(predictor.architecture, StackedArchitecture):
         seen = [thin_out(drive, every=THINNED) for drive in seen]
     pairs = assess_pairs(predictor, [read_shard(path) for path in paths], rng)

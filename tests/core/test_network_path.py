@@ -1,0 +1,56 @@
+"""The whole path of the network in small: data, training, a drive, fine-tuning, measuring, figures, by the commands."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.cli import main
+
+pytest.importorskip("embreex")
+pytest.importorskip("pybullet")
+
+KEYS = ("far_fpr_at_tpr60", "auc", "position_median_m", "position_p90_m", "yaw_median_deg", "ece")
+SMALL = ["--scenes", "tune-3", "--clusters", "10", "--images", "60"]
+
+
+def ltvn(*arguments: object, summary: Path) -> dict:
+    """Run a verb and return its summary."""
+    main([*map(str, arguments), "--json", str(summary)])
+    return json.loads(summary.read_text())
+
+
+@pytest.mark.timeout(600)
+def test_data_training_fine_tuning_and_measuring_follow_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    summary = tmp_path / "summary.json"
+    scenes = ["train-00", "train-01", "tune-0", "tune-1"]
+    made = ltvn("dataset", "--scenes", *scenes, "--clusters", 16, summary=summary)
+    assert made["pairs"] > 4 * 16 * 56
+
+    trained = ltvn("train", "--output", "first.safetensors", "--steps", 30, *SMALL, summary=summary)
+    assert trained["steps"] == 30
+    assert trained["figures"]["auc"] > 0.55
+
+    drive = ltvn("collect", "--scene", "tune-3", "--loops", 1, "--output", "drive.rrd", summary=summary)
+    assert drive["frames"] > 100
+
+    tuned = ltvn(
+        "finetune", "drive.rrd", "--weights", "first.safetensors", "--data", "data", "--output", "second.safetensors",
+        "--minutes", 0.2, summary=summary,
+    )  # fmt: skip
+    assert tuned["parent"] == trained["figures"]["fingerprint"] != tuned["fingerprint"]
+
+    judged = ltvn("train", "--evaluate", "--weights", "second.safetensors", *SMALL, summary=summary)
+    assert judged["fingerprint"] == tuned["fingerprint"]
+    assert all(isinstance(judged[key], float) for key in KEYS)
+
+    driven = ltvn("measure", "--weights", "second.safetensors", "--attempts", 4, "--scenes", "tune-3", summary=summary)
+    assert len(driven["driving"]["calibration"]) == 10
+
+    card = json.loads((tmp_path / "second.card.json").read_text())
+    assert card["parent_card"]["commands"][1].startswith("ltvn train --data data")
+    assert card["command"].startswith("ltvn finetune drive.rrd")
+    assert card["seed"] == 0

@@ -11,30 +11,7 @@ from typing import Any
 
 from ltvn_core.data.reasons import limits_of
 from ltvn_core.errors import OptionError, WeightsError
-
-NAMES = {
-    "pairs": "pairs",
-    "auc": "AUC of reachability",
-    "ece": "calibration error of r (ECE)",
-    "position_median_m": "position error, median (m)",
-    "position_p90_m": "position error, 90th percentile (m)",
-    "position_median_1_to_1_5_m": "position error at 1 to 1.5 m, median (m)",
-    "yaw_median_deg": "yaw error, median (degrees)",
-    "yaw_p90_deg": "yaw error, 90th percentile (degrees)",
-    "distance_sigma": "spread of d(predicted) - d(true)",
-    "far_pairs": "far pairs",
-    "near_pairs": "near pairs",
-    "threshold_at_tpr60": "r that 60 % of the near pairs reach",
-    "far_fpr_at_tpr60": "share of the far pairs that reach it too",
-    "far_fpr_at_half": "share of the far pairs with r > 0.5",
-    "near_tpr_at_half": "share of the near pairs with r > 0.5",
-    "success_if_reachable": "p(success given reachable), driven edges",
-    "success_if_not": "p(success given not reachable)",
-    "parameters": "parameters of the network",
-    "encode_ms": "time to encode an image (ms)",
-    "pair_ms": "time to compare a pair (ms)",
-}
-"""What the card's figures are called; a figure without a name is called by its key."""
+from ltvn_core.report.wording import NAMES, shown
 
 
 def blocks(card: Mapping[str, Any]) -> dict[str, str]:
@@ -63,13 +40,6 @@ def fill(page: Path, content: Mapping[str, str]) -> None:
         page.write_text(text, encoding="utf-8")
     except OSError as error:
         raise OptionError(f"{page}: cannot be filled in ({error}); name another --page.") from error
-
-
-def shown(number: object) -> str:
-    """Write a figure of the card for a reader."""
-    if isinstance(number, float):
-        return f"{number:.1e}" if 0 < abs(number) < 1e-3 else f"{number:.3f}"
-    return f"{number:,}" if isinstance(number, int) else str(number)
 
 
 def _filled(text: str, name: str, block: str, page: Path) -> str:

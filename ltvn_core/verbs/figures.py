@@ -37,6 +37,8 @@ class Figures(Verb):
     """Where the pictures go."""
     page: Path | None = Path("docs/network.md")
     """The page whose tables are written."""
+    measurements: Path = Path("docs/measurements")
+    """Folder of summaries of `ltvn train --evaluate`, for the page's comparisons."""
     scenes: tuple[str, ...] = UNSEEN
     """Scenes that training has not seen."""
     clusters: int = 180
@@ -49,6 +51,7 @@ class Figures(Verb):
         ensure_matplotlib()
         from ltvn_core.model.predictor import load_predictor
         from ltvn_core.model.weights import SHIPPED, read_card
+        from ltvn_core.report.comparison import comparisons
         from ltvn_core.report.pictures import draw_all
         from ltvn_core.report.tables import blocks, fill
 
@@ -56,7 +59,7 @@ class Figures(Verb):
         shards, driven = self._shards(), drives(self.scenes, images=self.images)
         pictures = draw_all(predictor, shards, driven, _ink(), self.output)
         if self.page is not None:
-            fill(self.page, tables)
+            fill(self.page, {**tables, **comparisons(self.measurements)})
         return FiguresMade(pictures, self.page, predictor.fingerprint, sum(len(shard.sources) for shard in shards))
 
     def _shards(self) -> "list[Shard]":

@@ -9,9 +9,11 @@ from PIL import Image
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.model.figures import calibration_error
 from ltvn_core.model.weights import SHIPPED, read_card
+from ltvn_core.report.comparison import comparisons
 from ltvn_core.report.curves import band, reliability
 from ltvn_core.report.style import MOST_BYTES
-from ltvn_core.report.tables import NAMES, blocks, fill, shown
+from ltvn_core.report.tables import blocks, fill
+from ltvn_core.report.wording import NAMES, shown
 from ltvn_core.verbs.figures import Figures, FiguresMade
 
 PAGE = Path(__file__).parents[3] / "docs" / "network.md"
@@ -41,7 +43,8 @@ def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) 
     page.write_text(PAGE.read_text())
     card = read_card(SHIPPED)
     fill(page, blocks(card))
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.read_text().splitlines() if "|" in line]
+    filled = page.read_text().split("<!-- figures: begin -->")[1].split("<!-- figures: end -->")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in filled.splitlines() if "|" in line]
     table = {row[0]: row[1:] for row in rows}
     for key, number in card["measured"]["pairs"].items():
         assert table[NAMES[key]][0] == shown(number)
@@ -54,7 +57,7 @@ def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) 
 def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path: Path) -> None:
     page = tmp_path / "network.md"
     page.write_text(PAGE.read_text())
-    fill(page, blocks(read_card(SHIPPED)))
+    fill(page, {**blocks(read_card(SHIPPED)), **comparisons(PAGE.parent / "measurements")})
     assert page.read_text() == PAGE.read_text(), "run `ltvn figures` after exchanging the weights"
 
 

@@ -1,6 +1,6 @@
 """`ltvn train`: a dataset becomes weights with a card."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -74,18 +74,12 @@ class Train(Verb):
         """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
         if self.evaluate:
             return self._evaluate()
-        from ltvn_core.model.families import default_architecture
-        from ltvn_core.model.learning_plan import LearningPlan
         from ltvn_core.model.speed import measure_speed
-        from ltvn_core.model.training import TrainingPlan, train_together
+        from ltvn_core.model.training import train_together
         from ltvn_core.model.weights import load_weights, save_weights
 
         output = self._checked_output()
-        learning, size = LearningPlan(seed=self.seed), default_architecture(self.architecture)
-        plan = TrainingPlan(learning, size, minutes=self.minutes)
-        if self.steps is not None:
-            looks = min(max(self.steps // 100, 1), plan.validations)
-            plan = TrainingPlan(learning, size, minutes=None, steps=self.steps, validations=looks, minings=2 * looks)
+        plan = self._plan()
         result = train_together(LoadTraining(self.data), plan, self.work, processes=self._processes())
         network = load_weights(result.weights)
         measured = self._measure(result.weights)
@@ -94,6 +88,19 @@ class Train(Verb):
         speed, found = card.speed, figures(output, measured)
         times = (speed.parameters, speed.encode_ms, speed.pair_ms)
         return Trained(output, card.steps, card.pairs_compared, card.minutes, *times, found)
+
+    def _plan(self) -> "TrainingPlan":
+        from ltvn_core.model.families import default_architecture
+        from ltvn_core.model.learning_plan import LearningPlan
+        from ltvn_core.model.training import TrainingPlan
+
+        plan = TrainingPlan(LearningPlan(seed=self.seed), default_architecture(self.architecture), minutes=self.minutes)
+        if self.architecture == "stacked":  # It pays for every pair from the pixels on, so it is validated on fewer.
+            plan = replace(plan, validation_pairs=plan.validation_pairs // 4, validation_far=plan.validation_far // 4)
+        if self.steps is None:
+            return plan
+        looks = min(max(self.steps // 100, 1), plan.validations)
+        return replace(plan, minutes=None, steps=self.steps, validations=looks, minings=2 * looks)
 
     def _evaluate(self) -> Evaluated:
         from ltvn_core.model.weights import SHIPPED, SHIPPED_STACKED

@@ -21,6 +21,8 @@ from ltvn_core.nav.navigator import Navigator
 from ltvn_core.types import FrameId, Intrinsics, NodeId, Observation, Predictor, Rgb
 from ltvn_viz.live import LiveRobot
 
+IMAGES_AT_ONCE = 64
+
 
 class Mapping:
     """A map that grows, is rebuilt, and is navigated by."""
@@ -68,6 +70,9 @@ class Mapping:
         Until the new map is whole nothing changes. Without pictures there is no map either, and only the network does.
         """
         seen, views = self.images(), Views(predictor)
+        for first in range(0, len(seen), IMAGES_AT_ONCE):
+            progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
+            views.add(seen[first : first + IMAGES_AT_ONCE])
         built = build(seen, views, predictor, method, self._rng, progress=progress) if seen else ()
         self._predictor, self.method, self.views = predictor, method, views
         return self._replaced(built)

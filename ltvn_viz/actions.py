@@ -20,6 +20,9 @@ PLAIN: dict[Action, Callable[[], c.Command]] = {
     Action.KEEP: c.KeepRecording,
     Action.DISCARD: c.DiscardRecording,
     Action.BUILD: c.BuildMap,
+    Action.STOP_LEARNING: c.StopLearning,
+    Action.USE_WEIGHTS: c.UseWeights,
+    Action.LEAVE_WEIGHTS: c.LeaveWeights,
     Action.CANCEL: c.Cancel,
     Action.PAUSE: c.Pause,
     Action.STEP: c.StepOnce,
@@ -32,6 +35,8 @@ def command_for(action: Action, target: int | None) -> c.Command | None:
     """Return what an action asks the session for, None when it is no business of the session's."""
     if action is Action.GOAL:
         return c.NavigateTo(target)
+    if action is Action.LEARN and target is not None:
+        return c.Learn(target)
     if action is Action.SELECT and target is not None:
         return c.Select(target)
     make = PLAIN.get(action)

@@ -17,6 +17,10 @@ Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
 """Builds the map, reporting images done and in all, and returns every change from the old one."""
 
 
+def _nothing() -> None:
+    """Nothing follows."""
+
+
 class BuildingCancelled(Exception):
     """A person gave up building."""
 
@@ -26,9 +30,9 @@ class Building:
 
     mode = Mode.BUILDING
 
-    def __init__(self, live: Live, worker: Worker, rebuild: Rebuild) -> None:
-        """Stop the robot and start building in the worker's thread."""
-        self._live = live
+    def __init__(self, live: Live, worker: Worker, rebuild: Rebuild, then: Callable[[], None] = _nothing) -> None:
+        """Stop the robot and start building in the worker's thread; `then` follows in the session's if it was built."""
+        self._live, self._then = live, then
         self._cancelled = threading.Event()
         self._share = 0.0
         self.over = False
@@ -62,3 +66,5 @@ class Building:
         for delta in deltas or ():
             self._live.emit(GraphChanged(delta))
         self.over = True
+        if deltas is not None:
+            self._then()

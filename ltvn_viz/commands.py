@@ -54,6 +54,31 @@ class BuildMap(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Learn(Command):
+    """Fine-tune the network on the drive at hand."""
+
+    label: ClassVar[str] = "learn from a drive"
+    minutes: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StopLearning(Command):
+    """Give up fine-tuning; the network stays as it is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UseWeights(Command):
+    """Take the weights that fine-tuning made into use and build the map anew with them."""
+
+    label: ClassVar[str] = "use new weights"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeaveWeights(Command):
+    """Go on with the weights in use; those that fine-tuning made stay on disk."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Select(Command):
     """Choose a node as the goal without going there yet."""
 

@@ -2,7 +2,7 @@
 
 from ltvn_core.nav.events import Outcome
 from ltvn_viz.modes import Mode
-from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.snapshot import Phase, Snapshot
 
 FEW_NODES = 8
 FEW_IMAGES = 5
@@ -27,6 +27,8 @@ def _driving(snapshot: Snapshot) -> str:
     moment = snapshot.moment
     if snapshot.recording.name is not None:
         return "Recording. Drive through the rooms with W A S D; then keep the recording (N) or discard it."
+    if snapshot.learning.phase is Phase.LEARNED:
+        return "The network has learned from your drive. Look at the figures under “Drive”, then use the new weights."
     if len(moment.graph.ids) < FEW_NODES and moment.frames < FEW_IMAGES:
         return "Hold W A S D or the arrow keys to drive. The map grows by itself as the robot sees new places."
     if len(moment.graph.ids) < FEW_NODES:

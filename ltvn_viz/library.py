@@ -43,6 +43,10 @@ class Library:
         """Return a name for a new recording that nothing has yet; raises RecordingError when there can be none."""
         return _free(self.folder, f"drive-{now:%Y%m%d-%H%M%S}")
 
+    def new_weights(self, drive: str, now: datetime) -> Path:
+        """Return a name that nothing has yet for weights that learned from a drive; raises RecordingError."""
+        return _free(self.folder, f"{Path(drive).stem}-learned-{now:%Y%m%d-%H%M%S}", ".safetensors")
+
     def discard(self, path: Path) -> Path:
         """Move a recording to the folder of discarded ones and return where it is now."""
         return path.rename(_free(self.folder / DISCARDED, path.stem))
@@ -52,7 +56,7 @@ def _is_recording(entry: os.DirEntry[str]) -> bool:
     return entry.name.endswith(SUFFIX) and entry.is_file(follow_symlinks=False)
 
 
-def _free(folder: Path, stem: str) -> Path:
+def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -60,7 +64,7 @@ def _free(folder: Path, stem: str) -> Path:
             f"Cannot write into {folder}: {error.strerror}. Choose another folder with --recordings."
         ) from error
     for number in count(1):
-        place = folder / (f"{stem}{SUFFIX}" if number == 1 else f"{stem}-{number}{SUFFIX}")
+        place = folder / (f"{stem}{suffix}" if number == 1 else f"{stem}-{number}{suffix}")
         if not os.path.lexists(place):
             return place
     raise AssertionError("count() never ends")

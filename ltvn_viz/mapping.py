@@ -21,13 +21,15 @@ from ltvn_core.nav.navigator import Navigator
 from ltvn_core.types import FrameId, Intrinsics, NodeId, Observation, Predictor, Rgb
 from ltvn_viz.live import LiveRobot
 
+IMAGES_AT_ONCE = 64
+
 
 class Mapping:
     """A map that grows, is rebuilt, and is navigated by."""
 
     def __init__(self, predictor: Predictor, method: Method, rng: np.random.Generator) -> None:
         """Begin with an empty map."""
-        self._predictor, self._method, self._rng = predictor, method, rng
+        self._predictor, self.method, self._rng = predictor, method, rng
         self.graph = TopologicalGraph()
         self.views = Views(predictor)
         self._online = self._new_online()
@@ -54,10 +56,32 @@ class Mapping:
 
     def rebuild(self, progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
         """Build anew from all pictures at hand; returns every change from the old map. Raises MapError for none."""
-        seen = [self.views.observation(frame) for frame in self.views.frames]
+        seen = self.images()
         if not seen:
             raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
-        built = build(seen, self.views, self._predictor, self._method, self._rng, progress=progress)
+        built = build(seen, self.views, self._predictor, self.method, self._rng, progress=progress)
+        return self._replaced(built)
+
+    def rebuild_with(
+        self, predictor: Predictor, method: Method, progress: Callable[[int, int], None]
+    ) -> Sequence[GraphDelta]:
+        """Build anew from all pictures at hand with another network, which is used from then on.
+
+        Until the new map is whole nothing changes. Without pictures there is no map either, and only the network does.
+        """
+        seen, views = self.images(), Views(predictor)
+        for first in range(0, len(seen), IMAGES_AT_ONCE):
+            progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
+            views.add(seen[first : first + IMAGES_AT_ONCE])
+        built = build(seen, views, predictor, method, self._rng, progress=progress) if seen else ()
+        self._predictor, self.method, self.views = predictor, method, views
+        return self._replaced(built)
+
+    def images(self) -> Sequence[Observation]:
+        """Return all pictures at hand in the order they were taken."""
+        return [self.views.observation(frame) for frame in self.views.frames]
+
+    def _replaced(self, built: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
         fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
         released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
         self._replace(TopologicalGraph(built))
@@ -67,7 +91,7 @@ class Mapping:
         """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
         if self._navigator is None:
             self._navigator = Navigator(
-                robot, self.graph, self.views, self._predictor, self._method, self._rng, intrinsics=Intrinsics()
+                robot, self.graph, self.views, self._predictor, self.method, self._rng, intrinsics=Intrinsics()
             )
         return self._judged(robot, self._navigator.query(goal, query), goal)
 
@@ -104,4 +128,4 @@ class Mapping:
         self._navigator = None
 
     def _new_online(self) -> OnlineBuilder:
-        return OnlineBuilder(self.graph, self.views, self._predictor, self._method)
+        return OnlineBuilder(self.graph, self.views, self._predictor, self.method)

@@ -1,9 +1,10 @@
 """What the command line may ask of the app."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ltvn_core.composition import PredictorName
+from ltvn_core.verbs.tuning import Tuner
 
 DEMO_SCENE = "demo"
 
@@ -27,5 +28,7 @@ class AppOptions:
     """Name of the method's settings."""
     seed: int = 0
     """Draws the robot's start and its odometry noise."""
+    tuner: Tuner = field(default_factory=Tuner)
+    """Teaches the network from the page."""
     replay: str | None = None
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""

@@ -11,6 +11,7 @@ from ltvn_core.types import FrameId, NodeId, Rgb
 from ltvn_viz import commands as c
 from ltvn_viz.building import Building
 from ltvn_viz.goals import LOOKALIKES
+from ltvn_viz.lessons import learn, use_weights
 from ltvn_viz.modes import Mode, refusal
 from ltvn_viz.navigation import Navigation
 from ltvn_viz.replay import Replay
@@ -39,6 +40,14 @@ def _carry_out(stage: Stage, command: c.Command) -> None:
             stage.give_up("You took over; the task was cancelled.")
         case c.BuildMap():
             stage.activity = Building(stage.live, stage.worker, stage.mapping.rebuild)
+        case c.Learn(minutes):
+            learn(stage, minutes)
+        case c.UseWeights():
+            use_weights(stage)
+        case c.StopLearning():
+            stage.learning.give_up()
+        case c.LeaveWeights():
+            stage.learning.dismiss()
         case c.Select(node):
             stage.goals.selected = node
         case c.Pick(node):
@@ -120,7 +129,8 @@ def _record(stage: Stage, command: c.Command) -> None:
         case c.StartRecording():
             stage.live.begin_recording(stage.worker)
         case c.KeepRecording():
-            stage.say(f"Kept as {recorder.keep().name}. Open it under “Replay”.")
+            stage.kept = recorder.keep().name
+            stage.say(f"Kept as {stage.kept}. Open it under “Replay”.")
         case c.DiscardRecording():
             stage.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from ltvn_viz.building import Building
 from ltvn_viz.hints import hint
+from ltvn_viz.lessons import drive_name
 from ltvn_viz.rates import RateMeter
 from ltvn_viz.replay import Replay
-from ltvn_viz.snapshot import Rates, Snapshot
+from ltvn_viz.snapshot import LearningStatus, Phase, Rates, Snapshot
 from ltvn_viz.stage import Stage
 
 LIST_EVERY_S = 2.0
@@ -39,6 +40,8 @@ class Portrait:
             recording=stage.live.recorder.status,
             recordings=self._recordings(stage),
             message=stage.message,
+            learning=_learning(stage),
+            weights=stage.mapping.fingerprint,
             work=activity.work if isinstance(activity, Building) else stage.work,
         )
         return replace(snapshot, hint=hint(snapshot))
@@ -48,6 +51,11 @@ class Portrait:
             self._listed_at, self._names = self._clock(), stage.library.names()
         under_way = stage.live.recorder.status.name
         return tuple(name for name in self._names if name != under_way)
+
+
+def _learning(stage: Stage) -> LearningStatus:
+    status = stage.learning.status
+    return status if status.phase is Phase.LEARNING else replace(status, drive=drive_name(stage))
 
 
 def _live(stage: Stage) -> Snapshot:

@@ -23,6 +23,7 @@ from ltvn_viz.painter import Showing
 from ltvn_viz.panels.camera import CameraPanel
 from ltvn_viz.panels.drive import DrivePanel
 from ltvn_viz.panels.go import GoPanel
+from ltvn_viz.panels.learn import LearnPanel
 from ltvn_viz.panels.notices import Notices
 from ltvn_viz.panels.replay import ReplayPanel
 from ltvn_viz.panels.status import StatusPanel
@@ -69,7 +70,7 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
     status = StatusPanel(gui)
     tabs = gui.add_tab_group()
     with tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL):
-        drive, follow = DrivePanel(gui), FollowCamera(gui, clients)
+        drive, learn, follow = DrivePanel(gui), LearnPanel(gui), FollowCamera(gui, clients)
     with tabs.add_tab("Go", viser.Icon.MAP_PIN):
         go = GoPanel(gui, send)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
@@ -79,7 +80,7 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
     with window.add_tab("Camera and depth", viser.Icon.CAMERA):
         camera = CameraPanel(gui)
     window.float(x=-16, y=-16, width=CAMERA_PX)
-    return [status, camera, drive, follow, go, replay, Notices(clients)]
+    return [status, camera, drive, learn, follow, go, replay, Notices(clients)]
 
 
 def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: Assets) -> list[Showing]:

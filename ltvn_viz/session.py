@@ -111,8 +111,10 @@ class Session:
         """Stop the robot and keep the recording under way."""
         self._stage.live.robot.stop()
         self._stage.give_up("The app is closing.")
+        self._stage.learning.give_up()
         self._stage.worker.close()
         self._guarded(self._stage.worker.collect)
+        self._stage.learning.close()
         if self._stage.live.recorder.is_on:
             logger.info("kept the recording %s", self._stage.live.recorder.keep())
 
@@ -130,6 +132,7 @@ class Session:
         """Let a tick of robot time pass."""
         stage = self._stage
         stage.worker.collect()
+        stage.learning.collect()
         stage.activity.tick()
         if isinstance(stage.activity, Navigation | Building) and stage.activity.over:
             stage.activity = stage.teleop

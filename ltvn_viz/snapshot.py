@@ -5,6 +5,7 @@ snapshot to the next while nothing changed, so comparing by identity tells what 
 """
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 from ltvn_core.nav.events import Severity
 from ltvn_core.types import Depth, NodeId, Rgb
@@ -73,6 +74,34 @@ class Work:
     """How much is done in [0, 1]; None when nobody knows."""
 
 
+class Phase(StrEnum):
+    """Where fine-tuning stands."""
+
+    IDLE = "idle"
+    LEARNING = "learning"
+    LEARNED = "learned"
+    """New weights are on offer."""
+    WORSE = "worse"
+    """New weights are on disk, but call more far pairs reachable than the old ones."""
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class LearningStatus:
+    """What becomes of the network."""
+
+    phase: Phase = Phase.IDLE
+    drive: str = ""
+    """What is, or would be, learned from."""
+    share: float = 0.0
+    """How much is done in [0, 1]."""
+    doing: str = ""
+    lines: tuple[str, ...] = ()
+    """What came of the last lesson."""
+    path: str = ""
+    """Where the new weights lie."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """Everything the page shows at one instant."""
@@ -95,5 +124,8 @@ class Snapshot:
     """Nodes that look like the uploaded picture, best first."""
     message: Message | None = None
     work: Work | None = None
+    learning: LearningStatus = LearningStatus()
+    weights: str = ""
+    """Fingerprint of the weights in use."""
     hint: str = ""
     """What to do next."""

@@ -5,13 +5,16 @@ Owns no rule of its own beyond how an activity is left; commands are carried out
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol, TypeAlias
 
+from ltvn_core.config import Method
 from ltvn_core.nav.events import Severity
-from ltvn_core.types import Pose
+from ltvn_core.types import Pose, Predictor
 from ltvn_viz.building import Building
 from ltvn_viz.feed import Picture
 from ltvn_viz.goals import Goals
+from ltvn_viz.learning import Learning
 from ltvn_viz.library import Library
 from ltvn_viz.live import Live
 from ltvn_viz.mapping import Mapping
@@ -46,6 +49,11 @@ class Stage:
     feed: Feed
     goals: Goals
     teleop: Teleop
+    learning: Learning
+    open_mind: Callable[[Path], tuple[Predictor, Method]]
+    """Opens weights and the method that goes with them; runs in the worker's thread."""
+    kept: str | None = None
+    """The recording that was kept last."""
     message: Message | None = None
     work: Work | None = None
     """A job that the page should wait for, beside what an activity says itself."""

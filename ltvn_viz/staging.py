@@ -22,6 +22,7 @@ from ltvn_core.types import Predictor
 from ltvn_viz.absent import AbsentTeleop
 from ltvn_viz.cast import Cast, open_body, open_mind
 from ltvn_viz.goals import Goals
+from ltvn_viz.learning import Learning
 from ltvn_viz.library import Library
 from ltvn_viz.live import Live
 from ltvn_viz.mapping import Mapping
@@ -58,7 +59,7 @@ def open_stage(options: AppOptions, stack: ExitStack, thumbnails: Thumbnails) ->
     cast = open_body(options, known, stack)
     mapping = Mapping(predictor, method, np.random.default_rng(options.seed))
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
-    recorder = Recorder(library, lambda path: _new_recording(path, options, method, cast, mapping))
+    recorder = Recorder(library, lambda path: _new_recording(path, cast, mapping))
     live = Live(cast.robot, recorder, Timeline())
     if known is not None:
         _take_map(live, mapping, known)
@@ -73,6 +74,8 @@ def open_stage(options: AppOptions, stack: ExitStack, thumbnails: Thumbnails) ->
         feed=cast.feed,
         goals=Goals(mapping, worker, thumbnails),
         teleop=teleop(live, worker, mapping.offer),
+        learning=_open_learning(options),
+        open_mind=lambda weights: _other_mind(options, weights),
     )
 
 
@@ -83,6 +86,17 @@ def open_replay(library: Library, name: str) -> Replay:
     drawn = poses.odometry if poses.exact is None else poses.exact
     frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
     return Replay(name, recording.meta.scene, timeline_of(frames, recording.events), recording)
+
+
+def _open_learning(options: AppOptions) -> Learning:
+    tuner = options.tuner if options.predictor == "network" else None
+    return Learning(tuner, options.weights, ThreadPoolExecutor(1, "learning"))
+
+
+def _other_mind(options: AppOptions, weights: Path) -> tuple[Predictor, Method]:
+    """Open other weights just as a new start of the app with them would."""
+    mind = replace(options, weights=weights, replay=None)
+    return open_mind(mind), open_method(options.preset, options.predictor, weights)
 
 
 def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
@@ -100,14 +114,14 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
     return known
 
 
-def _new_recording(path: Path, options: AppOptions, method: Method, cast: Cast, mapping: Mapping) -> RecordingWriter:
+def _new_recording(path: Path, cast: Cast, mapping: Mapping) -> RecordingWriter:
     """Begin a recording that holds the map as it is, so that it needs no other file."""
     if cast.simulation is None:
         raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
     writer = RecordingWriter(
         path,
         scene=cast.simulation.scene.address,
-        config=asdict(method),
+        config=asdict(mapping.method),
         fingerprint=mapping.fingerprint,
         scene_glb=cast.simulation.scene.glb(with_ceiling=False),
     )

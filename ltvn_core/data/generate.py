@@ -6,7 +6,7 @@ Owns the order of work and its resumption. The world comes in from outside; see 
 import json
 import logging
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -52,20 +52,32 @@ class DatasetRecipe:
 
 
 def generate(
-    names: Sequence[str], open_world: OpenWorld, folder: Path, recipe: DatasetRecipe, *, processes: int = 1
+    names: Sequence[str],
+    open_world: OpenWorld,
+    folder: Path,
+    recipe: DatasetRecipe,
+    *,
+    processes: int = 1,
+    on_made: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Make the shards of the named scenes in a folder, skipping those that lie there whole, and return their paths.
 
-    With several processes, `open_world` must be picklable.
+    With several processes, `open_world` must be picklable. `on_made` hears how many shards there are, and of how many,
+    at first and after each; what it raises ends the work.
     """
     paths = [shard_path(folder, name) for name in names]
     text = recipe.text()
     missing = [(name, path) for name, path in zip(names, paths, strict=True) if read_recipe(path) != text]
+    if on_made is not None:
+        on_made(len(paths) - len(missing), len(paths))
     made = Parallel(n_jobs=max(1, min(processes, len(missing))), return_as="generator_unordered")(
         delayed(_make_and_write)(name, open_world, path, recipe) for name, path in missing
     )
-    for line in tqdm(made, desc="scenes", unit="scene", initial=len(paths) - len(missing), total=len(paths)):
+    bar = tqdm(made, desc="scenes", unit="scene", initial=len(paths) - len(missing), total=len(paths))
+    for count, line in enumerate(bar, len(paths) - len(missing) + 1):
         log.info(line)
+        if on_made is not None:
+            on_made(count, len(paths))
     return paths
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from ltvn_core.model.finetuning import FineTuned, FineTuningPlan, Standing
 
 PAIR_NAMES = ("auc", "position_median_m", "position_p90_m", "yaw_median_deg", "ece")
-FAR_NAMES = ("far_fpr_at_tpr60", "far_fpr_at_half", "near_tpr_at_half")
+FAR_NAMES = ("far_pairs", "far_fpr_at_tpr60", "far_fpr_at_half", "near_tpr_at_half")
 
 
 @dataclass(frozen=True)

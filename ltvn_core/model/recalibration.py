@@ -21,14 +21,20 @@ def recalibrate(network: AnyNetwork, drive: OwnDrive, scenes: Sequence[Examples]
     """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
 
     The drive lacks the pairs about which odometry is unsure, and they are the hard ones. So it never counts more than
-    simulation does, where that is at hand.
+    simulation does, where that is at hand. Of a short drive nothing is held out; where there is no simulation either,
+    the calibration stays as it is.
     """
+    before = network.calibration.clone()
     network.calibration.copy_(torch.tensor([1.0, 0.0]))
     rng = np.random.default_rng(0)
     judged = [_judge(network, scene, rng.permutation(len(scene.sources))[:most]) for scene in scenes]
     limit = sum(len(logits) for logits, _ in judged) if judged else most
     kept_back = np.flatnonzero(drive.held_out[drive.sources] & drive.held_out[drive.targets])
-    judged.append(_judge(network, drive, rng.permutation(kept_back)[:limit]))
+    if len(kept_back):
+        judged.append(_judge(network, drive, rng.permutation(kept_back)[:limit]))
+    if not judged:
+        network.calibration.copy_(before)
+        return
     logits, positive = (np.concatenate(column) for column in zip(*judged, strict=True))
     network.calibration.copy_(torch.tensor(fit_platt(logits, positive)))
 

@@ -1,9 +1,12 @@
 """`ltvn finetune`: weights get to know the place of one recording (sections III-B and IV of the paper)."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from shutil import rmtree
-from typing import TYPE_CHECKING, Any
+from threading import Event
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tyro.conf import Positional
 
@@ -12,7 +15,12 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from ltvn_core.data.trajectory_pairs import TrajectoryPairs
-    from ltvn_core.model.finetuning import FineTuned, FineTuningData, FineTuningPlan
+    from ltvn_core.model.assessment import Drive
+    from ltvn_core.model.finetuning import FineTuned, FineTuningData, FineTuningPlan, Progress
+    from ltvn_core.types import Intrinsics, Observation
+
+Tell: TypeAlias = Callable[[float, str], None]
+"""Takes the share that is done, in [0, 1], and what is being done, for a person."""
 
 MIXED = ("train-00", "train-07", "train-14", "train-21")
 """Scenes that are shown in between where no dataset is named,"""
@@ -66,22 +74,41 @@ class Finetune(Verb):
 
     def run(self) -> Summary:
         """Fine-tune, judge and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
-        from ltvn_core.model.finetuning import finetune
-        from ltvn_core.model.weights import SHIPPED
-
         self._check_options()
-        start, plan = self.weights or SHIPPED, self._plan()
         drive = read_drive(self.recording, horizon=self.horizon, gated=not self.literal)
-        if (done := self._already_done(start, drive)) is not None:
+        if (done := self._already_done(self._start, drive)) is not None:
             return done
         data = with_simulation(drive, self.data)
         folder = self.output.with_suffix(".finetuning")
         with _Bar() as bar:
-            result = finetune(data, start, plan, folder, on_progress=bar)
-        assert result is not None  # Nobody cancels here.
-        fingerprint = self._save(result, start, plan, data)
+            found = self.learn(data, self.plan(), folder, on_progress=bar)
+        assert found is not None  # Nobody cancels here.
         rmtree(folder, ignore_errors=True)
+        return found
+
+    def learn(
+        self,
+        data: "FineTuningData",
+        plan: "FineTuningPlan",
+        folder: Path,
+        *,
+        on_progress: "Callable[[Progress], None]",
+        cancelled: Event | None = None,
+    ) -> FineTunedWeights | None:
+        """Fine-tune on data at hand and save the weights; None if it was cancelled. Raises WeightsError."""
+        from ltvn_core.model.finetuning import finetune
+
+        result = finetune(data, self._start, plan, folder, on_progress=on_progress, cancelled=cancelled)
+        if result is None:
+            return None
+        fingerprint = self._save(result, self._start, plan, data)
         return _summary(self.output, fingerprint, _card(self.output))
+
+    @property
+    def _start(self) -> Path:
+        from ltvn_core.model.weights import SHIPPED
+
+        return self.weights or SHIPPED
 
     def _check_options(self) -> None:
         if self.horizon < 2:
@@ -91,7 +118,8 @@ class Finetune(Verb):
         if self.output.suffix != ".safetensors":
             raise OptionError(f"--output must end in .safetensors, got {self.output.name}.")
 
-    def _plan(self) -> "FineTuningPlan":
+    def plan(self) -> "FineTuningPlan":
+        """Return what the options make of the plan."""
         from dataclasses import replace
 
         from ltvn_core.model.finetuning import FineTuningPlan
@@ -162,44 +190,73 @@ class Finetune(Verb):
 
 def read_drive(path: Path, *, horizon: int, gated: bool) -> "TrajectoryPairs":
     """Read a recording and label its pairs by odometry. Raises RecordingError."""
-    import numpy as np
-
-    from ltvn_core.data.trajectory import trajectory
-    from ltvn_core.data.trajectory_pairs import PairRule, label_trajectory
     from ltvn_core.recording.reader import Recording
 
     recording = Recording.open(path)
     observations = [recording.observation(frame) for frame in recording.frames]
-    drive = trajectory(observations, path.name, camera=recording.meta.intrinsics)
+    return label_drive(observations, path.name, camera=recording.meta.intrinsics, horizon=horizon, gated=gated)
+
+
+def label_drive(
+    observations: "Sequence[Observation]", name: str, *, camera: "Intrinsics", horizon: int, gated: bool
+) -> "TrajectoryPairs":
+    """Label the pairs of images at hand by odometry. Raises RecordingError if they are no drive."""
+    import numpy as np
+
+    from ltvn_core.data.trajectory import trajectory
+    from ltvn_core.data.trajectory_pairs import PairRule, label_trajectory
+
+    drive = trajectory(observations, name, camera=camera)
     return label_trajectory(drive, PairRule(horizon=horizon, gated=gated), np.random.default_rng(0))
 
 
-def with_simulation(drive: "TrajectoryPairs", folder: Path | None) -> "FineTuningData":
-    """Add simulated pairs to a drive: of a dataset, or of a few scenes rendered here. Raises DatasetError."""
+def with_simulation(drive: "TrajectoryPairs", folder: Path | None, tell: Tell | None = None) -> "FineTuningData":
+    """Add simulated pairs to a drive: of a dataset, or of a few scenes rendered here. Raises DatasetError.
+
+    `tell` hears of progress; what it raises ends the work, and what was rendered until then is kept.
+    """
     from ltvn_core.data.shards import read_shard
     from ltvn_core.model.finetuning import FineTuningData
-    from ltvn_core.verbs.unseen import drives
 
-    learned, validation = _chosen(folder) if folder is not None else _rendered()
+    tell = tell or _untold
+    learned, validation = _chosen(folder) if folder is not None else _rendered(tell)
+    drives = []
+    for number, name in enumerate(CHECKED):
+        tell(0.8 + 0.2 * number / len(CHECKED), "driving through simulated rooms")
+        drives.append(_drive_through(name))
     return FineTuningData(
-        drive,
-        [read_shard(path) for path in learned],
-        [read_shard(path) for path in validation],
-        drives(CHECKED, images=150),
+        drive, [read_shard(path) for path in learned], [read_shard(path) for path in validation], drives
     )
 
 
-def _rendered() -> tuple[list[Path], list[Path]]:
+@cache
+def _drive_through(name: str) -> "Drive":
+    from ltvn_core.verbs.unseen import drives
+
+    return drives([name], images=150)[0]
+
+
+def _rendered(tell: Tell) -> tuple[list[Path], list[Path]]:
     """Return shards of a few scenes in the user's cache, made there at the first call."""
     from platformdirs import user_cache_path
 
     from ltvn_core.data.generate import DatasetRecipe, generate
     from ltvn_core.verbs.dataset import open_world
 
+    def made(count: int, of: int) -> None:
+        tell(
+            0.8 * count / of,
+            "simulated rooms" if count == of else f"drawing simulated rooms, once only: {count} of {of}",
+        )
+
     folder = user_cache_path("ltvn") / "finetuning"
     recipe = DatasetRecipe(clusters=100)
-    paths = generate((*MIXED, *CHECKED), open_world, folder, recipe)
+    paths = generate((*MIXED, *CHECKED), open_world, folder, recipe, on_made=made)
     return paths[: len(MIXED)], paths[len(MIXED) :]
+
+
+def _untold(share: float, doing: str) -> None:
+    """Nobody wants to know."""
 
 
 def _chosen(folder: Path) -> tuple[list[Path], list[Path]]:

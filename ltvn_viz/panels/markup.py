@@ -36,6 +36,8 @@ STYLE = f"""<style>
 .lt-buttons button.lt-main:hover:enabled {{ background: #2f81e8; }}
 .lt-buttons kbd {{ margin-left: .45em; padding: 0 .4em; border-radius: .25em; background: rgba(0,0,0,.3);
   color: #ced4da; font: .85em/1.5 ui-monospace, monospace; font-weight: 400; }}
+.lt-bar {{ height: .4em; margin-top: .45em; border-radius: .2em; background: rgba(255,255,255,.1); overflow: hidden; }}
+.lt-bar div {{ height: 100%; background: #1c6fd6; transition: width .4s; }}
 .lt-gallery {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: .4em; }}
 .lt-gallery img {{ width: 100%; aspect-ratio: 4/3; display: block; border-radius: .35em;
   border: 2px solid transparent; }}
@@ -60,14 +62,17 @@ class Press:
     is_main: bool = False
     """The button one most likely wants now."""
     is_enabled: bool = True
+    target: int | None = None
+    """What the action is about, where it needs to be told."""
 
     def html(self) -> str:
         """Return the button."""
         kind = ' class="lt-main"' if self.is_main and self.is_enabled else ""
         off = "" if self.is_enabled else " disabled"
         key = f"<kbd>{escape(self.caps)}</kbd>" if self.caps else ""
+        about = "" if self.target is None else f' data-id="{self.target}"'
         return (
-            f'<button type="button"{kind}{off} data-ltvn-action="{self.action}" title="{escape(self.hint)}">'
+            f'<button type="button"{kind}{off} data-ltvn-action="{self.action}"{about} title="{escape(self.hint)}">'
             f"{escape(self.label)}{key}</button>"
         )
 
@@ -80,6 +85,26 @@ def buttons(*presses: Press) -> str:
 def note(text: str) -> str:
     """Return a line that says what a panel shows."""
     return f'<div class="lt lt-note">{escape(text)}</div>'
+
+
+def lines(*texts: str) -> str:
+    """Return lines of plain text, nothing for none."""
+    return f'<div class="lt lt-note">{"<br>".join(map(escape, texts))}</div>' if texts else ""
+
+
+def warning(*texts: str) -> str:
+    """Return lines of plain text on a card that catches the eye."""
+    card = f'<div class="lt-card" data-severity="WARN">{"<br>".join(map(escape, texts))}</div>'
+    return f'<div class="lt" role="alert">{card}</div>'
+
+
+def progress_bar(share: float, doing: str) -> str:
+    """Return a bar that is filled to `share` in [0, 1], below what is being done."""
+    percent = round(100 * share)
+    return (
+        f'<div class="lt lt-note">{escape(doing)}… {percent} %<div class="lt-bar" role="progressbar" '
+        f'aria-valuenow="{percent}" aria-label="{escape(doing)}"><div style="width:{percent}%"></div></div></div>'
+    )
 
 
 def numbers(*rows: tuple[str, str]) -> str:

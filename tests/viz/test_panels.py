@@ -15,6 +15,7 @@ from PIL import Image
 from ltvn_core.errors import ImageError
 from ltvn_core.nav.events import Severity
 from ltvn_viz import commands as c
+from ltvn_viz.follow import FollowCamera
 from ltvn_viz.gallery import spread
 from ltvn_viz.keymap import Action
 from ltvn_viz.modes import Mode
@@ -22,10 +23,21 @@ from ltvn_viz.painter import Painter
 from ltvn_viz.panels.camera import CameraPanel, depth_colours, side_by_side
 from ltvn_viz.panels.drive import DrivePanel
 from ltvn_viz.panels.go import GoPanel
+from ltvn_viz.panels.learn import LearnPanel
+from ltvn_viz.panels.markup import Markup
 from ltvn_viz.panels.notices import Notices
 from ltvn_viz.panels.replay import ReplayPanel
 from ltvn_viz.panels.status import StatusPanel
-from ltvn_viz.snapshot import CameraView, Message, RecordingStatus, ReplayStatus, Snapshot, Work
+from ltvn_viz.snapshot import (
+    CameraView,
+    LearningStatus,
+    Message,
+    Phase,
+    RecordingStatus,
+    ReplayStatus,
+    Snapshot,
+    Work,
+)
 from ltvn_viz.thumbnails import LIMIT, Thumbnails
 from ltvn_viz.uploads import picture_of
 from tests.viz.theatre import Theatre
@@ -110,6 +122,49 @@ def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, sn
     assert is_enabled(html, Action.DISCARD)
 
 
+def controls(*panels: object) -> int:
+    """Count the buttons and boxes that panels of one tab show."""
+    parts = [part for panel in panels for part in vars(panel).values()]
+    shown = [part for part in parts if isinstance(part, viser.GuiInputHandle) and part.visible]
+    return len(shown) + sum(part._content.count("<button") for part in parts if isinstance(part, Markup))
+
+
+def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_it(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    drive, learn, follow = DrivePanel(server.gui), LearnPanel(server.gui), FollowCamera(server.gui, list)
+    learn._minutes.value = 5
+    for status, expected in (
+        (LearningStatus(drive="a.rrd"), 'data-ltvn-action="learn" data-id="5"'),
+        (LearningStatus(Phase.LEARNING, "a.rrd", 0.42, "learning"), 'data-ltvn-action="stop_learning"'),
+        (LearningStatus(Phase.LEARNED, "a.rrd", lines=("Here: fine.",), path="b"), 'data-ltvn-action="use_weights"'),
+        (LearningStatus(Phase.WORSE, "a.rrd", lines=("Here: bad.",), path="b"), 'data-ltvn-action="learn"'),
+        (LearningStatus(Phase.FAILED, "a.rrd", lines=("<b>no</b>",)), 'data-ltvn-action="learn"'),
+    ):
+        now = replace(snapshot, learning=status, weights="abc")
+        drive.show(now)
+        learn.show(now)
+        assert expected in learn._buttons._content
+        assert "use_weights" not in learn._buttons._content or status.phase is Phase.LEARNED
+        assert controls(drive, learn, follow) <= 7
+        if status.phase is Phase.LEARNING:
+            assert 'aria-valuenow="42"' in learn._state._content
+    assert "&lt;b&gt;no" in learn._state._content
+    assert "abc" in learn._about._content
+
+
+def test_new_weights_wait_while_a_recording_or_a_task_is_under_way(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    panel = LearnPanel(server.gui)
+    offer = replace(snapshot, learning=LearningStatus(Phase.LEARNED))
+    panel.show(offer)
+    assert is_enabled(panel._buttons._content, Action.USE_WEIGHTS)
+    for busy in (replace(offer, mode=Mode.NAVIGATING), replace(offer, recording=RecordingStatus("a.rrd", 1, 0.1))):
+        panel.show(busy)
+        assert not is_enabled(panel._buttons._content, Action.USE_WEIGHTS)
+
+
 def test_a_running_task_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: Snapshot) -> None:
     panel = GoPanel(server.gui, nothing)
     panel.show(replace(snapshot, mode=Mode.NAVIGATING))
@@ -134,6 +189,7 @@ def test_panels_send_nothing_while_nothing_changes(
     panels = [
         StatusPanel(server.gui, clock=lambda: 0.0),
         DrivePanel(server.gui),
+        LearnPanel(server.gui),
         GoPanel(server.gui, nothing),
         ReplayPanel(server.gui, nothing),
         CameraPanel(server.gui),

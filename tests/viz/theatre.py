@@ -17,11 +17,13 @@ from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.model.predictor import load_predictor
 from ltvn_core.nav.events import GraphChanged, Stamped
 from ltvn_core.types import FrameId, Observation, Pose, Twist
 from ltvn_viz import commands as c
 from ltvn_viz.absent import AbsentFeed
 from ltvn_viz.goals import Goals
+from ltvn_viz.learning import Learning
 from ltvn_viz.library import Library
 from ltvn_viz.live import CONTROL_STEP_S, Live
 from ltvn_viz.mapping import Mapping
@@ -127,6 +129,7 @@ class Theatre:
         way: Sequence[Sequence[float]] = WAY,
         mapped: bool = True,
         executor: Executor | None = None,
+        learning: Learning | None = None,
     ) -> None:
         """Set the stage, with a map of a tour along `way` unless told otherwise; jobs are done at once by default."""
         self.world = world or ONE_ROOM
@@ -143,7 +146,19 @@ class Theatre:
         live = Live(self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(mapping, worker, self.thumbnails)
         teleop = Teleop(live, worker, mapping.offer)
-        self.stage = Stage("flat", live, mapping, worker, self.library, self.open_replay, AbsentFeed(), goals, teleop)
+        self.stage = Stage(
+            "flat",
+            live,
+            mapping,
+            worker,
+            self.library,
+            self.open_replay,
+            AbsentFeed(),
+            goals,
+            teleop,
+            learning or Learning(None, None, Inline()),
+            lambda weights: (load_predictor(weights), ROBUST),
+        )
         self.session = Session(self.stage, self.driver, self.shown.append)
         for picture in seen:
             live.timeline.place(picture.step, np.asarray(picture.exact_pose))

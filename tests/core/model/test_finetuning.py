@@ -19,6 +19,7 @@ from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.mining import Far
 from ltvn_core.model.mixed_pool import MixedPool
 from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.recalibration import recalibrate
 from ltvn_core.model.weights import load_weights, save_weights, weights_fingerprint
 from tests.core.data.own_drive import along, look
 from tests.core.model.examples import SMALL, tiny_drive, tiny_shard
@@ -101,6 +102,16 @@ def test_images_of_the_drive_are_apart_from_simulated_ones_and_unsure_of_their_o
     assert batch.apart[np.ix_(own, ~own)].all()
     assert not batch.apart[np.ix_(own, own)].all()
     assert not batch.apart[batch.sources[batch.reachable], batch.targets[batch.reachable]].any()
+
+
+def test_a_drive_too_short_to_hold_anything_back_is_calibrated_by_simulation() -> None:
+    short, network = replace(own_drive(), rule=PairRule(horizon=60)), PairNetwork(SMALL)
+    assert not short.held_out.any()
+    before = network.calibration.clone()
+    recalibrate(network, short, [])
+    assert torch.equal(network.calibration, before)
+    recalibrate(network, short, [tiny_shard("b")])
+    assert not torch.equal(network.calibration, before)
 
 
 def test_frozen_statistics_stay_as_they_are() -> None:

@@ -1,0 +1,113 @@
+"""The network learns a place from a drive, in a real browser: shipped network, simulated apartment, a few steps."""
+
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
+from ltvn_core.recording.info import info
+from ltvn_core.verbs.tuning import Tuner
+from ltvn_viz.app import App, AppOptions, opened
+from ltvn_viz.driving import DriverSeat
+from ltvn_viz.modes import Mode
+from tests.viz.lessons import PLAN, simulated
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
+
+PATIENCE_S = 120.0
+expect.set_options(timeout=PATIENCE_S * 1000)
+FEW_STEPS = Tuner(replace(PLAN, learning=replace(PLAN.learning, rate=1e-5)), simulated)
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    options = AppOptions(
+        port=0, scene="tune-0", recordings=tmp_path_factory.mktemp("recordings"), seed=1, tuner=FEW_STEPS
+    )
+    # A page drawn by software may stall for longer than the lease of a real one.
+    with opened(options, seat=DriverSeat(lease_s=5.0)) as app:
+        thread = threading.Thread(target=app.session.run, name="session")
+        thread.start()
+        yield app
+        app.session.stop()
+        thread.join(timeout=60)
+
+
+@pytest.fixture(scope="module")
+def page(app: App, chromium: Browser) -> Iterator[Page]:
+    page = chromium.new_page(viewport={"width": 1000, "height": 760})
+    page.set_default_timeout(PATIENCE_S * 1000)
+    page.goto(app.server.url)
+    page.get_by_text("Next:").wait_for()
+    yield page
+    page.close()
+
+
+def until(holds: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert time.monotonic() < deadline, "never happened"
+        time.sleep(0.05)
+
+
+def button(page: Page, name: str) -> Locator:
+    return page.get_by_role("button", name=re.compile(f"^{name}"))
+
+
+def record(app: App, page: Page, holds: Callable[[], bool]) -> None:
+    """Record while the robot turns and drives by turns, until something holds."""
+    kept = app.session.stage.kept
+    button(page, "Record").click()
+    until(lambda: app.session.stage.live.recorder.is_on)
+    deadline = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert time.monotonic() < deadline, f"turned too little: {app.server.seat.view(1)}"
+        for key in "wa":  # Anew each time: a page that stalled for longer than the lease has lost it.
+            page.keyboard.down(key)
+            page.wait_for_timeout(1200)
+            page.keyboard.up(key)
+    button(page, "Keep").click()
+    until(lambda: app.session.stage.kept != kept)
+
+
+def test_a_short_drive_is_recorded(app: App, page: Page) -> None:
+    record(app, page, lambda: app.session.stage.live.timeline.at().frames > 120)
+    expect(page.get_by_text(f"learn this place from {app.session.stage.kept}")).to_be_visible()
+
+
+def test_learning_is_seen_and_stopped(app: App, page: Page) -> None:
+    button(page, "Learn from this drive").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+    button(page, "Stop learning").click()
+    expect(page.get_by_text("Stopped; the network is as it was.")).to_be_visible()
+    assert not list(app.session.stage.library.folder.glob("*.safetensors"))
+
+
+def test_a_whole_lesson_offers_new_weights_and_changes_nothing(app: App, page: Page) -> None:
+    button(page, "Learn from this drive").click()
+    expect(page.get_by_role("progressbar")).to_have_attribute("aria-valuenow", re.compile("[1-9]"))
+    button(page, "Use these weights").wait_for()
+    expect(page.get_by_text(re.compile("Here: false links .* waypoint error .* cm"))).to_be_visible()
+    [weights] = app.session.stage.library.folder.glob("*.safetensors")
+    expect(page.get_by_text(weights.name)).to_be_visible()
+    assert read_card(weights)["recording"] == app.session.stage.kept
+    assert app.session.stage.mapping.fingerprint == weights_fingerprint(SHIPPED)
+
+
+def test_the_new_weights_rebuild_the_map_and_name_the_next_recording(app: App, page: Page) -> None:
+    [weights] = app.session.stage.library.folder.glob("*.safetensors")
+    button(page, "Use these weights").click()
+    until(lambda: app.session.stage.mapping.fingerprint == weights_fingerprint(weights))
+    until(lambda: app.session.mode is Mode.TELEOP)
+    expect(page.get_by_text(f"weights {weights_fingerprint(weights)}").first).to_be_visible()
+    shown = app.session.stage.live.timeline.at().graph.ids.tolist()
+    assert shown == list(app.session.stage.mapping.graph.nodes) != []
+    record(app, page, lambda: app.session.stage.live.recorder.status.frames > 3)
+    assert info(app.session.stage.library.path(app.session.stage.kept or "")).fingerprint == weights_fingerprint(
+        weights
+    )

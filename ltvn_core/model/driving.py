@@ -73,10 +73,14 @@ def likelihoods(measured: MeasuredDriving) -> Likelihoods:
 
 
 def read_driving(card: Mapping[str, Any]) -> MeasuredDriving | None:
-    """Return this part of a card, None where the card has none. Raises WeightsError where it is damaged."""
+    """Return this part of a card, of the parent's for fine-tuned weights that nobody measured, or None.
+
+    Raises WeightsError where it is damaged.
+    """
     section = card.get(SECTION)
     if section is None:
-        return None
+        parent = card.get("parent_card")
+        return read_driving(parent) if isinstance(parent, Mapping) else None
     try:
         return _checked(cattrs.structure(section, MeasuredDriving))
     except (cattrs.BaseValidationError, TypeError, ValueError) as error:

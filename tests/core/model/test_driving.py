@@ -106,6 +106,12 @@ def test_a_card_without_a_measurement_leaves_the_presets_own_constants(tmp_path:
     assert open_method("robust", "network", tmp_path / "unknown.safetensors") == ROBUST
 
 
+def test_fine_tuned_weights_that_nobody_measured_inherit_their_parents_constants() -> None:
+    section = json.loads(json.dumps(asdict(measured())))
+    assert read_driving({"parent_card": {SECTION: section}}) == measured()
+    assert read_driving({"parent_card": {"steps": 3}}) is None
+
+
 def test_a_card_of_other_weights_is_neither_written_nor_believed(tmp_path: Path) -> None:
     weights = tmp_path / "own.safetensors"
     weights.write_bytes(b"old weights")

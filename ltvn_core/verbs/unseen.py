@@ -71,7 +71,7 @@ def drives(names: Sequence[str], *, images: int) -> "list[Drive]":
         first, second = np.divmod(np.arange(images**2), images)
         labels = label_all(world, poses, depth_mm, first, second, Limits())
         near, far = classify_pairs(poses, world.floor)
-        found.append(Drive(name, rgb, depth_mm, near, far, poses, labels.reachable.reshape(images, images)))
+        found.append(Drive(world.name, rgb, depth_mm, near, far, poses, labels.reachable.reshape(images, images)))
     return found
 
 
@@ -95,7 +95,7 @@ def measure(
         seen = [thin_out(drive, every=THINNED) for drive in seen]
     pairs = assess_pairs(predictor, [read_shard(path) for path in paths], rng)
     drive_pairs, wormholes = assess_all_pairs(predictor, seen)
-    return Measured(tuple(scenes), pairs, drive_pairs, wormholes)
+    return Measured(tuple(drive.name for drive in seen), pairs, drive_pairs, wormholes)
 
 
 def figures(weights: Path, measured: "Measured") -> NetworkFigures:

@@ -5,6 +5,7 @@ than one process of several threads, which waits at every layer for whichever th
 the start of the processes and what they share.
 """
 
+import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import timedelta
@@ -78,6 +79,8 @@ def run_team(work: Callable[[Team], Result], processes: int) -> Result:
 def _member(
     rank: int, work: Callable[[Team], Result], processes: int, meeting: Path, results: "SimpleQueue[Result]"
 ) -> None:
+    # Torch interrupts members whose leader has died. A shell's background jobs would not hear it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     torch.set_num_threads(1)
     device = choose_device(rank)
     backend = "nccl" if graphics_cards() else "gloo"

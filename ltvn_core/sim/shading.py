@@ -59,7 +59,9 @@ class Shader:
         """Return how often (N,) to halve the texture so that a sample covers about one texel."""
         facing = np.abs(row[:, 6] * directions[:, 0] + row[:, 7] * directions[:, 1] + row[:, 8] * directions[:, 2])
         steepness = np.sqrt(np.maximum(facing, _FLATTEST))
-        texels = np.clip(t * np.float32(spread) * row[:, 9] / steepness, 1, 2 ** (self._table.levels - 1))
+        with np.errstate(over="ignore"):  # Slivers of foreign meshes have endless textures.
+            texels = t * np.float32(spread) * row[:, 9] / steepness
+        texels = np.clip(texels, 1, 2 ** (self._table.levels - 1))
         # The exponent of a positive float is the whole part of its binary logarithm.
         return (np.ascontiguousarray(texels, np.float32).view(np.int32) >> 23) - 127
 

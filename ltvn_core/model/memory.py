@@ -1,4 +1,4 @@
-"""Keeps freed memory in the process, because asking the system for it again costs a tenth to a fifth of a step.
+"""Keeps freed memory in the process: asking the system for it again costs a fifth of a step or of a search.
 
 A step frees and takes arrays of about ten megabytes again and again. The C library gives such blocks back to the system
 at once, and every page of the next block is then cleared anew.

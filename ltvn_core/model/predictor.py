@@ -17,6 +17,7 @@ from ltvn_core.model.architecture import AnyArchitecture
 from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.device import CPU, device_of, to_tensor
 from ltvn_core.model.features import pack as pack_features
+from ltvn_core.model.memory import keep_freed_memory
 from ltvn_core.model.shortlist import Glance
 from ltvn_core.model.weights import SHIPPED, load_weights, weights_fingerprint
 from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Features, Observation, Prediction
@@ -129,6 +130,7 @@ def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PRE
     """Return the predictor of a weights file, of the shipped one if `path` is None. Raises WeightsError."""
     path = path or SHIPPED
     network = load_weights(path)
+    keep_freed_memory()
     torch.set_num_threads(max(1, min(torch.get_num_threads(), (os.cpu_count() or 1) // 2, _MAX_THREADS)))
     return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from)
 

@@ -16,6 +16,7 @@ from ltvn_core.errors import SceneError
 from ltvn_core.types import FrameId, Intrinsics, Pose, Predictor
 
 if TYPE_CHECKING:
+    from ltvn_core.sim.odometry import OdometryNoise
     from ltvn_core.sim.robot import SimulatedRobot
     from ltvn_core.sim.scene import Scene
 
@@ -38,7 +39,14 @@ class Simulation:
     robot: "SimulatedRobot"
 
 
-def open_simulation(scene_name: str, *, seed: int, first_step: FrameId = 0, start: Pose | None = None) -> Simulation:
+def open_simulation(
+    scene_name: str,
+    *,
+    seed: int,
+    first_step: FrameId = 0,
+    start: Pose | None = None,
+    odometry_noise: "OdometryNoise | None" = None,
+) -> Simulation:
     """Load a scene and put a robot into it, at `start` (3,) or at a free place drawn with `seed`.
 
     Raises SceneError for an unknown scene and where the simulator cannot run at all.
@@ -56,7 +64,10 @@ def open_simulation(scene_name: str, *, seed: int, first_step: FrameId = 0, star
     scene = load_scene(scene_name)
     rng = np.random.default_rng(seed)
     place = scene.clearance.sample_poses(rng, 1, min_clearance_m=START_CLEARANCE_M)[0] if start is None else start
-    return Simulation(scene, SimulatedRobot(scene, open_camera(scene), start=place, rng=rng, first_step=first_step))
+    robot = SimulatedRobot(
+        scene, open_camera(scene), start=place, rng=rng, odometry_noise=odometry_noise, first_step=first_step
+    )
+    return Simulation(scene, robot)
 
 
 def open_predictor(name: PredictorName, scene_name: str, weights: Path | None = None) -> Predictor:

@@ -1,6 +1,6 @@
 """`ltvn collect`: a scripted tour of a scene becomes a recording."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ltvn_core.errors import OptionError
@@ -31,21 +31,31 @@ class Collect(Verb):
     """How often the tour goes round."""
     seed: int = 0
     """Draws the start, the order of rooms and the odometry noise."""
+    distance_noise: float = 0.02
+    """Standard deviation of odometry's error in distance, as a share of it,"""
+    angle_noise: float = 0.01
+    """and in angle."""
 
     def run(self) -> Summary:
         """Tour the scene; raises OptionError, SceneError and RecordingError."""
         if self.loops < 1:
             raise OptionError(f"--loops must be 1 or more, got {self.loops}.")
+        if not (0 <= self.distance_noise < 1 and 0 <= self.angle_noise < 1):
+            raise OptionError(
+                "--distance-noise and --angle-noise are shares from 0 to below 1; 0.05 is a bad odometer."
+            )
         import numpy as np
         from tqdm import tqdm
 
         from ltvn_core.composition import open_simulation
         from ltvn_core.recording.writer import RecordingWriter
+        from ltvn_core.sim.odometry import OdometryNoise
         from ltvn_core.sim.tour import tour
 
-        simulation = open_simulation(self.scene, seed=self.seed)
+        noise = OdometryNoise(self.distance_noise, self.angle_noise)
+        simulation = open_simulation(self.scene, seed=self.seed, odometry_noise=noise)
         robot = simulation.robot
-        settings = {"verb": "collect", "loops": self.loops, "seed": self.seed}
+        settings = {"verb": "collect", "loops": self.loops, "seed": self.seed, "odometry_noise": asdict(noise)}
         frames = 0
         with RecordingWriter(self.output, scene=simulation.scene.address, config=settings, fingerprint="") as writer:
             rng = np.random.default_rng(self.seed)

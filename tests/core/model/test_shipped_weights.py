@@ -25,8 +25,8 @@ def test_the_card_belongs_to_the_weights_and_both_are_small() -> None:
 
 def test_far_pairs_are_rarely_called_reachable_where_most_near_ones_are() -> None:
     figures = assess_drives(load_predictor(), [drive()], np.random.default_rng(0), limit=3000)
-    assert figures.far_fpr_at_tpr60 <= 0.003
-    assert figures.near_tpr_at_half >= 0.5
+    assert figures.far_fpr_at_tpr60 == 0
+    assert figures.near_tpr_at_half >= 0.9
 
 
 def test_the_prefilter_keeps_nearly_all_that_full_comparison_ranks_first() -> None:

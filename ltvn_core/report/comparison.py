@@ -32,6 +32,7 @@ TABLES: Mapping[str, Columns] = {
     "house": {
         "house, before": ("house-before.json", None),
         "house, after": ("house-after.json", None),
+        "house, after, poor odometry": ("house-noisy.json", None),
         "apartments, before": ("shipped.json", None),
         "apartments, after": ("apartments-after.json", None),
     },

@@ -13,7 +13,7 @@ from typing import Annotated, TypeAlias
 import tyro
 from tyro.conf import subcommand
 
-from ltvn_core.errors import LtvnError
+from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.verbs.app import App, Replay
 from ltvn_core.verbs.bench import Bench
 from ltvn_core.verbs.build import Build
@@ -27,7 +27,7 @@ from ltvn_core.verbs.measure import Measure
 from ltvn_core.verbs.navigate import Lifelong, Navigate
 from ltvn_core.verbs.pairs import Pairs
 from ltvn_core.verbs.train import Train
-from ltvn_core.verbs.verb import Verb, to_json, to_text
+from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
 from ltvn_core.verbs.view import View
 
 AnyVerb: TypeAlias = (
@@ -77,7 +77,16 @@ def report(verb: Verb) -> None:
     elif verb.json == Path("-"):
         print(to_json(summary))
     else:
-        verb.json.write_text(to_json(summary) + "\n")
+        _write_summary(verb.json, summary)
+
+
+def _write_summary(path: Path, summary: Summary) -> None:
+    """Write a summary; where the file cannot be written, print it, so that nothing of a long run is lost."""
+    try:
+        path.write_text(to_json(summary) + "\n")
+    except OSError as error:
+        print(to_json(summary))
+        raise OptionError(f"{path}: the summary could not be written ({error}); it is printed instead.") from error
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ import torch
 from torch import distributed, multiprocessing, nn
 from torch.nn.parallel import DistributedDataParallel
 
+from ltvn_core.errors import LtvnError
 from ltvn_core.model.device import CPU, choose_device, graphics_cards
 
 Result = TypeVar("Result")
@@ -72,12 +73,18 @@ def run_team(work: Callable[[Team], Result], processes: int) -> Result:
     results: SimpleQueue = context.SimpleQueue()
     with TemporaryDirectory(prefix="ltvn-team-") as folder:
         arguments = (work, processes, Path(folder) / "meeting", results)
-        multiprocessing.spawn(_member, arguments, nprocs=processes)  # type: ignore[attr-defined]
+        try:
+            multiprocessing.spawn(_member, arguments, nprocs=processes)  # type: ignore[attr-defined]
+        except multiprocessing.ProcessRaisedException:
+            reason = None if results.empty() else results.get()
+            if isinstance(reason, LtvnError):
+                raise reason from None  # A clear error needs no trace of all processes.
+            raise
     return results.get()
 
 
 def _member(
-    rank: int, work: Callable[[Team], Result], processes: int, meeting: Path, results: "SimpleQueue[Result]"
+    rank: int, work: Callable[[Team], Result], processes: int, meeting: Path, results: "SimpleQueue[Result | LtvnError]"
 ) -> None:
     # Torch interrupts members whose leader has died. A shell's background jobs would not hear it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -91,5 +98,8 @@ def _member(
         result = work(Team(rank, processes, device))
         if rank == 0:
             results.put(result)
+    except LtvnError as error:
+        results.put(error)
+        raise
     finally:
         distributed.destroy_process_group()

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from ltvn_core.errors import WeightsError
 from ltvn_core.model.architecture import AnyArchitecture, Architecture
 from ltvn_core.model.assessment import Drive, assess_drives, assess_pairs, encode_images, predict_pairs
 from ltvn_core.model.calibration import fit_platt, logit
@@ -221,17 +222,29 @@ class _Course:
             else None,
         )
         log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
-        with (self.folder / "validation.jsonl").open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"seconds": round(self.spent), "score": found.score, **asdict(found)}) + "\n")
+        self._note(found)
         if self.scalars is not None:
             self.scalars.add_figures(found.steps, "pairs", asdict(found.pairs))
             self.scalars.add_figures(found.steps, "drives", asdict(found.drives) if found.drives else {})
         if self.best is None or found.score > self.best.score:
             self.best, self.worse_in_a_row = found, 0
             save_weights(self.learner.average, self.best_path)
-            (self.folder / "best.json").write_text(json.dumps(asdict(found)), encoding="utf-8")
         else:
             self.worse_in_a_row += 1
+
+    def _note(self, found: Assessment) -> None:
+        """Add figures to the folder's list, and keep them apart if they are the best so far."""
+        line = json.dumps({"seconds": round(self.spent), "score": found.score, **asdict(found)})
+        try:
+            with (self.folder / "validation.jsonl").open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+            if self.best is None or found.score > self.best.score:
+                (self.folder / "best.json").write_text(json.dumps(asdict(found)), encoding="utf-8")
+        except OSError as error:
+            raise WeightsError(
+                f"{self.folder}: figures could not be written ({error}); free some space and run again, which goes on "
+                "from the last checkpoint."
+            ) from error
 
     def _finish(self) -> TrainingResult:
         weights = self.folder / "weights.safetensors"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from ltvn_core.errors import WeightsError
+from ltvn_core.errors import DatasetError, WeightsError
 from ltvn_core.geometry import relative
 from ltvn_core.model.assessment import assess_all_pairs, assess_drives
 from ltvn_core.model.calibration import fit_platt
@@ -18,7 +18,7 @@ from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.mining import Far, find_confusions
 from ltvn_core.model.precision import Precision
 from ltvn_core.model.predictor import load_predictor
-from ltvn_core.model.training import TrainingPlan, train, train_together
+from ltvn_core.model.training import TrainingData, TrainingPlan, train, train_together
 from tests.core.model.examples import SMALL, tiny_data, tiny_drive, tiny_shard
 
 PLAN = LearningPlan(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)
@@ -83,6 +83,26 @@ def test_two_processes_train_one_network(tmp_path: Path) -> None:
     assert result.steps == 2
     assert result.best is not None
     assert len(load_predictor(result.weights).fingerprint) == 12
+
+
+def test_an_error_in_a_process_is_told_as_it_is(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="no data today"):
+        train_together(no_data, TrainingPlan(PLAN, minutes=None, steps=2), tmp_path, processes=2)
+
+
+def no_data() -> TrainingData:
+    raise DatasetError("no data today")
+
+
+def test_figures_that_cannot_be_written_end_training_and_leave_what_was_kept(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, minutes=None, steps=4, validations=2, minings=0, validation_pairs=20)
+    train(tiny_data(), plan, tmp_path)
+    kept = (tmp_path / "weights.safetensors").read_bytes()
+    (tmp_path / "validation.jsonl").unlink()
+    (tmp_path / "validation.jsonl").mkdir()
+    with pytest.raises(WeightsError, match="free some space"):
+        train(tiny_data(), replace(plan, steps=8), tmp_path)
+    assert (tmp_path / "weights.safetensors").read_bytes() == kept
 
 
 def test_positives_are_drawn_more_evenly_over_distance_than_they_occur() -> None:

@@ -75,7 +75,7 @@ def run_team(work: Callable[[Team], Result], processes: int) -> Result:
         arguments = (work, processes, Path(folder) / "meeting", results)
         try:
             multiprocessing.spawn(_member, arguments, nprocs=processes)  # type: ignore[attr-defined]
-        except multiprocessing.ProcessRaisedException:
+        except multiprocessing.ProcessRaisedException:  # type: ignore[attr-defined]
             reason = None if results.empty() else results.get()
             if isinstance(reason, LtvnError):
                 raise reason from None  # A clear error needs no trace of all processes.

@@ -11,7 +11,7 @@ from typing import Any
 
 from ltvn_core.data.reasons import limits_of
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.report.wording import NAMES, shown
+from ltvn_core.report.wording import NAMES, OF_DRIVING, shown
 
 
 def blocks(card: Mapping[str, Any]) -> dict[str, str]:
@@ -61,8 +61,12 @@ def _figures(measured: Mapping[str, Any]) -> str:
 
 def _further(card: Mapping[str, Any]) -> str:
     """Return a table of the card's single figures from driving and about speed, empty where it has none."""
-    found = [pair for section in ("driving", "speed") for pair in (card.get(section) or {}).items()]
-    rows = [(_name(key), _single(value)) for key, value in found if _single(value)]
+    rows = [
+        (OF_DRIVING.get(key) or _name(key), _single(value))
+        for section in ("driving", "speed")
+        for key, value in (card.get(section) or {}).items()
+        if _single(value)
+    ]
     return f"\n\n{_table(('', 'measured'), rows)}" if rows else ""
 
 

@@ -24,9 +24,22 @@ NAMES = {
 }
 """What the card's figures are called; a figure without a name is called by its key."""
 
+OF_DRIVING = {
+    "images": "images of the drive through each apartment",
+    "arrival_if_reachable": "truly arrived, given reachable",
+    "arrival_if_not": "truly arrived, given not reachable",
+    "connected_if_not": "false edges the method would have made",
+    "not_begun": "edges not driven, for the robot took itself to be elsewhere",
+    "distance_sigma": "spread of d over pairs that become edges: sigma of Eq. 4",
+    "distance_sigma_all": "the same over all reachable pairs",
+}
+"""Names of figures that only driving gives, or that mean something else there."""
+
 
 def shown(number: object) -> str:
     """Write a figure of the card for a reader."""
     if isinstance(number, float):
+        if number == 0:
+            return "0"
         return f"{number:.1e}" if 0 < abs(number) < 1e-3 else f"{number:.3f}"
     return f"{number:,}" if isinstance(number, int) else str(number)

@@ -39,6 +39,8 @@ class Figures(Verb):
     """The page whose tables are written."""
     measurements: Path = Path("docs/measurements")
     """Folder of summaries of `ltvn train --evaluate`, for the page's comparisons."""
+    tables_only: bool = False
+    """Draw nothing, only write the page's tables anew."""
     scenes: tuple[str, ...] = UNSEEN
     """Scenes that training has not seen."""
     clusters: int = 180
@@ -48,19 +50,26 @@ class Figures(Verb):
 
     def run(self) -> Summary:
         """Draw and write; raises OptionError, WeightsError, SceneError and DatasetError."""
-        ensure_matplotlib()
-        from ltvn_core.model.predictor import load_predictor
-        from ltvn_core.model.weights import SHIPPED, read_card
+        from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
         from ltvn_core.report.comparison import comparisons
-        from ltvn_core.report.pictures import draw_all
         from ltvn_core.report.tables import blocks, fill
 
-        predictor, tables = load_predictor(self.weights), blocks(read_card(self.weights or SHIPPED))
-        shards, driven = self._shards(), drives(self.scenes, images=self.images)
-        pictures = draw_all(predictor, shards, driven, _ink(), self.output)
+        weights = self.weights or SHIPPED
+        tables = blocks(read_card(weights))
+        pictures, pairs = ((), 0) if self.tables_only else self._draw(weights)
         if self.page is not None:
             fill(self.page, {**tables, **comparisons(self.measurements)})
-        return FiguresMade(pictures, self.page, predictor.fingerprint, sum(len(shard.sources) for shard in shards))
+        return FiguresMade(pictures, self.page, weights_fingerprint(weights), pairs)
+
+    def _draw(self, weights: Path) -> tuple[tuple[Path, ...], int]:
+        """Return the pictures and the number of labelled pairs behind them."""
+        ensure_matplotlib()
+        from ltvn_core.model.predictor import load_predictor
+        from ltvn_core.report.pictures import draw_all
+
+        predictor, shards = load_predictor(weights), self._shards()
+        pictures = draw_all(predictor, shards, drives(self.scenes, images=self.images), _ink(), self.output)
+        return pictures, sum(len(shard.sources) for shard in shards)
 
     def _shards(self) -> "list[Shard]":
         from ltvn_core.data.generate import DatasetRecipe, generate

@@ -71,7 +71,9 @@ def generate(
     if on_made is not None:
         on_made(len(paths) - len(missing), len(paths))
     made = Parallel(n_jobs=max(1, min(processes, len(missing))), return_as="generator_unordered")(
-        delayed(_make_and_write)(name, open_world, path, recipe) for name, path in missing
+        # Workers outlive a call and may have been started in another folder.
+        delayed(_make_and_write)(name, open_world, path.absolute(), recipe)
+        for name, path in missing
     )
     bar = tqdm(made, desc="scenes", unit="scene", initial=len(paths) - len(missing), total=len(paths))
     for count, line in enumerate(bar, len(paths) - len(missing) + 1):

@@ -3,6 +3,7 @@
 Everything runs in one thread, in simulated time; nothing sleeps. Owns no assertion.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
@@ -37,6 +38,9 @@ from ltvn_viz.thumbnails import Thumbnails
 from ltvn_viz.timeline import Timeline
 from ltvn_viz.worker import Worker
 from tests.core.world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
+
+PATIENCE_S = 30.0
+"""So long may other threads need, on a busy machine."""
 
 WAY = ((1.0, 1.0), (4.0, 1.0), (4.0, 3.0))
 """A tour through the single room."""
@@ -183,10 +187,12 @@ class Theatre:
         return self.now
 
     def until(self, holds: Callable[[Snapshot], bool], ticks: int = 9000) -> Snapshot:
-        """Let ticks pass until something holds."""
-        for _ in range(ticks):
+        """Let ticks pass until something holds, as many as asked for and longer where other threads are still busy."""
+        patience = time.monotonic() + PATIENCE_S
+        while ticks > 0 or time.monotonic() < patience:
             if holds(self.wait()):
                 return self.now
+            ticks -= 1
         raise AssertionError(f"never happened; at last: {self.now}")
 
     def open_replay(self, name: str) -> Replay:

@@ -99,6 +99,16 @@ def test_several_processes_make_the_same_bytes_as_one(tmp_path: Path) -> None:
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
 
 
+def test_several_processes_write_below_the_folder_of_the_moment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for place in ("here", "there"):
+        (tmp_path / place).mkdir()
+        monkeypatch.chdir(tmp_path / place)
+        paths = generate(["a", "b"], two_rooms, Path("data"), RECIPE, processes=2)
+        assert [read_shard(path).name for path in paths] == ["a", "b"]
+
+
 def test_an_unwritable_folder_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(DatasetError, match="could not be written"):

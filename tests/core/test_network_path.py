@@ -31,7 +31,7 @@ def test_data_training_fine_tuning_and_measuring_follow_each_other(
     assert made["pairs"] > 4 * 16 * 56
 
     trained = ltvn("train", "--output", "first.safetensors", "--steps", 40, *SMALL, summary=summary)
-    assert trained["steps"] == 30
+    assert trained["steps"] == 40
     assert trained["figures"]["auc"] > 0.5
 
     drive = ltvn("collect", "--scene", "tune-3", "--loops", 1, "--output", "drive.rrd", summary=summary)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ltvn_core.model.finetuning import FineTuned, FineTuningPlan, Standing
+from ltvn_core.model.finetuning import FineTuningPlan, Standing
 
 PAIR_NAMES = ("auc", "position_median_m", "position_p90_m", "yaw_median_deg", "ece")
 FAR_NAMES = ("far_pairs", "far_fpr_at_tpr60", "far_fpr_at_half", "near_tpr_at_half")
@@ -42,8 +42,6 @@ class FineTuningCard:
     minutes: float
     before: Standing
     after: Standing
-    distance_sigma: float
-    """Standard deviation of d(predicted) - d(true) on reachable pairs, the larger of own and simulated; for Eq. 4."""
 
 
 def flat_figures(standing: Mapping[str, Any]) -> dict[str, float]:
@@ -52,11 +50,6 @@ def flat_figures(standing: Mapping[str, Any]) -> dict[str, float]:
     found = _named("own", own["pairs"], PAIR_NAMES) | _named("own", own["far"], FAR_NAMES)
     found |= _named("simulated", standing["simulated"], PAIR_NAMES)
     return found | _named("simulated", standing["simulated_drives"] or {}, FAR_NAMES)
-
-
-def distance_sigma(result: FineTuned) -> float:
-    """Return the sigma of Eq. 4 that the fine-tuned weights deserve."""
-    return max(result.after.own.pairs.distance_sigma, result.after.simulated.distance_sigma)
 
 
 def _named(where: str, figures: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:

@@ -1,9 +1,10 @@
-"""Makes r honest again after fine-tuning, on pairs that were not learned from: simulated ones and the drive's own.
+"""Makes r honest after training and again after fine-tuning, on pairs that were not learned from.
 
 Owns which pairs count how much. The fit is in `ltvn_core.model.calibration`.
 """
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 import torch
@@ -16,6 +17,9 @@ from ltvn_core.model.examples import Examples
 from ltvn_core.model.mixed_pool import OwnDrive
 from ltvn_core.model.predictor import NetworkPredictor
 
+Chosen: TypeAlias = tuple[Examples, NDArray[np.intp]]
+"""A scene, and the rows of the labelled pairs of it that count."""
+
 
 def recalibrate(network: AnyNetwork, drive: OwnDrive, scenes: Sequence[Examples], *, most: int = 10_000) -> None:
     """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
@@ -24,17 +28,20 @@ def recalibrate(network: AnyNetwork, drive: OwnDrive, scenes: Sequence[Examples]
     simulation does, where that is at hand. Of a short drive nothing is held out; where there is no simulation either,
     the calibration stays as it is.
     """
-    before = network.calibration.clone()
-    network.calibration.copy_(torch.tensor([1.0, 0.0]))
     rng = np.random.default_rng(0)
-    judged = [_judge(network, scene, rng.permutation(len(scene.sources))[:most]) for scene in scenes]
-    limit = sum(len(logits) for logits, _ in judged) if judged else most
+    judged: list[Chosen] = [(scene, rng.permutation(len(scene.sources))[:most]) for scene in scenes]
+    limit = sum(len(pairs) for _, pairs in judged) if judged else most
     kept_back = np.flatnonzero(drive.held_out[drive.sources] & drive.held_out[drive.targets])
     if len(kept_back):
-        judged.append(_judge(network, drive, rng.permutation(kept_back)[:limit]))
-    if not judged:
-        network.calibration.copy_(before)
-        return
+        judged.append((drive, rng.permutation(kept_back)[:limit]))
+    if judged:
+        calibrate(network, judged)
+
+
+def calibrate(network: AnyNetwork, chosen: Sequence[Chosen]) -> None:
+    """Fit the network's calibration on chosen labelled pairs of scenes."""
+    network.calibration.copy_(torch.tensor([1.0, 0.0]))
+    judged = [_judge(network, scene, pairs) for scene, pairs in chosen]
     logits, positive = (np.concatenate(column) for column in zip(*judged, strict=True))
     network.calibration.copy_(torch.tensor(fit_platt(logits, positive)))
 

@@ -13,15 +13,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import torch
 from tqdm import tqdm
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.model.architecture import AnyArchitecture, Architecture
-from ltvn_core.model.assessment import Drive, assess_drives, assess_pairs, encode_images, predict_pairs
-from ltvn_core.model.calibration import fit_platt, logit
+from ltvn_core.model.assessment import Drive, assess_drives, assess_pairs
 from ltvn_core.model.checkpoint import resume, save_checkpoint
-from ltvn_core.model.contract import AnyNetwork
 from ltvn_core.model.examples import ExamplePool, Examples
 from ltvn_core.model.figures import DriveFigures, PairFigures
 from ltvn_core.model.learner import Learner, StepReport, schedule
@@ -30,6 +27,7 @@ from ltvn_core.model.memory import keep_freed_memory
 from ltvn_core.model.mining import find_confusions
 from ltvn_core.model.precision import Precision, choose_precision
 from ltvn_core.model.predictor import NetworkPredictor
+from ltvn_core.model.recalibration import calibrate
 from ltvn_core.model.scalars import Scalars
 from ltvn_core.model.team import ALONE, Team, run_team
 from ltvn_core.model.weights import load_weights, save_weights
@@ -255,22 +253,9 @@ class _Course:
             if self.best is None or self.best.steps != self.learner.steps:
                 self._validate()
             network = load_weights(self.best_path)
-            calibrate(network, self.data.validation)
+            calibrate(network, [(scene, np.arange(len(scene.sources))) for scene in self.data.validation])
             save_weights(network, weights)
         return TrainingResult(weights, self.best, self.learner.steps, self.learner.pairs, self.spent)
-
-
-def calibrate(network: AnyNetwork, scenes: Sequence[Examples]) -> None:
-    """Fit the network's calibration on all labelled pairs of scenes."""
-    network.calibration.copy_(torch.tensor([1.0, 0.0]))
-    predictor = NetworkPredictor(network, "in calibration")
-    logits, positive = [], []
-    for scene in scenes:
-        features = encode_images(predictor, scene.rgb, scene.depth_mm)
-        rows = (scene.sources.astype(np.intp), scene.targets.astype(np.intp))
-        logits.append(logit(predict_pairs(predictor, features, *rows).reachability))
-        positive.append(scene.reachable)
-    network.calibration.copy_(torch.tensor(fit_platt(np.concatenate(logits), np.concatenate(positive))))
 
 
 def _due(before: float, after: float, times: int, *, begin: float) -> bool:

@@ -1,33 +1,21 @@
 """`ltvn finetune`: weights get to know the place of one recording (sections III-B and IV of the paper)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from shutil import rmtree
 from threading import Event
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError, WeightsError
+from ltvn_core.verbs.lesson_data import read_drive, with_simulation
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from ltvn_core.data.trajectory_pairs import TrajectoryPairs
-    from ltvn_core.model.assessment import Drive
     from ltvn_core.model.finetuning import FineTuned, FineTuningData, FineTuningPlan, Progress
-    from ltvn_core.types import Intrinsics, Observation
-
-Tell: TypeAlias = Callable[[float, str], None]
-"""Takes the share that is done, in [0, 1], and what is being done, for a person."""
-
-MIXED = ("train-00", "train-07", "train-14", "train-21")
-"""Scenes that are shown in between where no dataset is named,"""
-CHECKED = ("tune-0", "tune-1")
-"""and those by which old knowledge and the calibration are checked."""
-_MOST_SCENES = 8
-"""More scenes of a dataset would fill the memory and are not needed for a few minutes."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +141,7 @@ class Finetune(Verb):
 
     def _save(self, result: "FineTuned", start: Path, plan: "FineTuningPlan", data: "FineTuningData") -> str:
         from ltvn_core.data.trajectory_pairs import TrajectoryPairs
-        from ltvn_core.model.finetuning_card import FineTuningCard, distance_sigma
+        from ltvn_core.model.finetuning_card import FineTuningCard
         from ltvn_core.model.weights import read_card, save_weights
 
         drive = data.drive
@@ -175,7 +163,6 @@ class Finetune(Verb):
             minutes=result.seconds / 60,
             before=result.before,
             after=result.after,
-            distance_sigma=distance_sigma(result),
         )
         return save_weights(result.network, self.output, asdict(card))
 
@@ -186,93 +173,6 @@ class Finetune(Verb):
             f"--{name} {path.name}" for name in ("weights", "data") if (path := getattr(self, name)) is not None
         ]
         return " ".join([f"ltvn finetune {self.recording.name}", *options, f"--seed {self.seed}"])
-
-
-def read_drive(path: Path, *, horizon: int, gated: bool) -> "TrajectoryPairs":
-    """Read a recording and label its pairs by odometry. Raises RecordingError."""
-    from ltvn_core.recording.reader import Recording
-
-    recording = Recording.open(path)
-    observations = [recording.observation(frame) for frame in recording.frames]
-    return label_drive(observations, path.name, camera=recording.meta.intrinsics, horizon=horizon, gated=gated)
-
-
-def label_drive(
-    observations: "Sequence[Observation]", name: str, *, camera: "Intrinsics", horizon: int, gated: bool
-) -> "TrajectoryPairs":
-    """Label the pairs of images at hand by odometry. Raises RecordingError if they are no drive."""
-    import numpy as np
-
-    from ltvn_core.data.trajectory import trajectory
-    from ltvn_core.data.trajectory_pairs import PairRule, label_trajectory
-
-    drive = trajectory(observations, name, camera=camera)
-    return label_trajectory(drive, PairRule(horizon=horizon, gated=gated), np.random.default_rng(0))
-
-
-def with_simulation(drive: "TrajectoryPairs", folder: Path | None, tell: Tell | None = None) -> "FineTuningData":
-    """Add simulated pairs to a drive: of a dataset, or of a few scenes rendered here. Raises DatasetError.
-
-    `tell` hears of progress; what it raises ends the work, and what was rendered until then is kept.
-    """
-    from ltvn_core.data.shards import read_shard
-    from ltvn_core.model.finetuning import FineTuningData
-
-    tell = tell or _untold
-    learned, validation = _chosen(folder) if folder is not None else _rendered(tell)
-    drives = []
-    for number, name in enumerate(CHECKED):
-        tell(0.8 + 0.2 * number / len(CHECKED), "driving through simulated rooms")
-        drives.append(_drive_through(name))
-    return FineTuningData(
-        drive, [read_shard(path) for path in learned], [read_shard(path) for path in validation], drives
-    )
-
-
-@cache
-def _drive_through(name: str) -> "Drive":
-    from ltvn_core.verbs.unseen import drives
-
-    return drives([name], images=150)[0]
-
-
-def _rendered(tell: Tell) -> tuple[list[Path], list[Path]]:
-    """Return shards of a few scenes in the user's cache, made there at the first call."""
-    from platformdirs import user_cache_path
-
-    from ltvn_core.data.generate import DatasetRecipe, generate
-    from ltvn_core.verbs.dataset import open_world
-
-    def made(count: int, of: int) -> None:
-        tell(
-            0.8 * count / of,
-            "simulated rooms" if count == of else f"drawing simulated rooms, once only: {count} of {of}",
-        )
-
-    folder = user_cache_path("ltvn") / "finetuning"
-    recipe = DatasetRecipe(clusters=100)
-    paths = generate((*MIXED, *CHECKED), open_world, folder, recipe, on_made=made)
-    return paths[: len(MIXED)], paths[len(MIXED) :]
-
-
-def _untold(share: float, doing: str) -> None:
-    """Nobody wants to know."""
-
-
-def _chosen(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return some shards of a dataset, evenly over its scenes. Raises DatasetError if there are none of a kind."""
-    from ltvn_core.data.shards import shard_path
-    from ltvn_core.errors import DatasetError
-
-    shards = sorted(folder.glob("*.pairs.safetensors"))
-    validation = [path for path in (shard_path(folder, name) for name in CHECKED) if path in shards]
-    learned = [path for path in shards if not path.name.startswith("tune-")]
-    if not learned or not validation:
-        raise DatasetError(
-            f"{folder}: needs shards of scenes to learn from and of {' or '.join(CHECKED)}, found "
-            f"{len(shards)} in all; run `ltvn dataset --folder {folder}`, or leave --data out to have some rendered."
-        )
-    return learned[:: max(-(-len(learned) // _MOST_SCENES), 1)], validation
 
 
 def _card(weights: Path) -> dict[str, Any]:

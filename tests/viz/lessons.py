@@ -14,7 +14,7 @@ from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.weights import save_weights
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Observation
-from ltvn_core.verbs.finetune import Tell
+from ltvn_core.verbs.lesson_data import Tell
 from ltvn_core.verbs.tuning import Tuner
 from tests.core.data.own_drive import along, look
 from tests.core.model.examples import SMALL, tiny_drive, tiny_shard

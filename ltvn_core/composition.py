@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-log = logging.getLogger(__name__)
-
 PredictorName: TypeAlias = Literal["network", "oracle"]
 """The trained network, or the simulator's own geometry."""
 

@@ -22,36 +22,11 @@ from ltvn_core.nav.episode import judge
 from ltvn_core.nav.events import Event, GraphChanged, Judged, Stamped
 from ltvn_core.nav.lifelong import Lifelong, random_goals
 from ltvn_core.nav.navigator import Navigator
+from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
+from ltvn_core.sim.robot import CONTROL_STEP_S
 from ltvn_core.sim.tour import tour
-from ltvn_core.types import NodeId, Observation, Pose, Predictor, RobotState, Twist
-
-
-class RecordedRobot:
-    """A robot whose every look is written down. Implements `ltvn_core.types.Robot`."""
-
-    def __init__(self, robot: SimulatedRobot, writer: RecordingWriter) -> None:
-        self._robot = robot
-        self._writer = writer
-
-    def drive(self, twist: Twist) -> None:
-        """Pass the command on."""
-        self._robot.drive(twist)
-
-    def stop(self) -> None:
-        """Stop the robot."""
-        self._robot.stop()
-
-    def state(self) -> RobotState:
-        """Feel the body."""
-        return self._robot.state()
-
-    def observe(self) -> Observation:
-        """Take a picture and record it."""
-        seen = self._robot.observe()
-        self._writer.frame(seen)
-        return seen
+from ltvn_core.types import NodeId, Observation, Pose, Predictor
 
 
 @dataclass(frozen=True)

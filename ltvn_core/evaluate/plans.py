@@ -1,0 +1,154 @@
+"""What is to be tried: one method in one scene with one map seed, and where its files lie.
+
+Owns names and paths, and that results of one plan never mix with those of another. Runs nothing.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from ltvn_core.composition import PredictorName, open_method
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluate.protocol import Protocol
+from ltvn_core.graph.rivals import sptm, ving
+from ltvn_core.graph.system import System, ltvn
+from ltvn_core.graph.without import PARTS, without
+from ltvn_core.recording.whole import written_whole
+from ltvn_core.sim.scene import Scene
+
+SystemName: TypeAlias = Literal["ltvn", "sptm", "ving"]
+"""A topological navigation system."""
+
+_SYSTEMS = {"ltvn": ltvn, "sptm": sptm, "ving": ving}
+_FINE_TUNING = "fine-tuning"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialPlan:
+    """One method in one scene with one map seed."""
+
+    scene: str
+    """A name, or the path of a mesh."""
+    seed: int
+    """Draws the drive, the map, the goals and the episodes."""
+    system: SystemName = "ltvn"
+    preset: str = "robust"
+    """Of the navigator, which is the same for all systems."""
+    parts_off: tuple[str, ...] = ()
+    """Parts of the method that are switched off, see `parts`."""
+    predictor: PredictorName = "network"
+    weights: Path | None = None
+    """Weights to start from instead of the shipped ones of the system."""
+    finetune_steps: int = 150
+    """Steps of fine-tuning on the mapping drive."""
+    protocol: Protocol = field(default_factory=Protocol)
+
+    def __post_init__(self) -> None:
+        if strangers := set(self.parts_off) - set(parts()):
+            raise OptionError(f"There is no part {sorted(strangers)} to leave out; choose from: {', '.join(parts())}.")
+        if self.finetune_steps < 0 or self.seed < 0:
+            raise OptionError(f"Seed and steps must be 0 or more, got {self.seed} and {self.finetune_steps}.")
+
+    @property
+    def finetuned(self) -> bool:
+        """Tell whether the network learns from the drive."""
+        return bool(self.finetune_steps) and self.predictor == "network" and _FINE_TUNING not in self.parts_off
+
+    @property
+    def label(self) -> str:
+        """Name the method in file names."""
+        words = [self.system]
+        words += [] if self.preset == "robust" else [self.preset]
+        words += [] if self.predictor == "network" else [self.predictor]
+        return "-".join([*words, *(f"no-{part}" for part in self.parts_off)])
+
+
+def parts() -> tuple[str, ...]:
+    """Return the names of the parts that can be switched off."""
+    return (*PARTS, _FINE_TUNING)
+
+
+def open_system(plan: TrialPlan, weights: Path | None, scene: Scene, *, maintain: bool) -> System:
+    """Return the system of a plan with the constants of its weights. Raises OptionError and WeightsError."""
+    method = open_method(plan.preset, plan.predictor, weights)
+    limits = {"step_limit": plan.protocol.steps_in(scene), "collision_limit": plan.protocol.collision_limit}
+    method = replace(method, maintain=maintain, recovering=replace(method.recovering, **limits))
+    return _SYSTEMS[plan.system](without(method, set(plan.parts_off) - {_FINE_TUNING}))
+
+
+@dataclass(frozen=True, slots=True)
+class TrialFiles:
+    """Where the files of a plan lie: the drive is shared by all methods, the weights by all variations of one."""
+
+    folder: Path
+    """Of the scene and the seed."""
+    label: str
+    system: SystemName
+
+    @classmethod
+    def of(cls, plan: TrialPlan, folder: Path) -> "TrialFiles":
+        """Name the files of a plan below a folder."""
+        return cls(folder / f"{Path(plan.scene).stem}-{plan.seed}", plan.label, plan.system)
+
+    @property
+    def drive(self) -> Path:
+        """The recording of the mapping drive."""
+        return self.folder / "drive.rrd"
+
+    @property
+    def sights(self) -> Path:
+        """Where its images were truly taken."""
+        return self.folder / "drive.json"
+
+    @property
+    def weights(self) -> Path:
+        """Weights that know the drive."""
+        return self.folder / f"{self.system}.safetensors"
+
+    def map(self, queries: int = 0) -> Path:
+        """Return the map after so many queries."""
+        return self.folder / self.label / f"map-{queries:04d}.rrd"
+
+    def episodes(self, queries: int, first: int) -> Path:
+        """Return the results of some episodes with that map."""
+        return self.folder / self.label / f"episodes-{queries:04d}-{first:04d}.json"
+
+    def stretch(self, queries: int) -> Path:
+        """Return what the queries up to that number did to the map."""
+        return self.folder / self.label / f"queries-{queries:04d}.json"
+
+    def trial(self, episodes: int) -> Path:
+        """Return the result of the static test."""
+        return self.folder / f"{self.label}-{episodes}.trial.json"
+
+    def lifelong(self, queries: int, episodes: int) -> Path:
+        """Return the result of the lifelong test."""
+        return self.folder / f"{self.label}-{queries}-{episodes}.lifelong.json"
+
+    def failure(self, episode: int) -> Path:
+        """Return the recording of an episode that failed."""
+        return self.folder / self.label / f"failure-{episode:04d}.rrd"
+
+
+def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
+    """Write down what the files of a plan are made by. Raises OptionError where others made them already.
+
+    How many episodes are run makes no difference: the first ones stay the same.
+    """
+    path = files.folder / files.label / "plan.json"
+    weights = plan.weights or shipped_weights(plan.system)
+    settings = {**asdict(plan), "version": version("ltvn"), "weights": weights_fingerprint(weights)}
+    made_by = json.loads(json.dumps(settings, default=str))
+    del made_by["protocol"]["episodes"]
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(path) as part:
+            part.write_text(json.dumps(made_by, indent=1), encoding="utf-8")
+    before = json.loads(path.read_text(encoding="utf-8"))
+    if changed := sorted(key for key in made_by.keys() | before.keys() if made_by.get(key) != before.get(key)):
+        raise OptionError(
+            f"{path.parent} holds results that were made with other settings ({', '.join(changed)}). Name another "
+            "--folder, or move that one away."
+        )

@@ -1,0 +1,56 @@
+"""Where work runs: on the cores of this machine, or on a cluster that a person has already.
+
+Owns how joblib is told about it. Files are the only thing that pieces of work share, so on a cluster the folder of the
+evaluation must be one that all machines see, at the same path.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from joblib import Parallel, cpu_count, parallel_config
+
+from ltvn_core.errors import OptionError
+
+
+@contextmanager
+def workers(processes: int | None, cluster: str | None) -> Iterator[Parallel]:
+    """Yield something that runs joblib's delayed calls, and hands their results back as they come.
+
+    `processes` None takes all cores. `cluster` is `ray://HOST:PORT` (Ray) or `tcp://HOST:PORT` (Dask). Raises
+    OptionError for another address, and where the package that it needs is not installed.
+    """
+    if cluster is not None:
+        with _on_cluster(cluster), Parallel(return_as="generator_unordered") as parallel:
+            yield parallel
+        return
+    count = processes or cpu_count()
+    if count < 1:
+        raise OptionError(f"--workers must be 1 or more, got {count}.")
+    # One thread each: several processes use the cores better than several threads in one.
+    backend = {"backend": "loky", "inner_max_num_threads": 1} if count > 1 else {"backend": "sequential"}
+    with parallel_config(**backend), Parallel(n_jobs=count, return_as="generator_unordered") as parallel:
+        yield parallel
+
+
+@contextmanager
+def _on_cluster(address: str) -> Iterator[None]:
+    scheme = address.partition("://")[0]
+    try:
+        if scheme == "ray":
+            import ray
+            from ray.util.joblib import register_ray
+
+            ray.init(address)
+            register_ray()
+            with parallel_config(backend="ray"):
+                yield
+        elif scheme in ("tcp", "tls"):
+            from dask.distributed import Client
+
+            with Client(address), parallel_config(backend="dask"):
+                yield
+        else:
+            raise OptionError(f"--cluster must be ray://HOST:PORT or tcp://HOST:PORT (Dask), got {address!r}.")
+    except ModuleNotFoundError as missing:
+        package = "ray" if scheme == "ray" else "distributed"
+        raise OptionError(f"--cluster {address} needs {missing.name}: pip install {package}") from missing

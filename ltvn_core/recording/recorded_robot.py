@@ -1,0 +1,30 @@
+"""A robot whose every look is written down. Owns nothing but that."""
+
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.types import Observation, Robot, RobotState, Twist
+
+
+class RecordedRobot:
+    """Passes everything on to a robot and records what it sees. Implements `ltvn_core.types.Robot`."""
+
+    def __init__(self, robot: Robot, writer: RecordingWriter) -> None:
+        self._robot = robot
+        self._writer = writer
+
+    def drive(self, twist: Twist) -> None:
+        """Pass the command on."""
+        self._robot.drive(twist)
+
+    def stop(self) -> None:
+        """Stop the robot."""
+        self._robot.stop()
+
+    def state(self) -> RobotState:
+        """Feel the body."""
+        return self._robot.state()
+
+    def observe(self) -> Observation:
+        """Take a picture and record it."""
+        seen = self._robot.observe()
+        self._writer.frame(seen)
+        return seen

@@ -1,0 +1,182 @@
+"""`ltvn evaluate`: the paper's protocol, for LTVN and its rivals."""
+
+import shlex
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ltvn_core.evaluate.plans import TrialPlan
+    from ltvn_core.evaluate.protocol import Protocol
+    from ltvn_core.evaluate.results import TrialResult
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """What the episodes of all scenes and seeds came to."""
+
+    scenes: tuple[str, ...]
+    method: str
+    preset: str
+    without: tuple[str, ...]
+    seeds: tuple[int, ...]
+    episodes: int
+    """In all."""
+    success_rate: float
+    success_low: float
+    """95 % interval."""
+    success_high: float
+    spl: float
+    """Success weighted by path length."""
+    collisions_per_episode: float
+    steps_per_episode: float
+    """Control steps of 0.1 s."""
+    nodes: float
+    """Mean over the maps, as are the next two."""
+    edges: float
+    spurious_edges: float
+    """Edges that nobody can drive, by the simulator's truth."""
+    failures: dict[str, int]
+    """Episodes that failed, by cause."""
+    folder: Path
+    """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    wall_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProtocolOptions(Verb):
+    """Options shared by the verbs that test a method as the paper does."""
+
+    scene: tuple[str, ...] = ("demo",)
+    """Scenes by name (a wrong one lists the right ones), or paths of meshes or of Gibson folders."""
+    seed: tuple[int, ...] = (0,)
+    """Draws drive, noise, map, goals and episodes; several are run one after the other."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The navigator's settings: robust is ours, paper is the literal method."""
+    without: tuple[str, ...] = ()
+    """Parts to switch off: merging, pruning, expansion, fine-tuning."""
+    predictor: Literal["network", "oracle"] = "network"
+    """What compares images: the trained network, or the simulator's own geometry."""
+    weights: Path | None = None
+    """Weights to start from instead of the shipped ones."""
+    finetune_steps: int = 150
+    """Steps of fine-tuning on the mapping drive."""
+    loops: int = 4
+    """Rounds of the mapping drive."""
+    goals: int = 10
+    """Goal images."""
+    step_limit: int | None = None
+    """Control steps after which an episode failed; by default the paper's, 1,000 below 100 m2 and 2,000 above."""
+    folder: Path = Path("runs/evaluation")
+    """Where drives, weights, maps and results are kept, and found again by the next call."""
+    workers: int | None = None
+    """Processes to run side by side; by default as many as there are cores."""
+    cluster: str | None = None
+    """A running cluster instead: ray://HOST:PORT, or tcp://HOST:PORT for Dask; all machines must see the folder."""
+
+    def protocol(self, episodes: int) -> "Protocol":
+        """Return the numbers of the test. Raises OptionError."""
+        from ltvn_core.evaluate.protocol import Protocol
+
+        return Protocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
+
+    def plans(self, method: Literal["ltvn", "sptm", "ving"], episodes: int) -> "list[TrialPlan]":
+        """Return a plan for each scene and seed. Raises OptionError."""
+        from ltvn_core.evaluate.plans import TrialPlan
+
+        if (
+            not self.scene
+            or not self.seed
+            or len({*self.scene}) < len(self.scene)
+            or len({*self.seed}) < len(self.seed)
+        ):
+            raise OptionError("--scene and --seed need one value at least, and none of them twice.")
+        protocol = self.protocol(episodes)
+        return [
+            TrialPlan(
+                scene=scene,
+                seed=seed,
+                system=method,
+                preset=self.preset,
+                parts_off=tuple(sorted(self.without)),
+                predictor=self.predictor,
+                weights=self.weights,
+                finetune_steps=self.finetune_steps,
+                protocol=protocol,
+            )
+            for scene in self.scene
+            for seed in self.seed
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate(ProtocolOptions):
+    """Test a method as the paper does: map a scene, fine-tune, build, and drive random episodes without maintenance."""
+
+    method: Literal["ltvn", "sptm", "ving"] = "ltvn"
+    """Ours, or a rival in the same harness."""
+    episodes: int = 500
+    """Random episodes for each scene and seed."""
+    record_failures: int = 0
+    """Run so many of the failed episodes of each scene and seed again and record them, for `ltvn replay`."""
+
+    def run(self) -> Summary:
+        """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
+        from joblib import delayed
+        from tqdm import tqdm
+
+        from ltvn_core.evaluate.failures import record_failures
+        from ltvn_core.evaluate.plans import TrialFiles
+        from ltvn_core.evaluate.trials import run_trials
+        from ltvn_core.evaluate.workers import workers
+
+        started, plans = time.monotonic(), self.plans(self.method, self.episodes)
+        with (
+            workers(self.workers, self.cluster) as parallel,
+            tqdm(total=self.episodes * len(plans), desc="evaluate", unit="episode") as bar,
+        ):
+            trials = run_trials(
+                plans, self.folder, episodes=self.episodes, command=command(), parallel=parallel, on_done=bar.update
+            )
+            if self.record_failures:
+                tasks = [(plan, TrialFiles.of(plan, self.folder)) for plan in plans]
+                again = zip(tasks, trials, strict=True)
+                list(parallel(delayed(record_failures)(*task, trial, self.record_failures) for task, trial in again))
+        return self._summary(trials, time.monotonic() - started)
+
+    def _summary(self, trials: "Sequence[TrialResult]", wall_s: float) -> Evaluated:
+        from ltvn_core.evaluate.metrics import figures
+
+        found = figures(trials)
+        return Evaluated(
+            scenes=self.scene,
+            method=self.method,
+            preset=self.preset,
+            without=self.without,
+            seeds=self.seed,
+            episodes=found.episodes,
+            success_rate=found.success_rate.mean,
+            success_low=found.success_rate.low,
+            success_high=found.success_rate.high,
+            spl=found.spl,
+            collisions_per_episode=found.collisions_per_episode.mean,
+            steps_per_episode=found.steps_per_episode,
+            nodes=found.nodes,
+            edges=found.edges,
+            spurious_edges=found.spurious_edges,
+            failures=found.failures,
+            folder=self.folder,
+            wall_s=wall_s,
+        )
+
+
+def command() -> str:
+    """Return the command line that is running, without the folder that leads to the program."""
+    return shlex.join(["ltvn", *sys.argv[1:]])

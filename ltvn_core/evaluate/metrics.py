@@ -1,0 +1,148 @@
+"""Figures over trials: means of episodes with their intervals, failures by cause, and what differs between two methods.
+
+Owns which mean is taken and how sure it is. The scenes are what a claim is about and are taken as they are; map seeds
+and episodes are samples. So a 95 % interval comes from a bootstrap in two stages, seeds within each scene and then
+episodes within each trial, with a fixed seed of its own. Every trial counts the same, however many episodes it has.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.evaluate.resampling import Estimate, Sample, estimates
+from ltvn_core.evaluate.results import EpisodeResult, Failure, TrialResult
+from ltvn_core.model.rates import Rate
+
+STEP_S = 0.1
+"""Simulated time of a control step."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What several trials of one method come to."""
+
+    trials: int
+    episodes: int
+    success_rate: Estimate
+    """Never surer than Wilson's interval of all episodes, so that no success or no failure at all is no certainty."""
+    spl: Estimate
+    """Success weighted by path length."""
+    collisions_per_episode: Estimate
+    steps_per_episode: Estimate
+    time_s: Estimate
+    """Simulated time of an episode."""
+    path_m: Estimate
+    """Driven length of an episode."""
+    failures: dict[str, int]
+    """Episodes by cause, every cause that there is."""
+    nodes: float
+    """Mean over trials, as all that follows."""
+    edges: float
+    spurious_edges: float
+    pieces: float
+    goals_connected: float
+
+    @property
+    def spurious_share(self) -> float:
+        """Share of the edges that nobody can drive; 0 of none."""
+        return self.spurious_edges / self.edges if self.edges else 0.0
+
+
+def figures(trials: Sequence[TrialResult]) -> Figures:
+    """Return the figures of trials of one method; raise ValueError if there are no episodes."""
+    episodes = _episodes(trials)
+    success, spl, collisions, steps, path_m = estimates(_samples(trials))
+    return Figures(
+        trials=len(trials),
+        episodes=len(episodes),
+        success_rate=_no_surer(success, success_of(trials)),
+        spl=spl,
+        collisions_per_episode=collisions,
+        steps_per_episode=steps,
+        time_s=Estimate(steps.mean * STEP_S, steps.low * STEP_S, steps.high * STEP_S),
+        path_m=path_m,
+        failures=failures(trials),
+        nodes=_mean([trial.map.nodes for trial in trials]),
+        edges=_mean([trial.map.edges for trial in trials]),
+        spurious_edges=_mean([trial.map.spurious_edges for trial in trials]),
+        pieces=_mean([trial.map.pieces for trial in trials]),
+        goals_connected=_mean([trial.map.goals_connected for trial in trials]),
+    )
+
+
+def success_of(trials: Sequence[TrialResult]) -> Rate:
+    """Return the share of all episodes that succeeded, with Wilson's interval, which knows nothing of map seeds."""
+    episodes = _episodes(trials)
+    return Rate.of(sum(episode.reached for episode in episodes), len(episodes))
+
+
+def failures(trials: Sequence[TrialResult]) -> dict[str, int]:
+    """Count failed episodes by cause; causes that never occurred count 0."""
+    seen = Counter(episode.failure for episode in _episodes(trials))
+    return {cause.value: seen[cause] for cause in Failure}
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """What the first method has more than the second."""
+
+    success_rate: Estimate
+    spl: Estimate
+    collisions_per_episode: Estimate
+    steps_per_episode: Estimate
+    paired: bool
+    """Episodes were compared one by one, because both methods drove the same in the same scenes with the same seeds."""
+
+
+def difference(first: Sequence[TrialResult], second: Sequence[TrialResult]) -> Difference:
+    """Compare two methods; raise ValueError if one has no episodes.
+
+    Where scenes, seeds, starts and goals are the same, the differences of single episodes are resampled, which leaves
+    out what both have in common; else the two are resampled independently.
+    """
+    samples, others = _samples(first), _samples(second)
+    paired = [_episode_keys(trial) for trial in _sorted(first)] == [_episode_keys(trial) for trial in _sorted(second)]
+    if paired:
+        both = zip(samples, others, strict=True)
+        found = estimates([Sample(one.stratum, one.values - other.values) for one, other in both])
+    else:
+        found = estimates(samples, others)
+    success, spl, collisions, steps, _ = found
+    return Difference(success, spl, collisions, steps, paired)
+
+
+def _samples(trials: Sequence[TrialResult]) -> list[Sample]:
+    """Return what is averaged, in an order of its own, so that the order of trials does not matter."""
+    return [Sample(trial.scene, _values(trial)) for trial in _sorted(trials)]
+
+
+def _values(trial: TrialResult) -> NDArray[np.float64]:
+    rows = [[each.reached, each.spl, each.collisions, each.steps, each.path_m] for each in _in_order(trial)]
+    return np.array(rows, np.float64).reshape(-1, 5)
+
+
+def _sorted(trials: Sequence[TrialResult]) -> list[TrialResult]:
+    return sorted(trials, key=lambda trial: (trial.scene, trial.seed, trial.queries, trial.method, trial.without))
+
+
+def _in_order(trial: TrialResult) -> list[EpisodeResult]:
+    return sorted(trial.episodes, key=lambda episode: episode.episode)
+
+
+def _episode_keys(trial: TrialResult) -> tuple[object, ...]:
+    return trial.scene, trial.seed, [(each.episode, each.start, each.goal) for each in _in_order(trial)]
+
+
+def _episodes(trials: Sequence[TrialResult]) -> list[EpisodeResult]:
+    return [episode for trial in trials for episode in trial.episodes]
+
+
+def _no_surer(estimate: Estimate, rate: Rate) -> Estimate:
+    return Estimate(estimate.mean, min(estimate.low, rate.low), max(estimate.high, rate.high))
+
+
+def _mean(numbers: Sequence[float]) -> float:
+    return float(np.mean(numbers))

@@ -68,15 +68,16 @@ def generate(
     paths = [shard_path(folder, name) for name in names]
     text = recipe.text()
     missing = [(name, path) for name, path in zip(names, paths, strict=True) if read_recipe(path) != text]
+    done = len(paths) - len(missing)
     if on_made is not None:
-        on_made(len(paths) - len(missing), len(paths))
+        on_made(done, len(paths))
     made = Parallel(n_jobs=max(1, min(processes, len(missing))), return_as="generator_unordered")(
         # Workers outlive a call and may have been started in another folder.
         delayed(_make_and_write)(name, open_world, path.absolute(), recipe)
         for name, path in missing
     )
-    bar = tqdm(made, desc="scenes", unit="scene", initial=len(paths) - len(missing), total=len(paths))
-    for count, line in enumerate(bar, len(paths) - len(missing) + 1):
+    bar = tqdm(made, desc="scenes", unit="scene", initial=done, total=len(paths), disable=not missing)
+    for count, line in enumerate(bar, done + 1):
         log.info(line)
         if on_made is not None:
             on_made(count, len(paths))

@@ -56,6 +56,8 @@ class FineTuningPlan:
     """Labelled pairs of each simulated validation scene to judge by, and twice as many of the drive,"""
     validation_far: int = 5000
     """and far pairs of each drive, the own one too."""
+    judge: bool = True
+    """Judge the weights before and after; False saves that time where many are made and nobody reads the figures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +104,9 @@ class FineTuned:
     """Averaged and calibrated."""
     parent: str
     """Fingerprint of the weights it started from."""
-    before: Standing
-    after: Standing
+    before: Standing | None
+    """None where nobody asked to judge."""
+    after: Standing | None
     steps: int
     pairs: int
     """Pairs compared."""
@@ -159,8 +162,7 @@ class _Course:
         self.loss = float("nan")
 
     def run(self) -> FineTuned | None:
-        self._report("judging the weights before")
-        before = self._judge(self.start)
+        before = self._judge(self.start, "before")
         try:
             finished = self._learn()
         finally:
@@ -170,8 +172,7 @@ class _Course:
         self._report("calibrating")
         network = self.learner.average
         recalibrate(network, self.data.drive, self.data.validation)
-        self._report("judging the weights after")
-        after = self._judge(network)
+        after = self._judge(network, "after")
         return FineTuned(network, self.parent, before, after, self.learner.steps, self.learner.pairs, self.spent)
 
     def _learn(self) -> bool:
@@ -211,7 +212,10 @@ class _Course:
         self.learner.confusions = found
         log.info("step %d: mined %d confusions", self.learner.steps, len(found))
 
-    def _judge(self, network: AnyNetwork) -> Standing:
+    def _judge(self, network: AnyNetwork, when: str) -> Standing | None:
+        if not self.plan.judge:
+            return None
+        self._report(f"judging the weights {when}")
         predictor, plan = NetworkPredictor(network, "in fine-tuning"), self.plan
         rng = np.random.default_rng(0)
         return Standing(

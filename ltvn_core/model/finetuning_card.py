@@ -40,12 +40,15 @@ class FineTuningCard:
     steps: int
     pairs_compared: int
     minutes: float
-    before: Standing
-    after: Standing
+    before: Standing | None
+    """None where nobody asked to judge."""
+    after: Standing | None
 
 
-def flat_figures(standing: Mapping[str, Any]) -> dict[str, float]:
-    """Return by name the figures of a `Standing`, as a card holds it, that matter most."""
+def flat_figures(standing: Mapping[str, Any] | None) -> dict[str, float]:
+    """Return by name the figures of a `Standing`, as a card holds it, that matter most; none for None."""
+    if standing is None:
+        return {}
     own = standing["own"]
     found = _named("own", own["pairs"], PAIR_NAMES) | _named("own", own["far"], FAR_NAMES)
     found |= _named("simulated", standing["simulated"], PAIR_NAMES)

@@ -1,7 +1,7 @@
 """`ltvn finetune`: weights get to know the place of one recording (sections III-B and IV of the paper)."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
 from threading import Event
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError, WeightsError
+from ltvn_core.verbs.lesson_card import LessonCard
 from ltvn_core.verbs.lesson_data import read_drive, with_simulation
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -141,30 +142,12 @@ class Finetune(Verb):
 
     def _save(self, result: "FineTuned", start: Path, plan: "FineTuningPlan", data: "FineTuningData") -> str:
         from ltvn_core.data.trajectory_pairs import TrajectoryPairs
-        from ltvn_core.model.finetuning_card import FineTuningCard
-        from ltvn_core.model.weights import read_card, save_weights
+        from ltvn_core.model.weights import read_card
 
         drive = data.drive
         assert isinstance(drive, TrajectoryPairs)
-        card = FineTuningCard(
-            parent=result.parent,
-            parent_card=read_card(start),
-            recording=self.recording.name,
-            run=self._run(start, drive),
-            command=self._command(),
-            seed=self.seed,
-            images=len(drive.poses),
-            pieces=drive.trajectory.pieces,
-            simulated_scenes=tuple(scene.name for scene in data.scenes),
-            validation_scenes=tuple(scene.name for scene in data.validation),
-            plan=plan,
-            steps=result.steps,
-            pairs_compared=result.pairs,
-            minutes=result.seconds / 60,
-            before=result.before,
-            after=result.after,
-        )
-        return save_weights(result.network, self.output, asdict(card))
+        card = LessonCard(read_card(start), self.recording.name, self._run(start, drive), self._command())
+        return card.save(result, self.output, plan, data)
 
     def _command(self) -> str:
         options = [f"--output {self.output.name}", f"--horizon {self.horizon}", f"--minutes {self.minutes:g}"]

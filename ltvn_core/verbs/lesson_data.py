@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
-    from ltvn_core.data.trajectory_pairs import TrajectoryPairs
+    from ltvn_core.data.trajectory_pairs import PairRule, TrajectoryPairs
     from ltvn_core.model.assessment import Drive
     from ltvn_core.model.finetuning import FineTuningData
     from ltvn_core.types import Intrinsics, Observation
@@ -27,38 +27,43 @@ _MOST_SCENES = 8
 
 def read_drive(path: Path, *, horizon: int, gated: bool) -> "TrajectoryPairs":
     """Read a recording and label its pairs by odometry. Raises RecordingError."""
+    from ltvn_core.data.trajectory_pairs import PairRule
     from ltvn_core.recording.reader import Recording
 
     recording = Recording.open(path)
     observations = [recording.observation(frame) for frame in recording.frames]
-    return label_drive(observations, path.name, camera=recording.meta.intrinsics, horizon=horizon, gated=gated)
+    rule = PairRule(horizon=horizon, gated=gated)
+    return label_drive(observations, path.name, camera=recording.meta.intrinsics, rule=rule)
 
 
 def label_drive(
-    observations: "Sequence[Observation]", name: str, *, camera: "Intrinsics", horizon: int, gated: bool
+    observations: "Sequence[Observation]", name: str, *, camera: "Intrinsics", rule: "PairRule"
 ) -> "TrajectoryPairs":
-    """Label the pairs of images at hand by odometry. Raises RecordingError if they are no drive."""
+    """Label the pairs of images at hand by a rule. Raises RecordingError if they are no drive."""
     import numpy as np
 
     from ltvn_core.data.trajectory import trajectory
-    from ltvn_core.data.trajectory_pairs import PairRule, label_trajectory
+    from ltvn_core.data.trajectory_pairs import label_trajectory
 
     drive = trajectory(observations, name, camera=camera)
-    return label_trajectory(drive, PairRule(horizon=horizon, gated=gated), np.random.default_rng(0))
+    return label_trajectory(drive, rule, np.random.default_rng(0))
 
 
-def with_simulation(drive: "TrajectoryPairs", folder: Path | None, tell: Tell | None = None) -> "FineTuningData":
+def with_simulation(
+    drive: "TrajectoryPairs", folder: Path | None, tell: Tell | None = None, *, judged: bool = True
+) -> "FineTuningData":
     """Add simulated pairs to a drive: of a dataset, or of a few scenes rendered here. Raises DatasetError.
 
-    `tell` hears of progress; what it raises ends the work, and what was rendered until then is kept.
+    `tell` hears of progress; what it raises ends the work, and what was rendered until then is kept. Drives through
+    simulated rooms are for judging alone, and left out where nobody judges.
     """
     from ltvn_core.data.shards import read_shard
     from ltvn_core.model.finetuning import FineTuningData
 
     tell = tell or _untold
-    learned, validation = _chosen(folder) if folder is not None else _rendered(tell)
+    learned, validation = _chosen(folder) if folder is not None else render_simulation(tell)
     drives = []
-    for number, name in enumerate(CHECKED):
+    for number, name in enumerate(CHECKED if judged else ()):
         tell(0.8 + 0.2 * number / len(CHECKED), "driving through simulated rooms")
         drives.append(_drive_through(name))
     return FineTuningData(
@@ -73,15 +78,15 @@ def _drive_through(name: str) -> "Drive":
     return drives([name], images=150)[0]
 
 
-def _rendered(tell: Tell) -> tuple[list[Path], list[Path]]:
-    """Return shards of a few scenes in the user's cache, made there at the first call."""
+def render_simulation(tell: Tell | None = None) -> tuple[list[Path], list[Path]]:
+    """Return shards of a few scenes in the user's cache to learn from and to check by, made there at the first call."""
     from platformdirs import user_cache_path
 
     from ltvn_core.data.generate import DatasetRecipe, generate
     from ltvn_core.verbs.dataset import open_world
 
     def made(count: int, of: int) -> None:
-        tell(
+        (tell or _untold)(
             0.8 * count / of,
             "simulated rooms" if count == of else f"drawing simulated rooms, once only: {count} of {of}",
         )

@@ -39,7 +39,9 @@ class DriveAtHand:
         """Label the drive's pairs by odometry. Raises RecordingError if it is no drive."""
         if isinstance(self.images, Path):
             return read_drive(self.images, horizon=horizon, gated=True)
-        return label_drive(self.images, self.name, camera=Intrinsics(), horizon=horizon, gated=True)
+        from ltvn_core.data.trajectory_pairs import PairRule
+
+        return label_drive(self.images, self.name, camera=Intrinsics(), rule=PairRule(horizon=horizon))
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,16 @@ def test_a_short_run_changes_the_weights_and_not_the_parent(tmp_path: Path, star
     assert torch.equal(old["encoder.trunk.0.1.running_mean"], new["encoder.trunk.0.1.running_mean"])
     assert told[-1].share == 1.0
     assert "learning" in {each.doing for each in told}
+    assert result.before is not None
+    assert result.after is not None
     assert result.before.own.pairs.pairs == result.after.own.pairs.pairs > 100
     assert result.before.simulated_drives is not None
+
+
+def test_a_run_that_nobody_judges_says_so(tmp_path: Path, start: Path) -> None:
+    result = finetune(data(), start, replace(PLAN, judge=False), tmp_path / "work")
+    assert result is not None
+    assert (result.before, result.after, result.steps) == (None, None, 3)
 
 
 def test_a_cancelled_run_goes_on_where_it_was(tmp_path: Path, start: Path) -> None:

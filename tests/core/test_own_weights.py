@@ -1,0 +1,63 @@
+"""Each system of the comparison gets weights that know one drive, once."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from ltvn_core.data.generate import DatasetRecipe, make_shard
+from ltvn_core.data.sampling import ClusterSampling
+from ltvn_core.data.shards import shard_path, write_shard
+from ltvn_core.errors import WeightsError
+from ltvn_core.model.finetuning import FineTuningPlan
+from ltvn_core.model.learning_plan import LearningPlan
+from ltvn_core.model.network import PairNetwork
+from ltvn_core.model.weights import load_weights, read_card, save_weights, weights_fingerprint
+from ltvn_core.verbs.own_weights import finetune_for
+from tests.core.data.box_world import two_rooms
+from tests.core.data.own_drive import along, look
+from tests.core.model.examples import SMALL
+
+WAY = along((1.0, 1.0), (3.2, 1.0), (3.2, 3.3), (6.5, 3.3), (6.5, 1.0))
+PLAN = FineTuningPlan(
+    LearningPlan(groups=4, confusions=1, hard=6, random=4, rate=1e-3), minutes=None, steps=2, minings=1, judge=False
+)
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Path:
+    torch.manual_seed(0)
+    save_weights(PairNetwork(SMALL), tmp_path / "start.safetensors")
+    return tmp_path / "start.safetensors"
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    recipe = DatasetRecipe(clusters=6, sampling=ClusterSampling(size=6))
+    for name in ("train-00", "tune-0"):
+        write_shard(make_shard(two_rooms(name), recipe), shard_path(tmp_path / "data", name))
+    return tmp_path / "data"
+
+
+def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, start: Path, dataset: Path) -> None:
+    output = tmp_path / "scene-0.safetensors"
+    made = finetune_for("ltvn", look(WAY), start, PLAN, tmp_path / "work", output, data=dataset)
+    assert made == output
+    assert weights_fingerprint(output) != weights_fingerprint(start)
+    assert load_weights(output).size == SMALL
+    card = read_card(output)
+    assert (card["parent"], card["steps"], card["before"]) == (weights_fingerprint(start), 2, None)
+    assert not (tmp_path / "work").exists()
+
+
+def test_the_same_weights_are_not_made_twice_and_others_not_overwritten(
+    tmp_path: Path, start: Path, dataset: Path
+) -> None:
+    output, seen = tmp_path / "scene-0.safetensors", look(WAY)
+    finetune_for("ltvn", seen, start, PLAN, tmp_path / "work", output, data=dataset)
+    written = output.stat().st_mtime_ns
+    finetune_for("ltvn", seen, start, PLAN, tmp_path / "work", output, data=dataset)
+    assert output.stat().st_mtime_ns == written
+    with pytest.raises(WeightsError, match="made otherwise; nothing is overwritten"):
+        finetune_for("ltvn", seen, start, replace(PLAN, steps=1), tmp_path / "work", output, data=dataset)

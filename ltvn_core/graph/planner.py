@@ -1,6 +1,7 @@
 """The cheapest path through the map (Dijkstra), on a mirror of the graph that is kept between plans.
 
-Owns the mirror, and the cost of an edge where a system does not bring its own. Does not decide what to do without a path.
+Owns the mirror, and the cost of an edge where a system does not bring its own. Does not decide what to do without a
+path.
 """
 
 import itertools

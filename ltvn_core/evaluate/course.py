@@ -63,9 +63,8 @@ class Course:
             return self._without_goal(query, plan)
         witness = EpisodeWitness(self.truth, self.graph)
         with closing(self._robot(plan, rng)) as robot:
-            navigator = Navigator(
-                through(robot), self.graph, self.views, self._predictor, self.system.method, rng,
-            )
+            parts = self.graph, self.views, self._predictor, self.system.method, rng
+            navigator = Navigator(through(robot), *parts, system=self.system)
 
             def hear(event: Event) -> None:
                 witness.consume(event, robot.exact_pose)

@@ -141,6 +141,11 @@ def floorplan(graph: TopologicalGraph, truth: MapTruth) -> Floorplan:
         origin=(x_m, y_m),
         resolution_m=clearance.resolution_m,
         free=tuple("".join(row) for row in np.where(fits, ".", "#")),
-        nodes=tuple((node, *map(float, truth.pose(node))) for node in graph.nodes),
+        nodes=tuple((node, *_numbers(truth.pose(node))) for node in graph.nodes),
         edges=tuple((*key, edge.belief.p, key in spurious) for key, edge in graph.edges.items()),
     )
+
+
+def _numbers(pose: Pose) -> tuple[float, float, float]:
+    x_m, y_m, yaw_rad = pose.tolist()
+    return x_m, y_m, yaw_rad

@@ -73,8 +73,8 @@ def cause(story: Story, outcome: Outcome) -> Failure | None:
     return story.ended(outcome)[0]
 
 
-def good_leg(story: Story, **leg: int) -> Story:
-    return story.looks(at(2), 2).drives(*GOOD, **leg)
+def good_leg(story: Story, steps: int = 50, touches: int = 0) -> Story:
+    return story.looks(at(2), 2).drives(*GOOD, steps=steps, touches=touches)
 
 
 def test_an_arrival_is_no_failure_unless_it_is_wrong() -> None:

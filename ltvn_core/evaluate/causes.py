@@ -47,6 +47,8 @@ class Sightings:
     """Plans in vain."""
     blocked_legs: int = 0
     """Legs that ended at an obstacle, seen or touched."""
+    trigger: Failure | None = None
+    """What went wrong first since all was last well: a spurious edge may lead to where a robot is then astray."""
 
 
 class EpisodeWitness:
@@ -60,13 +62,14 @@ class EpisodeWitness:
         self._turn: Turn | None = None
         self._last: Turn | None = None
         self._latest: FrameId = 0
+        self._trigger: Failure | None = None
         self._is_astray = False
         self._astray_plans = 0
 
     @property
     def sightings(self) -> Sightings:
         """What was seen so far."""
-        return Sightings(**self._counts)
+        return Sightings(**self._counts, trigger=self._trigger)
 
     def consume(self, event: Event, exact_pose: Pose | None = None) -> None:
         """Take in the next event, and where the robot truly is then, (3,).
@@ -149,4 +152,5 @@ class EpisodeWitness:
     def _close(self, end: FrameId) -> None:
         if self._turn is not None:
             self._blame.add(self._turn, end)
+            self._trigger = self._turn.cause and (self._trigger or self._turn.cause)
             self._last, self._turn = self._turn, None

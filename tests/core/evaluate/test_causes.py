@@ -143,7 +143,7 @@ def test_a_robot_that_jams_on_true_edges_has_a_collision_problem(end: LegEnd) ->
         story.looks(at(2), 2).drives(*GOOD, end=end)
     failure, seen = story.ended(Outcome.STEP_LIMIT)
     assert failure is Failure.COLLISION
-    assert seen == Sightings(legs=4, blocked_legs=3)
+    assert seen == Sightings(legs=4, blocked_legs=3, trigger=Failure.COLLISION)
 
 
 def test_a_robot_that_mostly_does_all_right_is_too_slow() -> None:
@@ -164,6 +164,15 @@ def test_looking_around_in_vain_belongs_to_the_leg_that_led_there() -> None:
 
     assert cause(lost_after(BAD), Outcome.STEP_LIMIT) is Failure.SPURIOUS_EDGE
     assert cause(lost_after(GOOD), Outcome.STEP_LIMIT) is Failure.NO_PATH
+
+
+def test_the_trigger_is_what_went_wrong_first_since_all_was_well() -> None:
+    story = Story().looks(at(5), 5).drives(*BAD, steps=10)
+    for _ in range(3):
+        story.looks(NOWHERE, 2).drives(*GOOD)
+    failure, seen = story.ended(Outcome.STEP_LIMIT)
+    assert (failure, seen.trigger) == (Failure.MISLOCALISED, Failure.SPURIOUS_EDGE)
+    assert good_leg(story).ended(Outcome.STEP_LIMIT)[1].trigger is None
 
 
 def test_too_many_touches_are_put_down_to_where_they_happened() -> None:

@@ -20,13 +20,13 @@ from ltvn_core.report.evaluation_rows import (
     scene_name,
     scenes_of,
 )
-from ltvn_core.report.evaluation_style import WIDTH_IN, cause_colour, in_percent, method_colours
+from ltvn_core.report.evaluation_style import WIDTH_IN, cause_colour, in_counts, in_percent, method_colours
 from ltvn_core.report.style import Colour, Ink
 
 
 def success(rows: Sequence[Row], ink: Ink) -> Figure:
     """Draw the success of each method in each scene, before (ring) and after fine-tuning (disc), with intervals."""
-    rows = [*rows, *rows_over_scenes(rows)]
+    rows = [*rows_over_scenes(rows), *rows]
     figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
     axes = figure.subplots()
     columns = _Columns(rows, ink)
@@ -51,6 +51,8 @@ def sizes(rows: Sequence[Row], ink: Ink) -> Figure:
             axes.plot([x, x], [min(counts), max(counts)], color=colour, linewidth=2.4, alpha=0.55, zorder=2)
             axes.plot(x, np.mean(counts), "o", color=colour, markerfacecolor=fill, markersize=7.5, zorder=3)
         axes.set(yscale="log", ylabel=what)
+        axes.margins(y=0.15)
+        in_counts(axes)
         columns.finish(axes)
     _legend(figure, columns)
     return figure
@@ -63,11 +65,11 @@ def causes(rows: Sequence[Row], ink: Ink) -> Figure:
     axes = figure.subplots()
     left = np.zeros(len(rows))
     for cause in Failure:
-        share = np.array([row.failed(cause) / max(row.episodes, 1) for row in rows])
+        share = np.array([row.failed(cause) for row in rows])
         axes.barh(names, share, left=left, height=0.62, color=cause_colour(cause), label=cause.value)
         left += share
     for y, total in enumerate(left):
-        axes.text(total + 0.006, y, f"{total:.0%}", va="center", color=ink.text)
+        axes.text(total + 0.006, y, f"{100 * total:.0f} %", va="center", color=ink.text)
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
@@ -81,7 +83,7 @@ class _Columns:
 
     def __init__(self, rows: Sequence[Row], ink: Ink) -> None:
         self.methods = methods_of(rows)
-        self.scenes = tuple(sorted(scenes_of(rows), key=lambda scene: scene == ALL_SCENES))
+        self.scenes = tuple(sorted(scenes_of(rows), key=lambda scene: scene != ALL_SCENES))
         self.both = len({row.setup.finetuned for row in rows}) > 1
         self._colours = method_colours(self.methods, ink)
         self.ink = ink

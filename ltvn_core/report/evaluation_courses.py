@@ -72,11 +72,16 @@ def stretches(course: Course, length: int = STRETCH) -> tuple[Stretch, ...]:
     return tuple(_stretch((number + 1) * length, queries, len(course.runs)) for number, queries in sorted(found.items()))
 
 
-def calibration_at(courses: Sequence[Course], *, last: bool) -> tuple[CalibrationCell, ...]:
-    """Add up the calibration of p over all runs, at their first or at their last test."""
+def ends(courses: Sequence[Course], *, last: bool) -> list[LifelongPoint]:
+    """Return the first or the last test of each run."""
+    return [run.points[-1 if last else 0] for course in courses for run in course.runs]
+
+
+def calibration_of(points: Iterable[LifelongPoint]) -> tuple[CalibrationCell, ...]:
+    """Add up the calibration of p over several tests, empty cells left out."""
     found: dict[tuple[float, float], list[CalibrationCell]] = {}
-    for run in (run for course in courses for run in course.runs):
-        for cell in run.points[-1 if last else 0].calibration:
+    for point in points:
+        for cell in point.calibration:
             found.setdefault((cell.low, cell.high), []).append(cell)
     return tuple(_added_up(cells) for _, cells in sorted(found.items()) if sum(cell.edges for cell in cells))
 

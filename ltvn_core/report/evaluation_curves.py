@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ltvn_core.evaluate.results import CalibrationCell, LifelongQuery
-from ltvn_core.report.evaluation_courses import STRETCH, Course, calibration_at, calibration_error, stretches
-from ltvn_core.report.evaluation_style import WIDTH_IN, in_percent
+from ltvn_core.report.evaluation_courses import STRETCH, Course, calibration_error, calibration_of, ends, stretches
+from ltvn_core.report.evaluation_style import WIDTH_IN, in_counts, in_percent
 from ltvn_core.report.style import Colour, Ink
 
 _BAD: Colour = (0.78, 0.24, 0.32)
@@ -44,7 +44,7 @@ def calibration(courses: Sequence[Course], ink: Ink) -> Figure:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     above.plot([0, 1], [0, 1], "--", color=ink.grey, linewidth=1.2, label="perfect")
     for last, words, colour in ((False, "before", ink.second), (True, "after", ink.first)):
-        cells = calibration_at(courses, last=last)
+        cells = calibration_of(ends(courses, last=last))
         _reliability(above, cells, f"{words} the queries, mean gap {calibration_error(cells):.3f}", colour)
         share = -0.2 if not last else 0.2
         for cell in cells:
@@ -52,6 +52,7 @@ def calibration(courses: Sequence[Course], ink: Ink) -> Figure:
             below.bar((cell.low + cell.high) / 2 + share * width, cell.edges, width=0.38 * width, color=colour)
     in_percent(above, ylim=(-0.02, 1.02), ylabel="edges that can be driven")
     below.set(yscale="log", xlabel="p of the edge", ylabel="edges", xlim=(-0.02, 1.02))
+    in_counts(below)
     above.legend(loc="best")
     return figure
 
@@ -94,8 +95,7 @@ def _followed(axes: Axes, course: Course, count: Callable[[LifelongQuery], int],
     """Draw a count after every query, a line for each run."""
     for run in course.runs:
         axes.plot([query.query for query in run.queries], [count(query) for query in run.queries], color=colour, linewidth=1.3)
-    axes.set_ylim(0, None)
-    axes.margins(x=0.02)
+    axes.set_ylim(0, 1.15 * axes.get_ylim()[1])
 
 
 def _reliability(axes: Axes, cells: Sequence[CalibrationCell], label: str, colour: Colour) -> None:

@@ -18,8 +18,8 @@ from ltvn_core.report.evaluation_style import WIDTH_IN, belief_colours
 from ltvn_core.report.style import Colour, Ink
 
 _SPURIOUS: Colour = (0.85, 0.1, 0.25)
-_FULL = 400
-"""Nodes up to which arrows are drawn in full size."""
+_FULL = 250
+"""Nodes up to which they are drawn in full size."""
 
 
 class Panel(NamedTuple):
@@ -33,7 +33,7 @@ def floors(panels: Sequence[Panel], ink: Ink) -> Figure:
     """Draw maps of one scene side by side, two in a row. Trials without a floor plan are left out."""
     shown = [(panel, plan) for panel in panels if (plan := panel.trial.floorplan) is not None]
     rows = max((len(shown) + 1) // 2, 1)
-    figure = Figure(figsize=(WIDTH_IN, 0.5 + rows * _height(shown[0][1] if shown else None)), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 0.9 + rows * _height(shown[0][1] if shown else None)), layout="constrained")
     grid = figure.subplots(rows, 2, squeeze=False).ravel()
     for axes in grid[len(shown) :]:
         axes.set_visible(False)
@@ -51,14 +51,14 @@ def _height(plan: Floorplan | None) -> float:
     """Return the height of a panel in inches that fits the scene's shape."""
     if plan is None or not plan.free:
         return 3.0
-    return float(np.clip(0.5 + 0.48 * WIDTH_IN * len(plan.free) / len(plan.free[0]), 1.5, 6.0))
+    return float(np.clip(0.45 + 0.49 * WIDTH_IN * len(plan.free) / len(plan.free[0]), 1.5, 7.0))
 
 
 def _draw(axes: Axes, plan: Floorplan, ink: Ink) -> None:
     _draw_floor(axes, plan, ink)
     _draw_edges(axes, plan, ink)
     nodes = np.array([node[1:] for node in plan.nodes]).reshape(-1, 3)
-    size = 1.0 if len(nodes) <= _FULL else (_FULL / len(nodes)) ** 0.5
+    size = min(1.0, (_FULL / max(len(nodes), 1)) ** 0.7)
     axes.quiver(
         *nodes[:, :2].T,
         *(np.cos(nodes[:, 2]), np.sin(nodes[:, 2])),
@@ -94,8 +94,10 @@ def _draw_edges(axes: Axes, plan: Floorplan, ink: Ink) -> None:
 
 
 def _keys(figure: Figure, axes: list[Axes], ink: Ink) -> None:
-    bar = figure.colorbar(ScalarMappable(cmap=belief_colours(ink)), ax=axes, shrink=0.35, aspect=18, pad=0.01)
+    mappable = ScalarMappable(cmap=belief_colours(ink))
+    bar = figure.colorbar(mappable, ax=axes, location="bottom", shrink=0.4, aspect=40, pad=0.02)
     bar.set_label("p of the edge")
+    bar.outline.set_visible(False)  # type: ignore[operator]
     spurious = Line2D([], [], color=_SPURIOUS, marker="x", label="spurious edge")
     node = Line2D([], [], color=ink.grey, marker="o", markersize=3, linestyle="", label="node")
-    figure.legend(handles=[node, spurious], loc="outside upper right", ncols=2)
+    figure.legend(handles=[node, spurious], loc="outside upper left", ncols=2)

@@ -5,7 +5,7 @@ Owns what a row holds. How it looks is in the page's template.
 
 import shlex
 from base64 import b64encode
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,8 @@ class GalleryRow:
     """What the robot saw at its start, JPEG or PNG."""
     goal: bytes | None = None
     """The goal image, JPEG or PNG."""
+    drive: Path | None = None
+    """The mapping drive, which holds both images."""
     recording: Path | None = None
     """The episode's recording,"""
     time_s: float | None = None
@@ -62,13 +64,6 @@ def data_address(picture: bytes) -> str:
         if picture.startswith(mark):
             return f"data:{kind};base64,{b64encode(picture).decode()}"
     raise OptionError("A picture of the failure gallery is neither JPEG nor PNG; encode it as one of them.")
-
-
-def failures_of(trials: Iterable[TrialResult]) -> tuple[GalleryRow, ...]:
-    """Return a row for every failed episode, without pictures."""
-    return tuple(
-        GalleryRow(trial, episode) for trial in trials for episode in trial.episodes if not episode.reached
-    )
 
 
 def chosen(rows: Sequence[GalleryRow], most: int) -> tuple[GalleryRow, ...]:

@@ -14,34 +14,34 @@ from markupsafe import Markup
 
 from ltvn_core.evaluate.results import Results
 from ltvn_core.report.evaluation_courses import courses_of
-from ltvn_core.report.evaluation_gallery import GalleryRow, chosen, data_address
+from ltvn_core.report.evaluation_gallery import GalleryRow, data_address
 from ltvn_core.report.evaluation_pictures import pictures_of
 from ltvn_core.report.evaluation_rows import Row, rows_of, rows_over_scenes, scenes_of
 from ltvn_core.report.evaluation_style import inline_svg
-from ltvn_core.report.evaluation_tables import cause_table, lifelong_table, main_table, run_table, share, size_table
+from ltvn_core.report.evaluation_tables import cause_table, lifelong_table, main_table, margin_table, run_table, share, size_table
 from ltvn_core.report.style import Ink, drawing
 
 
-def page(results: Results, failures: Sequence[GalleryRow], ink: Ink, *, folder: Path, most: int) -> str:
-    """Return the report as HTML that is to lie in `folder`, with at most `most` failures for each setup.
+def page(results: Results, failures: Sequence[GalleryRow], ink: Ink, *, folder: Path) -> str:
+    """Return the report as HTML that is to lie in `folder`, with these failures for its gallery.
 
     Raises OptionError for a picture of the gallery that is none.
     """
     rows, courses = rows_of(results.trials), courses_of(results.lifelong)
     with drawing(ink):
         pictures = [(picture, Markup(inline_svg(picture, ink))) for picture in pictures_of(results, ink)]
-    shown = chosen(failures, most)
     return _template(folder).render(
         headline=headline(rows),
         pictures=pictures,
         main=main_table(rows),
+        margins=margin_table(rows),
         sizes=size_table(rows),
         causes=cause_table(rows),
         lifelong=lifelong_table(courses),
         runs=run_table(results),
-        groups=_grouped(shown),
-        shown=len(shown),
-        failed=len(failures),
+        groups=_grouped(failures),
+        shown=len(failures),
+        failed=sum(not episode.reached for trial in results.trials for episode in trial.episodes),
     )
 
 

@@ -26,14 +26,14 @@ def _of_rows(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:
         caption = "Goals reached, with 95 % intervals. Rings: network as trained. Discs: after fine-tuning on the drive."
         yield Picture("success", "success", "Success per scene and method", caption, success(whole, ink))
         caption = "Nodes and edges of the maps: mean of the map seeds, and from the smallest to the largest."
-        yield Picture("sizes", "sizes", "Graph size per scene and method", caption, sizes(whole, ink))
+        yield Picture("sizes", "sizes", "Nodes and edges per scene and method", caption, sizes(whole, ink))
     if parts:
         caption = "Goals reached when single parts of the method are switched off, with 95 % intervals."
         yield Picture("success", "ablation", "What each part is worth", caption, success(parts, ink))
     if whole:
         over = rows_over_scenes(whole) or whole
         caption = "Share of the episodes that failed, by the one cause that each failure is put down to."
-        yield Picture("causes", "causes", "Why episodes fail", caption, causes(over, ink))
+        yield Picture("causes", "causes", "Causes of failure over all scenes", caption, causes(over, ink))
 
 
 def _of_maps(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:

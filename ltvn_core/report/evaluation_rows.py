@@ -9,8 +9,9 @@ from functools import cached_property
 from pathlib import PurePath
 
 import numpy as np
-from scipy.stats import binomtest
 
+from ltvn_core.evaluate.metrics import Figures, figures
+from ltvn_core.evaluate.resampling import Estimate
 from ltvn_core.evaluate.results import Failure, TrialResult
 
 ALL_SCENES = "all scenes"
@@ -49,54 +50,28 @@ class Row:
     """One for each map seed; in a row over all scenes, for each scene and seed."""
 
     @cached_property
-    def success(self) -> "Interval":
-        """Share of the episodes whose goal was reached."""
-        won = [episode.reached for trial in self.trials for episode in trial.episodes]
-        return _wilson(sum(won), len(won))
+    def figures(self) -> Figures:
+        """What the trials come to."""
+        return figures(self.trials)
 
     @property
-    def episodes(self) -> int:
-        """Number of episodes."""
-        return sum(len(trial.episodes) for trial in self.trials)
+    def success(self) -> Estimate:
+        """Share of the episodes whose goal was reached."""
+        return self.figures.success_rate
+
+    @property
+    def images(self) -> float:
+        """Mean number of images of the mapping drives."""
+        return float(np.mean([trial.images for trial in self.trials]))
 
     @property
     def seeds(self) -> tuple[int, ...]:
         """Map seeds."""
         return tuple(sorted({trial.seed for trial in self.trials}))
 
-    def per_episode(self, attribute: str) -> float:
-        """Return the mean of an attribute of the episodes; nan without any."""
-        found = [getattr(episode, attribute) for trial in self.trials for episode in trial.episodes]
-        return float(np.mean(found)) if found else float("nan")
-
-    def per_map(self, attribute: str) -> float:
-        """Return the mean of an attribute of the maps."""
-        return float(np.mean([getattr(trial.map, attribute) for trial in self.trials]))
-
-    @property
-    def spurious(self) -> float:
-        """Share of the edges that nobody can drive, over all maps."""
-        return sum(trial.map.spurious_edges for trial in self.trials) / max(
-            sum(trial.map.edges for trial in self.trials), 1
-        )
-
-    def failed(self, cause: Failure) -> int:
-        """Count the episodes that failed for a cause."""
-        return sum(episode.failure is cause for trial in self.trials for episode in trial.episodes)
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    mean: float
-    low: float
-    high: float
-
-
-def _wilson(won: int, of: int) -> Interval:
-    if not of:
-        return Interval(float("nan"), float("nan"), float("nan"))
-    ci = binomtest(won, of).proportion_ci(method="wilson")
-    return Interval(won / of, ci.low, ci.high)
+    def failed(self, cause: Failure) -> float:
+        """Return the share of the episodes that failed for a cause."""
+        return self.figures.failures[cause.value] / self.figures.episodes
 
 
 def setup_of(trial: TrialResult) -> Setup:

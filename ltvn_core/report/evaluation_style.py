@@ -13,7 +13,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, PercentFormatter, StrMethodFormatter
 
 from ltvn_core.evaluate.results import Failure
 from ltvn_core.report.style import Colour, Ink
@@ -69,6 +69,13 @@ def in_percent(axes: Axes, **limits: Any) -> None:
     axes.set(**limits)
 
 
+def in_counts(axes: Axes) -> None:
+    """Write a logarithmic y axis in whole numbers, few of them."""
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=8))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
 def slug(text: str) -> str:
     """Return a text as part of a file's name."""
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "unnamed"
@@ -79,7 +86,7 @@ def inline_svg(picture: Picture, ink: Ink) -> str:
     buffer = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": picture.name}):
-        picture.figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=130)
+        picture.figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=160)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from itertools import chain
 from math import isnan
 
+from ltvn_core.evaluate.metrics import difference
+from ltvn_core.evaluate.resampling import Estimate
 from ltvn_core.evaluate.results import Failure, LifelongResult, Results, TrialResult
-from ltvn_core.report.evaluation_courses import Course, calibration_error, stretches
-from ltvn_core.report.evaluation_rows import Interval, Row, rows_over_scenes, scene_name, setup_of
+from ltvn_core.report.evaluation_courses import Course, Stretch, calibration_error, calibration_of, stretches
+from ltvn_core.report.evaluation_rows import Row, rows_over_scenes, scene_name, scenes_of, setup_of
 
 NOTHING = "No results yet."
 
@@ -37,11 +39,28 @@ def main_table(rows: Sequence[Row]) -> Table:
     """Return what each method reached in each scene, and then over all scenes."""
     head = ("scene", "method", "network", "goals reached", "SPL", "collisions", "steps", "nodes", "edges", "spurious")
     body = (
-        (*_named(row), _interval(row.success), *_driving(row), *_size(row), share(row.spurious), *_sample(row))
-        for row in chain(rows, rows_over_scenes(rows))
+        (*_named(row), _interval(row.success), *_driving(row), *_size(row), _spurious(row), *_sample(row))
+        for row in chain(rows_over_scenes(rows), rows)
     )
     caption = "Goals reached with 95 % interval. SPL, collisions and steps are means over the episodes."
     return Table(caption, (*head, "episodes", "seeds"), tuple(body), 3)
+
+
+def margin_table(rows: Sequence[Row]) -> Table:
+    """Return how far the first method is ahead of the others at the same stage, over all scenes."""
+    head = ("method", "against", "network", "goals reached, more", "SPL, more", "nodes", "edges")
+    whole = [row for row in rows_over_scenes(rows) or _of_one_scene(rows) if not row.setup.ablated]
+    first = {row.setup.stage: row for row in whole if row.setup.method == whole[0].setup.method}
+    body = tuple(
+        _margin(first[row.setup.stage], row)
+        for row in whole
+        if row.setup.stage in first and row is not first[row.setup.stage]
+    )
+    caption = (
+        "Differences with 95 % interval, episode by episode where both methods drove the same ones. "
+        "Nodes and edges: how many for each hundred of the other method."
+    )
+    return Table(caption, head, body, 3)
 
 
 def size_table(rows: Sequence[Row]) -> Table:
@@ -50,8 +69,8 @@ def size_table(rows: Sequence[Row]) -> Table:
     body = (
         (
             *_named(row),
-            *(_count(sum(trial.images for trial in row.trials) / len(row.trials)), *_size(row)),
-            *(f"{row.per_map(name):,.1f}" for name in ("spurious_edges", "pieces", "goals_connected")),
+            *(_count(row.images), *_size(row), _number(row.figures.spurious_edges, 1)),
+            *(_number(row.figures.pieces, 1), _number(row.figures.goals_connected, 1)),
         )
         for row in rows
     )
@@ -64,10 +83,10 @@ def cause_table(rows: Sequence[Row]) -> Table:
     body = (
         (
             *_named(row),
-            share(sum(map(row.failed, Failure)) / max(row.episodes, 1)),
-            *(share(row.failed(cause) / max(row.episodes, 1)) for cause in Failure),
+            share(1 - row.success.mean),
+            *(share(row.failed(cause)) for cause in Failure),
         )
-        for row in chain(rows, rows_over_scenes(rows))
+        for row in chain(rows_over_scenes(rows), rows)
     )
     return Table("Share of all episodes.", head, tuple(body), 3)
 
@@ -80,7 +99,7 @@ def lifelong_table(courses: Iterable[Course]) -> Table:
         "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "
         "The gap of p is its mean calibration error."
     )
-    return Table(caption, (*head, "added", "pruned", "of them bad", "seeds"), body, 2)
+    return Table(caption, (*head, "added", "pruned (bad)", "seeds"), body, 2)
 
 
 def run_table(results: Results) -> Table:
@@ -99,18 +118,35 @@ def share(number: float, digits: int = 1) -> str:
 def _course(course: Course) -> Iterable[tuple[str, ...]]:
     changes = {stretch.until: stretch for stretch in stretches(course)}
     for row in course.points():
-        cells = [p for run in course.runs for p in run.points if p.queries == row.setup.queries]
-        gap = calibration_error([cell for point in cells for cell in point.calibration])
+        tests = [point for run in course.runs for point in run.points if point.queries == row.setup.queries]
+        gap = calibration_error(calibration_of(tests))
         change = changes.get(row.setup.queries)
-        done = ("–", "–", "–")
-        if change is not None:
-            bad = share(change.pruned_bad / change.pruned if change.pruned else float("nan"))
-            done = (_count(change.added_edges), _count(change.pruned), bad)
+        done = ("–", "–") if change is None else (_count(change.added_edges), _pruned(change))
         yield (
             *(scene_name(course.scene), course.method, f"{row.setup.queries:,}", _interval(row.success)),
-            *(_number(row.per_episode("spl")), _number(row.per_episode("collisions")), *_size(row)),
-            *(share(row.spurious), _number(gap, 3), *done, _seeds(row)),
+            *(*_driving(row)[:2], *_size(row), _spurious(row), _number(gap, 3), *done, _seeds(row)),
         )
+
+
+def _margin(row: Row, other: Row) -> tuple[str, ...]:
+    found = difference(row.trials, other.trials)
+    points, spl = found.success_rate, found.spl
+    sizes = [(row.figures.nodes, other.figures.nodes), (row.figures.edges, other.figures.edges)]
+    return (
+        *(row.setup.method, other.setup.method, row.setup.stage),
+        f"{100 * points.mean:+.1f} points ({100 * points.low:+.1f} to {100 * points.high:+.1f})",
+        f"{spl.mean:+.2f} ({spl.low:+.2f} to {spl.high:+.2f})",
+        *(_number(100 * own / theirs, 1) if theirs else "–" for own, theirs in sizes),
+    )
+
+
+def _of_one_scene(rows: Sequence[Row]) -> Sequence[Row]:
+    return rows if len(scenes_of(rows)) == 1 else ()
+
+
+def _pruned(change: Stretch) -> str:
+    bad = change.pruned_bad / change.pruned if change.pruned else float("nan")
+    return f"{_count(change.pruned)} ({share(bad, 0)})"
 
 
 def _named(row: Row) -> tuple[str, str, str]:
@@ -131,35 +167,37 @@ def _lifelong_run(result: LifelongResult) -> tuple[str, ...]:
     return (*_stage_of(trial)[:2], queries, str(result.seed), trial.fingerprint, result.version, result.command)
 
 
-def _driving(row: Row) -> tuple[str, ...]:
-    steps = _count(row.per_episode("steps"))
-    return _number(row.per_episode("spl")), _number(row.per_episode("collisions")), steps
+def _driving(row: Row) -> tuple[str, str, str]:
+    found = row.figures
+    return _number(found.spl.mean), _number(found.collisions_per_episode.mean), _count(found.steps_per_episode.mean)
 
 
 def _size(row: Row) -> tuple[str, str]:
-    return _count(row.per_map("nodes")), _count(row.per_map("edges"))
+    return _count(row.figures.nodes), _count(row.figures.edges)
+
+
+def _spurious(row: Row) -> str:
+    return share(row.figures.spurious_share)
 
 
 def _sample(row: Row) -> tuple[str, str]:
-    return f"{row.episodes:,}", _seeds(row)
+    return f"{row.figures.episodes:,}", _seeds(row)
 
 
 def _seeds(row: Row) -> str:
     return ", ".join(map(str, row.seeds))
 
 
-def _interval(found: Interval) -> str:
-    if isnan(found.mean):
-        return "–"
+def _interval(found: Estimate) -> str:
     return f"{share(found.mean)} ({100 * found.low:.1f} to {100 * found.high:.1f})"
 
 
 def _number(number: float, digits: int = 2) -> str:
-    return "–" if isnan(number) else f"{number:.{digits}f}"
+    return "–" if isnan(number) else f"{number:,.{digits}f}"
 
 
 def _count(number: float) -> str:
-    return "–" if isnan(number) else f"{number:,.0f}"
+    return f"{number:,.0f}"
 
 
 def _plain(cell: str) -> str:

@@ -104,7 +104,9 @@ def _failures(path: Path, trial: TrialResult) -> list[GalleryRow]:
 def _illustrated(row: GalleryRow) -> GalleryRow:
     start, goal = (_picture(row.drive, frame) for frame in (row.episode.start, row.episode.goal))
     at = None if row.recording is None else moment_s(row.recording, row.episode.failure)
-    return replace(row, start=row.start or start, goal=row.goal or goal, time_s=at if row.time_s is None else row.time_s)
+    return replace(
+        row, start=row.start or start, goal=row.goal or goal, time_s=at if row.time_s is None else row.time_s
+    )
 
 
 def _picture(drive: Path | None, frame: int) -> bytes | None:

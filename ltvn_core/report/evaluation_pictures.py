@@ -23,7 +23,9 @@ def _of_rows(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:
     whole = [row for row in rows if not row.setup.ablated and not row.setup.queries]
     parts = [row for row in rows if not row.setup.queries and row.setup.scene in _ablated_scenes(rows)]
     if whole:
-        caption = "Goals reached, with 95 % intervals. Rings: network as trained. Discs: after fine-tuning on the drive."
+        caption = (
+            "Goals reached, with 95 % intervals. Rings: network as trained. Discs: after fine-tuning on the drive."
+        )
         yield Picture("success", "success", "Success per scene and method", caption, success(whole, ink))
         caption = "Nodes and edges of the maps: mean of the map seeds, and from the smallest to the largest."
         yield Picture("sizes", "sizes", "Nodes and edges per scene and method", caption, sizes(whole, ink))
@@ -44,7 +46,9 @@ def _of_maps(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:
             Panel(f"{row.setup.method}, {row.setup.stage}", row.trials[0]) for row in drawn if row.setup.scene == scene
         ]
         title = f"Maps of {scene_name(scene)}"
-        caption = f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: edges that nobody can drive."
+        caption = (
+            f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: edges that nobody can drive."
+        )
         yield Picture("floors", f"floors-{slug(scene_name(scene))}", title, caption, floors(panels, ink))
 
 

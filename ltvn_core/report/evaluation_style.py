@@ -21,7 +21,13 @@ from ltvn_core.report.style import Colour, Ink
 WIDTH_IN = 8.4
 """Width of a picture, as on the other pages."""
 
-_MORE: tuple[Colour, ...] = ((0.0, 0.6, 0.45), (0.78, 0.24, 0.32), (0.55, 0.45, 0.1), (0.25, 0.62, 0.75), (0.5, 0.5, 0.5))
+_MORE: tuple[Colour, ...] = (
+    (0.0, 0.6, 0.45),
+    (0.78, 0.24, 0.32),
+    (0.55, 0.45, 0.1),
+    (0.25, 0.62, 0.75),
+    (0.5, 0.5, 0.5),
+)
 
 _CAUSES: dict[Failure, Colour] = {
     Failure.MISLOCALISED: (0.8, 0.47, 0.65),

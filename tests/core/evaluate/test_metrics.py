@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ltvn_core.evaluate.metrics import Figures, difference, failures, figures, plain
-from ltvn_core.evaluate.resampling import Estimate
+from ltvn_core.evaluate.intervals import Estimate
 from ltvn_core.evaluate.results import EpisodeResult, Failure, TrialResult
 from tests.core.evaluate.trials import random_trials, trial
 

@@ -1,8 +1,8 @@
 """How sure a mean is whose cases come in groups: Student's interval over groups, pooled within strata. Pure numpy.
 
-Owns the interval; what is averaged is `evaluate.metrics`. In simulated evaluations whose map seeds scattered by 12 points
-of success, three seeds a scene, it held the truth in 93 to 95 % of cases; a bootstrap of seeds and then episodes held
-it in 76 to 84 %, because three groups are too few to draw from.
+Owns the interval; what is averaged is `evaluate.metrics`. In simulated evaluations whose map seeds scattered by 12
+points of success, three seeds a scene, it held the truth in 93 to 95 % of cases; a bootstrap of seeds and then episodes
+held it in 76 to 84 %, because three groups are too few to draw from.
 """
 
 from collections import defaultdict

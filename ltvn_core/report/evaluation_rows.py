@@ -10,8 +10,8 @@ from pathlib import PurePath
 
 import numpy as np
 
+from ltvn_core.evaluate.intervals import Estimate
 from ltvn_core.evaluate.metrics import Figures, figures
-from ltvn_core.evaluate.resampling import Estimate
 from ltvn_core.evaluate.results import Failure, TrialResult
 
 ALL_SCENES = "all scenes"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import chain
 from math import isnan
 
+from ltvn_core.evaluate.intervals import Estimate
 from ltvn_core.evaluate.metrics import difference
-from ltvn_core.evaluate.resampling import Estimate
 from ltvn_core.evaluate.results import Failure, LifelongResult, Results, TrialResult
 from ltvn_core.report.evaluation_courses import Course, Stretch, calibration_error, calibration_of, stretches
 from ltvn_core.report.evaluation_rows import Row, rows_over_scenes, scene_name, scenes_of, setup_of

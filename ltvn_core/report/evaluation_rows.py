@@ -93,6 +93,11 @@ def scene_name(scene: str) -> str:
     return PurePath(scene).name or scene
 
 
+def order_of(setup: Setup) -> tuple[object, ...]:
+    """Return what rows are sorted by: scene, then method, then stage."""
+    return (setup.scene, *_method_order(setup), setup.finetuned, setup.queries)
+
+
 def rows_of(trials: Iterable[TrialResult]) -> tuple[Row, ...]:
     """Gather trials into rows, by scene, then method, then stage."""
     return _gathered(trials, setup_of)
@@ -122,11 +127,7 @@ def _gathered(trials: Iterable[TrialResult], key: Callable[[TrialResult], Setup]
     for trial in trials:
         groups.setdefault(key(trial), []).append(trial)
     rows = [Row(setup, tuple(sorted(found, key=lambda trial: trial.seed))) for setup, found in groups.items()]
-    return tuple(sorted(rows, key=_order))
-
-
-def _order(row: Row) -> tuple[object, ...]:
-    return (row.setup.scene, *_method_order(row.setup), row.setup.finetuned, row.setup.queries)
+    return tuple(sorted(rows, key=lambda row: order_of(row.setup)))
 
 
 def _method_order(setup: Setup) -> tuple[object, ...]:

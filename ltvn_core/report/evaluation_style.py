@@ -92,5 +92,7 @@ def inline_svg(picture: Picture, ink: Ink) -> str:
     text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
     # Several figures live in one page, so every name in them must be its own.
     text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{picture.name}-", text)
-    text = text.replace(to_hex(ink.text), "currentColor").replace(str(mpl.rcParams["grid.color"]), "var(--line)")
+    # Axes are black, whatever the ink.
+    text = re.sub(f"#000000|{to_hex(ink.text)}", "currentColor", text)
+    text = text.replace(str(mpl.rcParams["grid.color"]), "var(--line)")
     return text.replace("<svg ", '<svg role="img" ', 1)

@@ -67,9 +67,10 @@ def data_address(picture: bytes) -> str:
 
 
 def chosen(rows: Sequence[GalleryRow], most: int) -> tuple[GalleryRow, ...]:
-    """Return at most so many rows for each scene, method and stage: each cause in turn, so that none crowds out another.
+    """Return at most so many rows for each scene, method and stage.
 
-    Rows with a recording come before those without.
+    They are taken from each cause in turn, so that none crowds out another. Rows with a recording come before those
+    without.
     """
     groups: dict[Setup, list[GalleryRow]] = {}
     for row in rows:

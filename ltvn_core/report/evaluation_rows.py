@@ -32,7 +32,7 @@ class Setup:
     queries: int
     """With maintenance, before the episodes."""
     ablated: bool
-    """Whether parts of the method were switched off."""
+    """Whether parts of the method were switched off or exchanged for the truth."""
 
     @property
     def stage(self) -> str:
@@ -85,7 +85,9 @@ def setup_of(trial: TrialResult) -> Setup:
         name = f"{name}, {trial.preset} navigator"
     if without:
         name = f"{name} without {', '.join(without)}"
-    return Setup(trial.scene, name, trial.finetuned, trial.queries, bool(without))
+    if asked_the_truth := trial.fingerprint == "oracle":
+        name = f"{name} with the oracle"
+    return Setup(trial.scene, name, trial.finetuned, trial.queries, bool(without) or asked_the_truth)
 
 
 def scene_name(scene: str) -> str:

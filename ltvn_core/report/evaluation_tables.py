@@ -93,7 +93,18 @@ def cause_table(rows: Sequence[Row]) -> Table:
 
 def lifelong_table(courses: Iterable[Course]) -> Table:
     """Return each course's tests, with what maintenance did since the test before."""
-    head = ("scene", "method", "queries", "goals reached", "SPL", "collisions", "nodes", "edges", "spurious", "gap of p")
+    head = (
+        "scene",
+        "method",
+        "queries",
+        "goals reached",
+        "SPL",
+        "collisions",
+        "nodes",
+        "edges",
+        "spurious",
+        "gap of p",
+    )
     body = tuple(line for course in courses for line in _course(course))
     caption = (
         "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "

@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from ltvn_core.config import Likelihoods, Method, preset
-from ltvn_core.errors import SceneError
+from ltvn_core.errors import OptionError, SceneError
+from ltvn_core.graph.ltvn import ltvn
+from ltvn_core.graph.rivals.sptm import sptm
+from ltvn_core.graph.rivals.ving import ving
+from ltvn_core.graph.system import System
 from ltvn_core.types import FrameId, Intrinsics, Pose, Predictor
 
 if TYPE_CHECKING:
@@ -21,6 +25,9 @@ if TYPE_CHECKING:
     from ltvn_core.sim.scene import Scene
 
 log = logging.getLogger(__name__)
+
+SystemName: TypeAlias = Literal["ltvn", "sptm", "ving"]
+"""The paper's navigation system, or one of its rivals."""
 
 PredictorName: TypeAlias = Literal["network", "oracle"]
 """The trained network, or the simulator's own geometry."""
@@ -99,6 +106,14 @@ def open_method(
         )
         return method
     return replace(method, believing=replace(method.believing, **asdict(constants)))
+
+
+def open_system(name: SystemName, method: Method) -> System:
+    """Return the navigation system of that name with the thresholds of `method`; raise OptionError if there is none."""
+    systems = {"ltvn": ltvn, "sptm": sptm, "ving": ving}
+    if name not in systems:
+        raise OptionError(f"No navigation system is called {name!r}; choose one of: {', '.join(systems)}.")
+    return systems[name](method)
 
 
 def _measured(predictor: PredictorName, weights: Path | None) -> Likelihoods | None:

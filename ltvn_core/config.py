@@ -175,11 +175,13 @@ class Expanding:
     """New nodes: novel images, and left-over images when there is no path."""
 
     novel_after_looks: int = 12
-    """Looks in vain before what the robot sees becomes a node; 1 = at once (paper)."""
+    """Looks in vain before what the robot sees becomes a node; 1 = at once (paper), 0 = never (ours)."""
     connect_factor: float = 1.3
     """D_c grows by this for novel nodes (paper)."""
     merge_factor: float = 0.6
     """D_m shrinks by this for novel nodes (paper)."""
+    search_reserve: bool = True
+    """Look for a path through left-over images where the map has none (paper); False = never (ours)."""
     strict: bool = True
     """Left-over images must pass R_c with temporal support and touch two nodes (ours)."""
     sample_limit: int = 60

@@ -40,7 +40,7 @@ def build(
     Puts the images into `views` and afterwards drops those that are neither nodes nor in reserve. Frames in `goals`
     never merge. Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
     """
-    _check(observations, goals)
+    check_trajectory(observations, goals)
     views.add(observations)
     matcher, travel = Matcher(predictor, views, method.matching), Travel(observations, method.building)
     best: _Construction | None = None
@@ -60,7 +60,8 @@ def _silent(done: int, total: int) -> None:
     """Show no progress."""
 
 
-def _check(observations: Sequence[Observation], goals: Collection[FrameId]) -> None:
+def check_trajectory(observations: Sequence[Observation], goals: Collection[FrameId] = ()) -> None:
+    """Raise MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames."""
     if not observations:
         raise MapError("The trajectory is empty; drive and record some images before building a map.")
     frames = [seen.step for seen in observations]

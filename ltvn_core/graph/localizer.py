@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.config import Localising
 from ltvn_core.graph.matching import Matcher, Matches
@@ -73,21 +74,27 @@ class Localizer:
         return self._matcher.witnessed(matches.take(candidates[order[: self._config.shortlist]]), image)
 
     def _best(self, matches: Matches, scope: str) -> Fix:
-        if not len(matches):
-            return Fix(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
-        # Where no node is near enough the best of all is reported, so that one can see how far off it was.
-        passing, scores = self._near_enough(matches), self._scores(matches)
-        order = np.lexsort((scores, ~passing))
-        best, second = order[0], order[1] if len(order) > 1 else None
-        return Fix(
-            matches.nodes[best] if passing[best] else None,
-            float(matches.distances[best]),
-            float(matches.reachability[best]),
-            matches.waypoints[best],
-            None if second is None else matches.nodes[second],
-            np.inf if second is None else float(scores[second] - scores[best]),
-            scope,
-        )
+        return best_fix(matches, self._scores(matches), self._near_enough(matches), scope)
+
+
+def best_fix(matches: Matches, scores: NDArray[np.float64], passing: NDArray[np.bool_], scope: str) -> Fix:
+    """Return the match with the lowest score (N,) among those that pass (N,), and how sure that is.
+
+    Where none passes the best of all is reported without a node, so that one can see how far off it was.
+    """
+    if not len(matches):
+        return Fix(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
+    order = np.lexsort((scores, ~passing))
+    best, second = order[0], order[1] if len(order) > 1 else None
+    return Fix(
+        matches.nodes[best] if passing[best] else None,
+        float(matches.distances[best]),
+        float(matches.reachability[best]),
+        matches.waypoints[best],
+        None if second is None else matches.nodes[second],
+        np.inf if second is None else float(scores[second] - scores[best]),
+        scope,
+    )
 
 
 def around(graph: TopologicalGraph, plan: Sequence[NodeId]) -> tuple[NodeId, ...]:

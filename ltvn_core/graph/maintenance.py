@@ -12,7 +12,7 @@ from ltvn_core.graph.deltas import BeliefUpdated, Cause, Edge, EdgePruned, Graph
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.operators import Gates, connectable, mergeable, node_with_edges
 from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.types import NodeId, Observation
+from ltvn_core.types import Features, NodeId, Observation
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +26,17 @@ class Attempt:
     succeeded: bool
     failed_before: bool = False
     """The edge failed in this query already."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lost:
+    """No node is near enough to the current image."""
+
+    observation: Observation
+    image: Features
+    """(1, F) of the observation."""
+    looks_in_vain: int
+    """Looks in a row, this one included, that found no node or no path."""
 
 
 def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) -> tuple[GraphDelta, ...]:

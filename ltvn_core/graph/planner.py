@@ -1,12 +1,14 @@
 """The cheapest path through the map (Dijkstra), on a mirror of the graph that is kept between plans.
 
-Owns the cost of an edge and the mirror. Does not decide what to do without a path.
+Owns the mirror, and the cost of an edge where a system does not bring its own. Does not decide what to do without a
+path.
 """
 
 import itertools
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import NamedTuple, TypeAlias
 
 import rustworkx
 
@@ -16,6 +18,9 @@ from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _LEAST_P = 1e-3
+
+EdgeWeight: TypeAlias = Callable[[Belief], float]
+"""What an edge costs, given what is believed of it; finite and not negative."""
 
 
 class Path(NamedTuple):
@@ -38,10 +43,10 @@ def edge_cost(belief: Belief, config: Planning) -> float:
 class Planner:
     """Plans on one graph; deltas handed to `follow` keep the mirror fresh, anything missed is rebuilt at once."""
 
-    def __init__(self, graph: TopologicalGraph, config: Planning) -> None:
-        """Mirror `graph`."""
+    def __init__(self, graph: TopologicalGraph, config: Planning, *, weight: EdgeWeight | None = None) -> None:
+        """Mirror `graph`, whose edges cost `weight` if that is given and else `edge_cost`."""
         self._graph = graph
-        self._config = config
+        self._weight = weight or partial(edge_cost, config=config)
         self._rebuild()
 
     def follow(self, delta: GraphDelta) -> None:
@@ -64,7 +69,7 @@ class Planner:
             return self._dijkstra(source, goal)
         finally:
             for key in penalised:
-                self._set_cost(key, edge_cost(self._graph.edges[key].belief, self._config))
+                self._set_cost(key, self._weight(self._graph.edges[key].belief))
 
     def _dijkstra(self, source: NodeId, goal: NodeId) -> Path:
         start, end = self._index[source], self._index[goal]
@@ -78,7 +83,7 @@ class Planner:
     def _penalise(self, penalties: Mapping[EdgeKey, float]) -> list[EdgeKey]:
         present = [key for key in penalties if key in self._graph.edges]
         for key in present:
-            self._set_cost(key, edge_cost(self._graph.edges[key].belief, self._config) + penalties[key])
+            self._set_cost(key, self._weight(self._graph.edges[key].belief) + penalties[key])
         return present
 
     def _set_cost(self, key: EdgeKey, cost: float) -> None:
@@ -87,13 +92,13 @@ class Planner:
     def _mirrored(self, delta: GraphDelta) -> bool:
         match delta:
             case BeliefUpdated():
-                self._set_cost((delta.source, delta.target), edge_cost(delta.belief, self._config))
+                self._set_cost((delta.source, delta.target), self._weight(delta.belief))
             case EdgeAdded():
                 for node in (delta.edge.source, delta.edge.target):
                     if node not in self._index:
                         self._index[node] = self._mirror.add_node(node)
                 ends = self._index[delta.edge.source], self._index[delta.edge.target]
-                self._mirror.add_edge(*ends, edge_cost(delta.edge.belief, self._config))
+                self._mirror.add_edge(*ends, self._weight(delta.edge.belief))
             case EdgePruned():
                 self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
             case _:
@@ -106,7 +111,7 @@ class Planner:
         self._index = dict(zip(graph.nodes, self._mirror.add_nodes_from(list(graph.nodes)), strict=True))
         self._mirror.add_edges_from(
             [
-                (self._index[edge.source], self._index[edge.target], edge_cost(edge.belief, self._config))
+                (self._index[edge.source], self._index[edge.target], self._weight(edge.belief))
                 for edge in graph.edges.values()
             ]
         )

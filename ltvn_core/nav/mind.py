@@ -1,4 +1,4 @@
-"""What a navigator thinks with: the map, the images of its nodes, the network and the thresholds, in one place.
+"""What a navigator thinks with: the map, the images of its nodes, the network and the system, in one place.
 
 Owns the one way in which the map changes while the robot navigates. Decides nothing.
 """
@@ -11,9 +11,9 @@ import numpy as np
 
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.graph.localizer import Localizer
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.system import System
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.graph.views import Views
 from ltvn_core.nav.events import GraphChanged
@@ -27,14 +27,18 @@ class Mind:
     graph: TopologicalGraph
     views: Views
     predictor: Predictor
-    method: Method
+    system: System
     rng: np.random.Generator
     intrinsics: Intrinsics
     matcher: Matcher
-    localizer: Localizer
     planner: Planner
     attempts: Iterator[int] = field(default_factory=lambda: itertools.count(1))
     """Numbers the legs."""
+
+    @property
+    def method(self) -> Method:
+        """The system's thresholds."""
+        return self.system.method
 
     @classmethod
     def of(
@@ -42,15 +46,14 @@ class Mind:
         graph: TopologicalGraph,
         views: Views,
         predictor: Predictor,
-        method: Method,
+        system: System,
         rng: np.random.Generator,
         intrinsics: Intrinsics,
     ) -> "Mind":
         """Put the parts together."""
-        matcher = Matcher(predictor, views, method.matching)
-        localizer = Localizer(matcher, method.localising)
-        planner = Planner(graph, method.planning)
-        return cls(graph, views, predictor, method, rng, intrinsics, matcher, localizer, planner)
+        matcher = Matcher(predictor, views, system.method.matching)
+        planner = Planner(graph, system.method.planning, weight=system.edge_weight)
+        return cls(graph, views, predictor, system, rng, intrinsics, matcher, planner)
 
     def change(self, deltas: Iterable[GraphDelta], query: int, attempt: int | None = None) -> Iterator[GraphChanged]:
         """Apply deltas to the map, each with its event."""

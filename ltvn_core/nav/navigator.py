@@ -11,6 +11,8 @@ import numpy as np
 
 from ltvn_core.config import Method
 from ltvn_core.errors import MapError
+from ltvn_core.graph.ltvn import ltvn
+from ltvn_core.graph.system import System
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.graph.views import Views
 from ltvn_core.nav.body import Body, QueryOver
@@ -34,10 +36,14 @@ class Navigator:
         rng: np.random.Generator,
         *,
         intrinsics: Intrinsics | None = None,
+        system: System | None = None,
     ) -> None:
-        """Navigate in `graph`, whose images `views` holds; both change on the way if the method maintains."""
+        """Navigate in `graph`, whose images `views` holds; both change on the way if the system maintains.
+
+        Without a `system` it is the paper's with `method`; with one, that system's own thresholds hold.
+        """
         self._robot = robot
-        self._mind = Mind.of(graph, views, predictor, method, rng, intrinsics or Intrinsics())
+        self._mind = Mind.of(graph, views, predictor, system or ltvn(method), rng, intrinsics or Intrinsics())
         self._body: Body | None = None
         self.view: Observation | None = None
         """The picture it looked at last. Events name it by its step, so whoever records events records it too."""

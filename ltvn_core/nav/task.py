@@ -1,18 +1,18 @@
 """One query under way: the loop of the paper, in the order in which it happens.
 
-Owns that order and the events that tell about it. The decisions are elsewhere: `graph.localizer`, `graph.planner`,
-`graph.maintenance`, `graph.expansion`, `nav.legs`, `nav.judgement`.
+Owns that order and the events that tell about it. The decisions are elsewhere: in the strategies of `graph.system`, in
+`graph.planner`, `nav.legs` and `nav.judgement`.
 """
 
+import itertools
 from collections.abc import Generator, Iterator
 from typing import TypeAlias, TypeVar
 
 import numpy as np
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.expansion import expand
 from ltvn_core.graph.localizer import LOCAL, Fix
-from ltvn_core.graph.maintenance import Attempt, novel_node, update_edge
+from ltvn_core.graph.maintenance import Attempt, Lost
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import Path
 from ltvn_core.nav.body import Body, QueryOver
@@ -85,7 +85,8 @@ class Task:
             sight = self._eyes.sight(held)
             fix = Fix(held, sight.distance, sight.reachability, sight.waypoint, None, np.inf, LOCAL)
         else:
-            fix = self._mind.localizer.localise(self._eyes.features, self._mind.graph, self._memory.plan)
+            mind = self._mind
+            fix = mind.system.localise(self._eyes.features, mind.graph, self._memory.plan, mind.matcher)
         frame = self._eyes.observation.step
         numbers = fix.distance, fix.reachability, fix.runner_up, fix.margin, fix.scope
         yield Localised(self._query, frame, fix.node, *numbers)
@@ -114,12 +115,12 @@ class Task:
         return False
 
     def _plan(self, start: NodeId) -> Steps[Path]:
-        """Find the cheapest path, through the reserve if there is none in the map."""
+        """Find the cheapest path; where there is none, the system may extend the map."""
         yield from self._enter(NavigatorState.PLANNING)
         mind = self._mind
         path = mind.planner.plan(start, self._goal, self._memory.penalties)
-        if not path.nodes and self._method.maintain and self._memory.may_expand(start):
-            deltas = expand(mind.graph, start, self._goal, mind.matcher, self._method, mind.rng)
+        if not path.nodes and self._memory.may_expand(start):
+            deltas = mind.system.maintenance.no_path(mind.graph, start, self._goal, mind.matcher, mind.rng)
             yield from mind.change(deltas, self._query)
             path = mind.planner.plan(start, self._goal, self._memory.penalties)
         self._memory.plan = path.nodes
@@ -127,14 +128,15 @@ class Task:
         return path
 
     def _follow(self, fix: Fix, path: Path) -> Steps[bool]:
-        """Drive the first edge; tell whether the robot stands at the goal with nothing left to drive."""
-        source, target = _first_edge(path)
-        sight = self._departure(fix, source, target)
-        if sight is None and fix.node is not None:
-            source, target, sight = None, fix.node, self._eyes.sight(fix.node)
-        assert sight is not None
+        """Drive to the subgoal; tell whether the robot stands at the goal with nothing left to drive."""
+        stretch = self._stretch(path)
+        sight = self._departure(fix, stretch)
+        if sight is None:
+            stretch = stretch[:1]
+            sight = self._eyes.sight(stretch[0])
+        source, target = _ends(stretch)
         self._memory.approached = target if source is None else None
-        result = yield from self._drive(source, target, sight)
+        result = yield from self._drive(stretch, sight)
         if result.steps:
             return False
         yield from self._body.move_on()
@@ -146,8 +148,16 @@ class Task:
         self._memory.held_at = target
         return source is None and target == self._goal
 
-    def _departure(self, fix: Fix, source: NodeId | None, target: NodeId) -> Sight | None:
+    def _stretch(self, path: Path) -> tuple[NodeId, ...]:
+        """Return the path up to the subgoal; at the goal already, it is the goal alone."""
+        if len(path.nodes) == 1:
+            return path.nodes
+        chosen = self._mind.system.subgoal(path.nodes, lambda node: self._eyes.sight(node).reachability)
+        return path.nodes[: chosen + 1]
+
+    def _departure(self, fix: Fix, stretch: tuple[NodeId, ...]) -> Sight | None:
         """Return the target as seen from here; None if the robot had better go to the node it is at first."""
+        source, target = _ends(stretch)
         sight, driving = self._eyes.sight(target), self._method.driving
         if source is None or sight.reachability >= driving.departure_reachability:
             return sight
@@ -155,10 +165,14 @@ class Task:
             return None
         if not driving.through_map:
             return sight
-        return sight.aimed(compose(fix.waypoint, np.array(self._mind.graph.edges[source, target].waypoint)))
+        aim = fix.waypoint
+        for edge in itertools.pairwise(stretch):
+            aim = compose(aim, np.array(self._mind.graph.edges[edge].waypoint))
+        return sight.aimed(aim)
 
-    def _drive(self, source: NodeId | None, target: NodeId, sight: Sight) -> Steps[LegResult]:
+    def _drive(self, stretch: tuple[NodeId, ...], sight: Sight) -> Steps[LegResult]:
         """Drive one leg and learn from it."""
+        source, target = _ends(stretch)
         yield from self._enter(NavigatorState.DRIVING)
         attempt, frame = next(self._mind.attempts), self._eyes.observation.step
         yield LegStarted(self._query, attempt, source, target, frame, pose_row(sight.waypoint), sight.reachability)
@@ -172,7 +186,7 @@ class Task:
         verdict = self._judge(source, target, result)
         yield self._ended(attempt, source, target, result.end, verdict)
         if source is not None:
-            yield from self._learn(attempt, source, target, sight, verdict)
+            yield from self._learn(attempt, stretch, sight, verdict)
         return result
 
     def _judge(self, source: NodeId | None, target: NodeId, result: LegResult) -> Verdict:
@@ -180,15 +194,15 @@ class Task:
         seen, left = self._eyes.sight(target), relative(self._body.odometry, result.goal)
         return judge_attempt(seen.reachability, seen.distance, left, self._method, worn_out=worn_out)
 
-    def _learn(self, attempt: int, source: NodeId, target: NodeId, sight: Sight, verdict: Verdict) -> Iterator[Event]:
-        """Remember a failure for this query, and update the map, Eq. 3 and Eq. 4."""
-        failed_before = self._memory.failed((source, target))
+    def _learn(self, attempt: int, stretch: tuple[NodeId, ...], sight: Sight, verdict: Verdict) -> Iterator[Event]:
+        """Remember a failure for this query, and let the system update the map."""
+        edges, mind = list(itertools.pairwise(stretch)), self._mind
+        failed_before = any(self._memory.failed(edge) for edge in edges)
         if not verdict.succeeded:
-            self._memory.fail((source, target))
-        if self._method.maintain:
-            evidence = Attempt(source, target, sight.distance, verdict.succeeded, failed_before)
-            deltas = update_edge(self._mind.graph, evidence, self._method.believing)
-            yield from self._mind.change(deltas, self._query, attempt)
+            for edge in edges:  # Nobody knows which of them is to blame.
+                self._memory.fail(edge)
+        evidence = Attempt(stretch[0], stretch[-1], sight.distance, verdict.succeeded, failed_before)
+        yield from mind.change(mind.system.maintenance.after_attempt(mind.graph, evidence), self._query, attempt)
 
     def _ended(self, attempt: int, source: NodeId | None, target: NodeId, end: LegEnd, verdict: Verdict) -> LegEnded:
         seen, frame = self._eyes.sight(target), self._eyes.observation.step
@@ -200,7 +214,7 @@ class Task:
         yield from self._enter(NavigatorState.RECOVERING)
         recovering, memory = self._method.recovering, self._memory
         memory.look_in_vain(why)
-        if why is Outcome.LOST and self._method.maintain:
+        if why is Outcome.LOST:
             yield from self._remember_novel()
         if memory.looks_in_vain >= recovering.give_up_after_looks:
             raise QueryOver(memory.despair)
@@ -211,12 +225,10 @@ class Task:
         yield from self._turn(recovering.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:
-        """Make a node of what nobody recognised, once looking around has not helped."""
-        if self._memory.looks_in_vain < self._method.expanding.novel_after_looks:
-            return
+        """Let the system make a node of what nobody recognised."""
         mind, seen = self._mind, self._eyes.observation
-        matches = mind.matcher.match(self._eyes.features, tuple(mind.graph.nodes))
-        deltas = novel_node(mind.graph, seen, matches, self._method)
+        lost = Lost(seen, self._eyes.features, self._memory.looks_in_vain)
+        deltas = mind.system.maintenance.lost(mind.graph, lost, mind.matcher)
         if deltas:
             mind.views.add([seen], self._eyes.features)
             yield from mind.change(deltas, self._query)
@@ -230,8 +242,6 @@ class Task:
             yield StateChanged(state)
 
 
-def _first_edge(path: Path) -> tuple[NodeId | None, NodeId]:
-    """Return where the next leg begins and ends; at the goal already, it only approaches."""
-    if len(path.nodes) == 1:
-        return None, path.nodes[0]
-    return path.nodes[0], path.nodes[1]
+def _ends(stretch: tuple[NodeId, ...]) -> tuple[NodeId | None, NodeId]:
+    """Return where a leg begins and ends; to a single node the robot only makes its approach."""
+    return (stretch[0] if len(stretch) > 1 else None), stretch[-1]

@@ -25,7 +25,7 @@ class Built:
 
 @dataclass(frozen=True, kw_only=True)
 class Build(Verb):
-    """Build a map from a recording by Algorithm 1."""
+    """Build a map from a recording by Algorithm 1, or as one of the paper's rivals does."""
 
     recording: Positional[Path]
     """The recording to build from."""
@@ -33,6 +33,8 @@ class Build(Verb):
     """The map to write; must not exist yet."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
+    system: Literal["ltvn", "sptm", "ving"] = "ltvn"
+    """Whose map: ltvn is the paper's, sptm and ving keep all images."""
     predictor: Literal["network", "oracle"] = "network"
     """What compares images: the trained network, or the simulator's own geometry."""
     weights: Path | None = None
@@ -45,8 +47,7 @@ class Build(Verb):
         import numpy as np
         from tqdm import tqdm
 
-        from ltvn_core.composition import open_method, open_predictor
-        from ltvn_core.graph.builder import build
+        from ltvn_core.composition import open_method, open_predictor, open_system
         from ltvn_core.graph.planner import count_pieces
         from ltvn_core.graph.topograph import TopologicalGraph
         from ltvn_core.graph.views import Views
@@ -63,10 +64,12 @@ class Build(Verb):
                 bar.total = total
                 bar.update(done - bar.n)
 
-            deltas = build(observations, views, predictor, method, np.random.default_rng(self.seed), progress=show)
+            system, rng = open_system(self.system, method), np.random.default_rng(self.seed)
+            deltas = system.build(observations, views, predictor, rng=rng, progress=show)
         graph = TopologicalGraph(deltas)
         kept = [views.observation(frame) for frame in views.frames]
-        settings = {"verb": "build", "preset": self.preset, "seed": self.seed, "method": asdict(method)}
+        settings = {"verb": "build", "system": self.system, "preset": self.preset, "seed": self.seed}
+        settings["method"] = asdict(system.method)
         save_map(
             self.output, graph, kept, scene=recording.meta.scene, config=settings, fingerprint=predictor.fingerprint
         )

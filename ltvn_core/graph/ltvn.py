@@ -1,0 +1,66 @@
+"""The paper's own system: Algorithm 1, Dijkstra on d, the first node of the path, and lifelong maintenance.
+
+Owns how these parts are put together; each lives in its own module.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ltvn_core.config import Localising, Method
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.expansion import expand
+from ltvn_core.graph.localizer import Fix, Localizer
+from ltvn_core.graph.maintenance import Attempt, Lost, novel_node, update_edge
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.planner import edge_cost
+from ltvn_core.graph.system import Deltas, System, Untouched, first_node
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.types import Features, NodeId
+
+
+def ltvn(method: Method) -> System:
+    """Return the paper's system; its map stays as it is if the method does not maintain."""
+    return System(
+        name="ltvn",
+        method=method,
+        build=partial(build, method=method),
+        edge_weight=partial(edge_cost, config=method.planning),
+        localise=partial(_localise, config=method.localising),
+        subgoal=first_node,
+        maintenance=LifelongMaintenance(method) if method.maintain else Untouched(),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LifelongMaintenance:
+    """Eq. 3 and Eq. 4, pruning, novel nodes and the search through the reserve."""
+
+    method: Method
+
+    def after_attempt(self, graph: TopologicalGraph, attempt: Attempt) -> Deltas:
+        """Update the belief of the edge, and prune it if it has failed too often."""
+        return update_edge(graph, attempt, self.method.believing)
+
+    def no_path(
+        self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
+    ) -> Deltas:
+        """Search the reserve for a path."""
+        if not self.method.expanding.search_reserve:
+            return ()
+        return expand(graph, source, goal, matcher, self.method, rng)
+
+    def lost(self, graph: TopologicalGraph, lost: Lost, matcher: Matcher) -> Deltas:
+        """Make a node of the image once looking around has not helped."""
+        patience = self.method.expanding.novel_after_looks
+        if not patience or lost.looks_in_vain < patience:
+            return ()
+        return novel_node(graph, lost.observation, matcher.match(lost.image, tuple(graph.nodes)), self.method)
+
+
+def _localise(
+    image: Features, graph: TopologicalGraph, plan: Sequence[NodeId], matcher: Matcher, *, config: Localising
+) -> Fix:
+    return Localizer(matcher, config).localise(image, graph, plan)

@@ -1,0 +1,1 @@
+"""Systems to compare the paper's with, in the same navigator."""

@@ -1,0 +1,63 @@
+"""Maps in which every image of the trajectory is a node, as SPTM and ViNG build them.
+
+Owns comparing each image with all others, and the deltas of nodes and edges. Does not own which pairs are joined.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import Believing
+from ltvn_core.geometry import distance
+from ltvn_core.graph.builder import Progress
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
+from ltvn_core.graph.operators import node_of, pose_row
+from ltvn_core.graph.views import Views
+from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor, Waypoint
+
+
+class Link(NamedTuple):
+    """A directed edge to be: from one image of the trajectory to another, both by their place in it."""
+
+    source: int
+    target: int
+    p: float
+    """Reachability as the network says."""
+    waypoint: Waypoint
+    """(3,): the target in the frame of the source."""
+
+
+def take_in(observations: Sequence[Observation], views: Views) -> tuple[list[Observation], Features]:
+    """Return the images in the order they were taken and their features (N, F); `views` holds just these."""
+    ordered = sorted(observations, key=lambda seen: seen.step)
+    frames: list[FrameId] = [seen.step for seen in ordered]
+    views.add(ordered)
+    views.keep_only(frames)
+    return ordered, views.features(frames)
+
+
+def each_with_all(features: Features, predictor: Predictor, progress: Progress | None) -> Iterator[Prediction]:
+    """Yield for each of N images what the network says of it and all N, itself among them."""
+    for k in range(len(features)):
+        yield predictor.predict(features[k : k + 1], features)
+        if progress is not None:
+            progress(k + 1, len(features))
+
+
+def passed_over(waypoints: Waypoint) -> NDArray[np.bool_]:
+    """Tell (N,) to which images the network gave no waypoint, because it only glanced at them."""
+    return ~waypoints.any(axis=-1)
+
+
+def nodes_and_edges(
+    observations: Sequence[Observation], links: Iterable[Link], config: Believing
+) -> Iterator[NodeAdded | EdgeAdded]:
+    """Yield all images as nodes and then the links as edges."""
+    for seen in observations:
+        yield NodeAdded(node_of(seen), Cause.BUILD)
+    for link in links:
+        belief = Belief(float(link.p), float(distance(link.waypoint)), config.sigma2)
+        ends = observations[link.source].step, observations[link.target].step
+        yield EdgeAdded(Edge(*ends, pose_row(link.waypoint), belief), Cause.BUILD)

@@ -1,0 +1,129 @@
+"""A navigation system as the paper's Table I takes it apart: five strategies that can be exchanged one by one.
+
+Owns the interfaces alone. The paper's own strategies are put together in `graph.ltvn`, its rivals' in `graph.rivals`;
+the navigator drives whatever `System` it is given. The other systems of the table fit by replacing, in `ltvn(method)`:
+
+| system | build | edge_weight | subgoal | localise | maintenance |
+|---|---|---|---|---|---|
+| Meng et al. | greedy anchors, the last frame still reachable | -ln p | first node | r of the next anchors | none |
+| SGM | two-way consistent merging, then 5 nearest out-edges | hops | first node | nearest | delete what failed |
+| SoRB | all images, edge if d < MAXDIST | d | first node | nearest | none |
+| HTM | images drawn from a generative model | 1 / normalised score | first node | best score | none |
+| LEAP | none: its subgoals are optimised for each query | - | optimised | - | none |
+| BRM | rooms and objects instead of images | -ln p | next room | classifier | Bayes on counts, from `after_attempt` |
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.graph.builder import Progress
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.localizer import Fix
+from ltvn_core.graph.maintenance import Attempt, Lost
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.planner import EdgeWeight
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.views import Views
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
+
+Deltas: TypeAlias = tuple[GraphDelta, ...]
+"""Changes of the map in order; none if nothing changes."""
+
+
+class Build(Protocol):
+    """Which images become nodes, and which edges join them."""
+
+    def __call__(
+        self,
+        observations: Sequence[Observation],
+        views: Views,
+        predictor: Predictor,
+        *,
+        rng: np.random.Generator,
+        goals: Collection[FrameId] = (),
+        progress: Progress | None = None,
+    ) -> Deltas:
+        """Return the deltas of a new map; `views` holds its images afterwards, and all `goals` are nodes or in reserve.
+
+        Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
+        """
+        ...
+
+
+class Localise(Protocol):
+    """Which node the robot is at."""
+
+    def __call__(self, image: Features, graph: TopologicalGraph, plan: Sequence[NodeId], matcher: Matcher) -> Fix:
+        """Compare the current image (1, F) with the map; `plan` holds the nodes of the last plan, if there is one."""
+        ...
+
+
+class ChooseSubgoal(Protocol):
+    """Which node of a planned path the robot drives to next."""
+
+    def __call__(self, path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
+        """Return an index of `path`, at least 1; the path has two nodes or more and begins where the robot is.
+
+        `reachability` says how reachable a node looks from here; each node asked costs a comparison.
+        """
+        ...
+
+
+class Maintenance(Protocol):
+    """What driving does to the map."""
+
+    def after_attempt(self, graph: TopologicalGraph, attempt: Attempt) -> Deltas:
+        """Learn from an attempt. Its ends need not be joined by an edge where the subgoal lies farther ahead."""
+        ...
+
+    def no_path(
+        self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
+    ) -> Deltas:
+        """Look for a way where the map has none; asked once per source and query."""
+        ...
+
+    def lost(self, graph: TopologicalGraph, lost: Lost, matcher: Matcher) -> Deltas:
+        """Make use of an image nobody recognised; if it becomes a node the navigator keeps its view."""
+        ...
+
+
+class Untouched:
+    """The maintenance of a system that has none: the map stays as it was built."""
+
+    def after_attempt(self, graph: TopologicalGraph, attempt: Attempt) -> Deltas:
+        """Learn nothing."""
+        return ()
+
+    def no_path(
+        self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
+    ) -> Deltas:
+        """Search nothing."""
+        return ()
+
+    def lost(self, graph: TopologicalGraph, lost: Lost, matcher: Matcher) -> Deltas:
+        """Add nothing."""
+        return ()
+
+
+def first_node(path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
+    """Choose the node that comes first on the path, as the paper and most of its rivals do."""
+    return 1
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """A navigation system: what it does in its own way, and the thresholds of all the rest."""
+
+    name: str
+    """What reports call it."""
+    method: Method
+    """Thresholds of what is not exchanged: comparing images, the controller, judging, recovering."""
+    build: Build
+    edge_weight: EdgeWeight
+    localise: Localise
+    subgoal: ChooseSubgoal
+    maintenance: Maintenance

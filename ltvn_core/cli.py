@@ -20,6 +20,7 @@ from ltvn_core.verbs.build import Build
 from ltvn_core.verbs.collect import Collect
 from ltvn_core.verbs.dataset import Dataset
 from ltvn_core.verbs.demo import Demo
+from ltvn_core.verbs.evaluate import Evaluate
 from ltvn_core.verbs.figures import Figures
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.finetune import Finetune
@@ -37,6 +38,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Build, subcommand("build", prefix_name=False)]
     | Annotated[Navigate, subcommand("navigate", prefix_name=False)]
     | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
+    | Annotated[Evaluate, subcommand("evaluate", prefix_name=False)]
     | Annotated[Replay, subcommand("replay", prefix_name=False)]
     | Annotated[View, subcommand("view", prefix_name=False)]
     | Annotated[Dataset, subcommand("dataset", prefix_name=False)]

@@ -70,6 +70,13 @@ def parts() -> tuple[str, ...]:
     return (*PARTS, _FINE_TUNING)
 
 
+def shipped_weights(system: SystemName) -> Path:
+    """Return the weights that come with the program for a system."""
+    from ltvn_core.model.weights import SHIPPED
+
+    return SHIPPED if system == "ltvn" else SHIPPED.with_stem(system)
+
+
 def open_system(plan: TrialPlan, weights: Path | None, scene: Scene, *, maintain: bool) -> System:
     """Return the system of a plan with the constants of its weights. Raises OptionError and WeightsError."""
     method = open_method(plan.preset, plan.predictor, weights)
@@ -138,6 +145,8 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     How many episodes are run makes no difference: the first ones stay the same.
     """
     path = files.folder / files.label / "plan.json"
+    from ltvn_core.model.weights import weights_fingerprint
+
     weights = plan.weights or shipped_weights(plan.system)
     settings = {**asdict(plan), "version": version("ltvn"), "weights": weights_fingerprint(weights)}
     made_by = json.loads(json.dumps(settings, default=str))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.composition import open_predictor, open_simulation
-from ltvn_core.evaluate.plans import TrialFiles, TrialPlan, open_system
+from ltvn_core.evaluate.plans import TrialFiles, TrialPlan, open_system, shipped_weights
 from ltvn_core.evaluate.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluate.results import load_results, save_results
 from ltvn_core.graph.deltas import PoseRow
@@ -57,11 +57,14 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> Sights:
 
 def tuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation] = ()) -> Path | None:
     """Return the weights of a plan, fine-tuned on its drive at the first call; None stands for the shipped ones."""
+    from ltvn_core.model.finetuning import FineTuningPlan
+    from ltvn_core.verbs.own_weights import finetune_for
+
     start = plan.weights or shipped_weights(plan.system)
-    if plan.predictor == "oracle" or not plan.finetuned:
+    if not plan.finetuned:
         return start
     if not files.weights.exists():
-        steps = FineTuningPlan(minutes=None, steps=plan.finetune_steps)
+        steps = FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)
         finetune_for(plan.system, observations, start, steps, files.weights.with_suffix(".part"), files.weights)
     return files.weights
 

@@ -64,7 +64,7 @@ class Course:
         witness = EpisodeWitness(self.truth, self.graph)
         with closing(self._robot(plan, rng)) as robot:
             navigator = Navigator(
-                through(robot), self.graph, self.views, self._predictor, self.system.method, rng,
+                through(robot), self.graph, self.views, self._predictor, self.system.method, rng, system=self.system
             )
 
             def hear(event: Event) -> None:

@@ -9,12 +9,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from ltvn_core.ablation import PARTS, without
 from ltvn_core.composition import PredictorName, open_method
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluate.protocol import Protocol
-from ltvn_core.graph.rivals import sptm, ving
-from ltvn_core.graph.system import System, ltvn
-from ltvn_core.graph.without import PARTS, without
+from ltvn_core.graph.ltvn import ltvn
+from ltvn_core.graph.rivals.sptm import sptm
+from ltvn_core.graph.rivals.ving import ving
+from ltvn_core.graph.system import System
 from ltvn_core.recording.whole import written_whole
 from ltvn_core.sim.scene import Scene
 

@@ -102,7 +102,7 @@ def _build(
     system = open_system(plan, weights, scene, maintain=False)
     views = Views(predictor)
     rng = np.random.default_rng([plan.seed, 4])
-    deltas = system.build(observations, views, predictor, rng, goals=sights.goals)
+    deltas = system.build(observations, views, predictor, rng=rng, goals=sights.goals)
     graph, kept = TopologicalGraph(deltas), [views.observation(frame) for frame in views.frames]
     about = {"scene": scene.address, "fingerprint": predictor.fingerprint}
     save_map(files.map(), graph, kept, config={"verb": "evaluate", "method": asdict(system.method)}, **about)

@@ -74,9 +74,8 @@ class Course:
             return self._without_goal(query, plan)
         witness = EpisodeWitness(self.truth, self.graph)
         with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
-            navigator = Navigator(
-                through(robot), self.graph, self.views, self.predictor, self.system.method, rng, system=self.system
-            )
+            parts = self.graph, self.views, self.predictor, self.system.method, rng
+            navigator = Navigator(through(robot), *parts, system=self.system)
 
             def hear(event: Event) -> None:
                 witness.consume(event, robot.exact_pose)

@@ -27,7 +27,7 @@ _APART_M = 1.5
 class Protocol:
     """The numbers of the test."""
 
-    loops: int = 4
+    loops: int = 3
     """Rounds of the mapping drive (paper: 3 to 4)."""
     goals: int = 10
     """Goal images (paper)."""

@@ -68,7 +68,7 @@ class ProtocolOptions(Verb):
     """Weights to start from instead of the shipped ones."""
     finetune_steps: int = 150
     """Steps of fine-tuning on the mapping drive."""
-    loops: int = 4
+    loops: int = 3
     """Rounds of the mapping drive."""
     goals: int = 10
     """Goal images."""

@@ -28,6 +28,7 @@ from ltvn_core.verbs.lifelong import Lifelong
 from ltvn_core.verbs.measure import Measure
 from ltvn_core.verbs.navigate import Navigate
 from ltvn_core.verbs.pairs import Pairs
+from ltvn_core.verbs.report import Report
 from ltvn_core.verbs.train import Train
 from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
 from ltvn_core.verbs.view import View
@@ -48,6 +49,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Finetune, subcommand("finetune", prefix_name=False)]
     | Annotated[Measure, subcommand("measure", prefix_name=False)]
     | Annotated[Figures, subcommand("figures", prefix_name=False)]
+    | Annotated[Report, subcommand("report", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]
     | Annotated[Repair, subcommand("repair", prefix_name=False)]

@@ -1,12 +1,12 @@
 """Why an episode failed, told from its events and from where the robot truly was.
 
-Owns the decision, as a short list in `EpisodeWitness.failure`. An episode is cut into turns, each from one
-localisation to the next; a turn goes wrong in at most one way, and its steps and touches are put down to that.
+Owns the decision, as a short list in `EpisodeWitness.failure`; the sums behind it are `evaluate.blame`.
 """
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from ltvn_core.evaluate.blame import Blame, Turn
 from ltvn_core.evaluate.results import Failure
 from ltvn_core.evaluate.truth import MapTruth
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -25,10 +25,7 @@ from ltvn_core.nav.events import (
 from ltvn_core.types import FrameId, Pose
 
 WASTED_SHARE = 1 / 3
-"""If less than this share of its steps went wrong, a robot that ran out of steps was just too slow."""
-
-_ORDER = (Failure.SPURIOUS_EDGE, Failure.MISLOCALISED, Failure.NO_PATH, Failure.COLLISION)
-"""What goes wrong in one turn; each leads to those after it."""
+"""If less than this share of its steps went wrong, a robot that ran out of steps was just too slow (ours)."""
 
 _JAMMED = (LegEnd.COLLISION, LegEnd.BLOCKED)
 
@@ -43,29 +40,15 @@ class Sightings:
     astray: int = 0
     """Localisations at a node where the robot was not."""
     unrecognised: int = 0
-    """Looks that found no node although one was near."""
+    """Looks that found no node although one was right there."""
     off_the_map: int = 0
-    """Looks that found no node, and there was none."""
+    """Looks that found no node, and none was right there."""
     no_path: int = 0
     """Plans in vain."""
     blocked_legs: int = 0
     """Legs that ended at an obstacle, seen or touched."""
-
-
-@dataclass(slots=True)
-class _Turn:
-    """From one localisation to the next."""
-
-    begin: FrameId
-    """Step of the image."""
-    causes: set[Failure] = field(default_factory=set)
-    """All that went wrong in it."""
-    touches: int = 0
-
-    @property
-    def cause(self) -> Failure | None:
-        """What went wrong first; None if all was well."""
-        return next((cause for cause in _ORDER if cause in self.causes), None)
+    trigger: Failure | None = None
+    """What went wrong first since all was last well: a spurious edge may lead to where a robot is then astray."""
 
 
 class EpisodeWitness:
@@ -74,13 +57,19 @@ class EpisodeWitness:
     def __init__(self, truth: MapTruth, graph: TopologicalGraph) -> None:
         """Watch a robot in `graph`, which may change on the way."""
         self._truth, self._graph = truth, graph
-        self._turn: _Turn | None = None
+        self._blame = Blame()
+        self._counts: Counter[str] = Counter()
+        self._turn: Turn | None = None
+        self._last: Turn | None = None
         self._latest: FrameId = 0
+        self._trigger: Failure | None = None
         self._is_astray = False
         self._astray_plans = 0
-        self._counts: Counter[str] = Counter()
-        self._steps: Counter[Failure] = Counter()
-        self._touches: Counter[Failure] = Counter()
+
+    @property
+    def sightings(self) -> Sightings:
+        """What was seen so far."""
+        return Sightings(**self._counts, trigger=self._trigger)
 
     def consume(self, event: Event, exact_pose: Pose | None = None) -> None:
         """Take in the next event, and where the robot truly is then, (3,).
@@ -88,40 +77,22 @@ class EpisodeWitness:
         The pose counts with `Localised`; without it the robot is held to be where it thinks.
         """
         if isinstance(event, Localised):
-            before = self._turn
             self._close(event.frame)
-            self._turn = self._localised(event, before, exact_pose)
+            self._turn = Turn(event.frame)
+            self._localised(self._turn, event, exact_pose)
         elif self._turn is not None:
             self._in_turn(self._turn, event)
-
-    def _in_turn(self, turn: _Turn, event: Event) -> None:
-        match event:
-            case Planned():
-                self._planned(turn, event)
-            case LegStarted():
-                self._leg_started(turn, event)
-            case LegEnded():
-                self._leg_ended(turn, event)
-            case Collided():
-                turn.touches += 1
-            case _:
-                pass
-
-    @property
-    def sightings(self) -> Sightings:
-        """What was seen so far."""
-        return Sightings(**self._counts)
 
     def failure(self, ended: QueryEnded, judged: Judged) -> Failure | None:
         """Return the one cause of a failure, None if the robot arrived and said so. The first that holds:
 
         1. It said that it had arrived: WRONG_ARRIVAL.
         2. It saw no path: MISLOCALISED if it was astray in at least half of the plans in vain, else NO_PATH.
-        3. It was lost: MISLOCALISED if it did not recognise a node that was right there, or had driven off from where
-           it was not; else NO_PATH, for the map does not know that place.
+        3. It was lost: MISLOCALISED if it did not recognise a node that was right there; else what went wrong when it
+           drove there; else NO_PATH, for the map does not know that place.
         4. It touched things too often: what most touches were put down to.
-        5. It ran out of steps: what most of the steps that went wrong were put down to, if a third of all did; else
-           STEP_LIMIT.
+        5. It ran out of steps, or was cut short: what most of the wasted steps were put down to, if they are a third
+           of all; else STEP_LIMIT.
         """
         self._close(self._latest)
         match ended.outcome:
@@ -131,17 +102,15 @@ class EpisodeWitness:
                 astray = 2 * self._astray_plans >= self._counts["no_path"] > 0
                 return Failure.MISLOCALISED if astray else Failure.NO_PATH
             case Outcome.LOST:
-                astray = self._counts["unrecognised"] > 0 or self._is_astray
-                return Failure.MISLOCALISED if astray else Failure.NO_PATH
+                return (self._last.cause if self._last else None) or Failure.NO_PATH
             case Outcome.COLLISION_LIMIT:
-                return _most(self._touches, otherwise=Failure.COLLISION)
+                return self._blame.of_touches()
             case _:
-                wasted = self._steps.total() >= WASTED_SHARE * ended.steps
-                return _most(self._steps, otherwise=Failure.STEP_LIMIT) if wasted else Failure.STEP_LIMIT
+                wasted = self._blame.wasted_steps
+                return self._blame.of_steps() if wasted and wasted >= WASTED_SHARE * ended.steps else Failure.STEP_LIMIT
 
-    def _localised(self, event: Localised, before: _Turn | None, exact_pose: Pose | None) -> _Turn:
-        """Begin a turn; a look in vain at nothing it should know belongs to what went wrong before it."""
-        turn = _Turn(event.frame)
+    def _localised(self, turn: Turn, event: Localised, exact_pose: Pose | None) -> None:
+        """See whether it is right; a look at nothing it should know belongs to what went wrong before it."""
         if event.node is not None:
             self._is_astray = exact_pose is not None and not self._truth.is_at(exact_pose, event.node)
             self._counts["astray"] += self._is_astray
@@ -151,38 +120,37 @@ class EpisodeWitness:
             turn.causes.add(Failure.MISLOCALISED)
         else:
             self._counts["off_the_map"] += 1
-            turn.causes |= (before.causes if before else set()) or {Failure.NO_PATH}
-        return turn
+            turn.causes |= (self._last.causes if self._last else set()) or {Failure.NO_PATH}
 
-    def _planned(self, turn: _Turn, event: Planned) -> None:
-        if not event.nodes:
-            self._counts["no_path"] += 1
-            self._astray_plans += self._is_astray
-            turn.causes.add(Failure.NO_PATH)
+    def _in_turn(self, turn: Turn, event: Event) -> None:
+        match event:
+            case Planned(nodes=()):
+                self._counts["no_path"] += 1
+                self._astray_plans += self._is_astray
+                turn.causes.add(Failure.NO_PATH)
+            case LegStarted():
+                self._leg_started(turn, event)
+            case LegEnded():
+                self._leg_ended(turn, event)
+            case Collided():
+                turn.touches += 1
+            case _:
+                pass
 
-    def _leg_started(self, turn: _Turn, event: LegStarted) -> None:
+    def _leg_started(self, turn: Turn, event: LegStarted) -> None:
         self._counts["legs"] += 1
         if event.source is not None and self._truth.is_spurious((event.source, event.target)):
             self._counts["spurious_legs"] += 1
             turn.causes.add(Failure.SPURIOUS_EDGE)
 
-    def _leg_ended(self, turn: _Turn, event: LegEnded) -> None:
+    def _leg_ended(self, turn: Turn, event: LegEnded) -> None:
         self._latest = event.frame
         if event.end in _JAMMED:
             self._counts["blocked_legs"] += 1
             turn.causes.add(Failure.COLLISION)
 
     def _close(self, end: FrameId) -> None:
-        """Put the steps and touches of the turn that is over down to what went wrong in it."""
-        turn, self._turn = self._turn, None
-        if turn is None:
-            return
-        cause = turn.cause
-        self._touches[cause or Failure.COLLISION] += turn.touches
-        if cause is not None:
-            self._steps[cause] += max(end - turn.begin, 0)
-
-
-def _most(blame: Counter[Failure], *, otherwise: Failure) -> Failure:
-    """Return what most was put down to; of equals the one that leads to the other."""
-    return max(_ORDER, key=lambda cause: blame[cause]) if blame.total() else otherwise
+        if self._turn is not None:
+            self._blame.add(self._turn, end)
+            self._trigger = self._turn.cause and (self._trigger or self._turn.cause)
+            self._last, self._turn = self._turn, None

@@ -7,7 +7,8 @@ episodes within each trial, with a fixed seed of its own. Every trial counts the
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,18 @@ def figures(trials: Sequence[TrialResult]) -> Figures:
         pieces=_mean([trial.map.pieces for trial in trials]),
         goals_connected=_mean([trial.map.goals_connected for trial in trials]),
     )
+
+
+def plain(found: "Figures | Difference") -> dict[str, Any]:
+    """Return figures for JSON: a mean under its own name, and its interval under that name with `_interval`."""
+    told: dict[str, Any] = {}
+    for each in fields(found):
+        value = getattr(found, each.name)
+        if isinstance(value, Estimate):
+            told |= {each.name: value.mean, f"{each.name}_interval": [value.low, value.high]}
+        else:
+            told[each.name] = value
+    return told
 
 
 def success_of(trials: Sequence[TrialResult]) -> Rate:

@@ -12,13 +12,14 @@ import numpy as np
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.nav.episode import judge
 from ltvn_core.types import FrameId, Pose
 
 if TYPE_CHECKING:
     from ltvn_core.sim.scene import Scene
 
 _SMALL_M2 = 100.0
+_ELSEWHERE_M = 1.0
+"""An episode leads at least so far, as the crow flies."""
 _APART_M = 1.5
 """Goals are at least so far apart where there is room for that."""
 
@@ -102,7 +103,7 @@ def choose_goals(
 def draw_episodes(
     frames: Sequence[FrameId], poses: Pose, goals: Sequence[FrameId], count: int, rng: np.random.Generator
 ) -> tuple[EpisodePlan, ...]:
-    """Draw episodes from a random image to a random goal, none of which is reached where it begins.
+    """Draw episodes from a random image to a random goal that is somewhere else.
 
     `poses` (N, 3) are the exact poses of the N frames.
     """
@@ -111,7 +112,7 @@ def draw_episodes(
     while len(episodes) < count:
         start, goal = int(rng.integers(len(frames))), goals[int(rng.integers(len(goals)))]
         ends = poses[start], poses[row[goal]]
-        if not judge(0, *ends).reached:
+        if np.hypot(*(ends[1] - ends[0])[:2]) > _ELSEWHERE_M:
             episodes.append(EpisodePlan(frames[start], goal, *(pose_row(end) for end in ends)))
     return tuple(episodes)
 

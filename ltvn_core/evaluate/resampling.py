@@ -1,7 +1,8 @@
 """How sure a mean is whose samples come in groups: a bootstrap in two stages. Pure numpy, repeatable.
 
 Owns the resampling; what is averaged is `evaluate.metrics`. With few groups in a stratum the percentile interval tends
-to be too narrow for the scatter between groups; that episodes are drawn anew within each makes up for part of it.
+to be too narrow for the scatter between groups; that cases are drawn anew within each makes up for part of it.
+`scipy.stats.bootstrap` knows no groups, so the drawing is done here.
 """
 
 from collections.abc import Sequence
@@ -34,14 +35,14 @@ class Sample:
     """(cases, quantities)"""
 
 
-def estimates(samples: Sequence[Sample], minus: Sequence[Sample] = ()) -> list[Estimate]:
+def estimates(samples: Sequence[Sample], minus: Sequence[Sample] | None = None) -> list[Estimate]:
     """Return the mean over groups of the means over cases, for each quantity; less those of `minus`, if given.
 
     Raises ValueError if there is no group, or one without cases.
     """
     rng = np.random.default_rng(_SEED)
     mean, replicates = _mean(samples), _replicates(samples, rng)
-    if minus:
+    if minus is not None:
         mean, replicates = mean - _mean(minus), replicates - _replicates(minus, rng)
     low, high = np.quantile(replicates, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
     # A lopsided bootstrap may leave the mean itself outside.

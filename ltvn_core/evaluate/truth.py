@@ -24,8 +24,8 @@ ASTRAY_M = 1.5
 """A robot farther than this from a node is not at the node (ours; D_l is about 1 m),"""
 ASTRAY_YAW_RAD = float(np.deg2rad(60))
 """nor is one that is turned farther than this away from it,"""
-ASTRAY_WAY_M = 2 * ASTRAY_M
-"""nor one that would have to drive so far to get there, around a wall."""
+ASTRAY_WAY_M = 2.0
+"""nor one that would have to drive farther than this to get there, around a wall."""
 BESIDE_DISTANCE = 0.75
 """A robot so near to a node, in d of Eq. 2, should recognise it: half a metre and 20 degrees (ours; within D_l)."""
 
@@ -72,7 +72,7 @@ class MapTruth:
     def is_at(self, robot: Pose, node: NodeId) -> bool:
         """Tell whether a robot at (3,) may well hold itself to be at a node.
 
-        It is nearer than 1.5 m and 60 degrees, and the way there is shorter than 3 m, so not around a wall.
+        It is nearer than 1.5 m and 60 degrees, and the way there is shorter than 2 m, so not around a wall.
         """
         gap = relative(robot, self.pose(node))
         if np.hypot(gap[0], gap[1]) > ASTRAY_M or abs(gap[2]) > ASTRAY_YAW_RAD:
@@ -141,6 +141,11 @@ def floorplan(graph: TopologicalGraph, truth: MapTruth) -> Floorplan:
         origin=(x_m, y_m),
         resolution_m=clearance.resolution_m,
         free=tuple("".join(row) for row in np.where(fits, ".", "#")),
-        nodes=tuple((node, *map(float, truth.pose(node))) for node in graph.nodes),
+        nodes=tuple((node, *_numbers(truth.pose(node))) for node in graph.nodes),
         edges=tuple((*key, edge.belief.p, key in spurious) for key, edge in graph.edges.items()),
     )
+
+
+def _numbers(pose: Pose) -> tuple[float, float, float]:
+    x_m, y_m, yaw_rad = pose.tolist()
+    return x_m, y_m, yaw_rad

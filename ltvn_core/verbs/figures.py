@@ -63,12 +63,12 @@ class Figures(Verb):
 
     def _draw(self, weights: Path) -> tuple[tuple[Path, ...], int]:
         """Return the pictures and the number of labelled pairs behind them."""
-        ensure_matplotlib()
+        ensure_docs()
         from ltvn_core.model.predictor import load_predictor
         from ltvn_core.report.pictures import draw_all
 
         predictor, shards = load_predictor(weights), self._shards()
-        pictures = draw_all(predictor, shards, drives(self.scenes, images=self.images), _ink(), self.output)
+        pictures = draw_all(predictor, shards, drives(self.scenes, images=self.images), ink_on_white(), self.output)
         return pictures, sum(len(shard.sources) for shard in shards)
 
     def _shards(self) -> "list[Shard]":
@@ -79,15 +79,16 @@ class Figures(Verb):
         return [read_shard(path) for path in generate(self.scenes, open_world, self.data / "unseen", recipe)]
 
 
-def ensure_matplotlib() -> None:
-    """Raise OptionError where matplotlib is not installed."""
+def ensure_docs() -> None:
+    """Raise OptionError where a library is not installed with which pictures and pages are made."""
     from importlib.util import find_spec
 
-    if find_spec("matplotlib") is None:
-        raise OptionError("Drawing needs matplotlib, which is not installed: pip install 'ltvn[docs]'.")
+    if missing := [name for name in ("matplotlib", "jinja2") if find_spec(name) is None]:
+        raise OptionError(f"Drawing needs {' and '.join(missing)}, which is not installed: pip install 'ltvn[docs]'.")
 
 
-def _ink() -> "Ink":
+def ink_on_white() -> "Ink":
+    """Return the app's colours, for pictures on white."""
     from ltvn_core.report.style import Ink
     from ltvn_viz import palette
 

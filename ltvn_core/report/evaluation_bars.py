@@ -1,0 +1,124 @@
+"""Pictures that set methods beside each other: success, size of the graph, causes of failure.
+
+Owns their drawing. The numbers come in rows.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import PercentFormatter
+
+from ltvn_core.evaluate.results import Failure
+from ltvn_core.report.evaluation_rows import (
+    ALL_SCENES,
+    Row,
+    methods_of,
+    rows_over_scenes,
+    scene_name,
+    scenes_of,
+)
+from ltvn_core.report.evaluation_style import WIDTH_IN, cause_colour, in_counts, in_percent, method_colours
+from ltvn_core.report.style import Colour, Ink
+
+
+def success(rows: Sequence[Row], ink: Ink) -> Figure:
+    """Draw the success of each method in each scene, before (ring) and after fine-tuning (disc), with intervals."""
+    rows = [*rows_over_scenes(rows), *rows]
+    figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
+    axes = figure.subplots()
+    columns = _Columns(rows, ink)
+    for row in rows:
+        x, colour, fill = columns.place(row), columns.colour(row), columns.fill(row)
+        axes.plot([x, x], [row.success.low, row.success.high], color=colour, linewidth=2.4, alpha=0.55, zorder=2)
+        axes.plot(x, row.success.mean, "o", color=colour, markerfacecolor=fill, markersize=7.5, zorder=3)
+    columns.finish(axes)
+    in_percent(axes, ylim=(0, 1.02), ylabel="goals reached")
+    _legend(figure, columns)
+    return figure
+
+
+def sizes(rows: Sequence[Row], ink: Ink) -> Figure:
+    """Draw nodes and edges of each method's maps, the mean of the seeds and from the smallest to the largest."""
+    figure = Figure(figsize=(WIDTH_IN, 5.6), layout="constrained")
+    columns = _Columns(rows, ink)
+    for axes, what in zip(figure.subplots(2, 1, sharex=True), ("nodes", "edges"), strict=True):
+        for row in rows:
+            counts = [getattr(trial.map, what) for trial in row.trials]
+            x, colour, fill = columns.place(row), columns.colour(row), columns.fill(row)
+            axes.plot([x, x], [min(counts), max(counts)], color=colour, linewidth=2.4, alpha=0.55, zorder=2)
+            axes.plot(x, np.mean(counts), "o", color=colour, markerfacecolor=fill, markersize=7.5, zorder=3)
+        axes.set(yscale="log", ylabel=what)
+        axes.margins(y=0.15)
+        in_counts(axes)
+        columns.finish(axes)
+    _legend(figure, columns)
+    return figure
+
+
+def causes(rows: Sequence[Row], ink: Ink) -> Figure:
+    """Draw for each row what share of the episodes failed, and for which cause."""
+    names = [f"{row.setup.method}\n{row.setup.stage}" for row in rows]
+    figure = Figure(figsize=(WIDTH_IN, 1.3 + 0.48 * len(rows)), layout="constrained")
+    axes = figure.subplots()
+    left = np.zeros(len(rows))
+    for cause in Failure:
+        share = np.array([row.failed(cause) for row in rows])
+        axes.barh(names, share, left=left, height=0.62, color=cause_colour(cause), label=cause.value)
+        left += share
+    for y, total in enumerate(left):
+        axes.text(total + 0.006, y, f"{100 * total:.0f} %", va="center", color=ink.text)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
+    axes.set(xlim=(0, min(1.0, max(left, default=0.0) * 1.1 + 0.02)), xlabel="episodes that failed")
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+class _Columns:
+    """Where each row stands: a group for each scene, in it a place for each method, before beside after."""
+
+    def __init__(self, rows: Sequence[Row], ink: Ink) -> None:
+        self.methods = methods_of(rows)
+        self.scenes = tuple(sorted(scenes_of(rows), key=lambda scene: scene != ALL_SCENES))
+        self.both = len({row.setup.finetuned for row in rows}) > 1
+        self._colours = method_colours(self.methods, ink)
+        self.ink = ink
+
+    def place(self, row: Row) -> float:
+        number, count = self.methods.index(row.setup.method), len(self.methods)
+        step = 0.78 / count
+        beside = (0.22 if row.setup.finetuned else -0.22) * step if self.both else 0.0
+        return self.scenes.index(row.setup.scene) + (number - (count - 1) / 2) * step + beside
+
+    def colour(self, row: Row) -> Colour:
+        return self._colours[row.setup.method]
+
+    def fill(self, row: Row) -> Colour | str:
+        return self._colours[row.setup.method] if row.setup.finetuned else "none"
+
+    def finish(self, axes: Axes) -> None:
+        axes.set_xticks(range(len(self.scenes)), [scene_name(scene) for scene in self.scenes])
+        axes.tick_params(axis="x", length=0)
+        axes.grid(visible=False, axis="x")
+        axes.set_xlim(-0.5, len(self.scenes) - 0.5)
+        for border in range(1, len(self.scenes)):
+            axes.axvline(border - 0.5, color=self.ink.grey, linewidth=0.6, alpha=0.5)
+
+    def handles(self) -> list[Line2D]:
+        """Return what the legend shows."""
+        dot: Callable[..., Line2D] = lambda colour, **more: Line2D([], [], color=colour, linestyle="", **more)
+        named = [dot(colour, marker="o", label=method) for method, colour in self._colours.items()]
+        if not self.both:
+            return named
+        grey = self.ink.grey
+        rings = dot(grey, marker="o", markerfacecolor="none", label="as trained")
+        return [*named, rings, dot(grey, marker="o", label="fine-tuned")]
+
+
+def _legend(figure: Figure, columns: _Columns) -> None:
+    handles = columns.handles()
+    figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 4 if len(handles) > 6 else 6))

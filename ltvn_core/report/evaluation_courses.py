@@ -1,0 +1,108 @@
+"""Lifelong results gathered into courses: one for each scene and method, over all its map seeds.
+
+Owns which results belong together, and sums over stretches of queries. Draws and writes nothing.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from ltvn_core.evaluate.results import CalibrationCell, LifelongPoint, LifelongQuery, LifelongResult
+from ltvn_core.report.evaluation_rows import Row, setup_of
+
+STRETCH = 100
+"""Queries whose changes of the map are summed up."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Queries with maintenance in one scene by one method, each run from a map of its own."""
+
+    scene: str
+    method: str
+    """As a reader knows it."""
+    runs: tuple[LifelongResult, ...]
+    """One for each map seed."""
+
+    def points(self) -> tuple[Row, ...]:
+        """Return the tests in between as rows, by the number of queries before them."""
+        found: dict[int, list[LifelongPoint]] = {}
+        for run in self.runs:
+            for point in run.points:
+                found.setdefault(point.queries, []).append(point)
+        return tuple(
+            Row(setup_of(points[0].trial), tuple(point.trial for point in points))
+            for _, points in sorted(found.items())
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """What the queries of one stretch did to the map, mean of the runs."""
+
+    until: int
+    """Number of the queries at its end."""
+    pruned: float
+    pruned_bad: float
+    """Of the pruned edges, those that nobody can drive or the robot could not drive."""
+    added_nodes: float
+    added_edges: float
+    added_spurious: float
+    collisions: float
+    """For each query."""
+
+
+def courses_of(results: Iterable[LifelongResult]) -> tuple[Course, ...]:
+    """Gather results into courses, by scene, then method. A result without points is left out."""
+    groups: dict[tuple[str, str], list[LifelongResult]] = {}
+    for result in results:
+        if result.points:
+            groups.setdefault((result.scene, setup_of(result.points[0].trial).method), []).append(result)
+    return tuple(
+        Course(scene, method, tuple(sorted(runs, key=lambda run: run.seed)))
+        for (scene, method), runs in sorted(groups.items())
+    )
+
+
+def stretches(course: Course, length: int = STRETCH) -> tuple[Stretch, ...]:
+    """Sum up what maintenance did in each stretch of queries."""
+    found: dict[int, list[LifelongQuery]] = {}
+    for run in course.runs:
+        for number, query in enumerate(run.queries):
+            found.setdefault(number // length, []).append(query)
+    return tuple(_stretch((number + 1) * length, queries, len(course.runs)) for number, queries in sorted(found.items()))
+
+
+def ends(courses: Sequence[Course], *, last: bool) -> list[LifelongPoint]:
+    """Return the first or the last test of each run."""
+    return [run.points[-1 if last else 0] for course in courses for run in course.runs]
+
+
+def calibration_of(points: Iterable[LifelongPoint]) -> tuple[CalibrationCell, ...]:
+    """Add up the calibration of p over several tests, empty cells left out."""
+    found: dict[tuple[float, float], list[CalibrationCell]] = {}
+    for point in points:
+        for cell in point.calibration:
+            found.setdefault((cell.low, cell.high), []).append(cell)
+    return tuple(_added_up(cells) for _, cells in sorted(found.items()) if sum(cell.edges for cell in cells))
+
+
+def calibration_error(cells: Sequence[CalibrationCell]) -> float:
+    """Return the mean gap between p and the share of edges that can be driven; nan without edges."""
+    total = sum(cell.edges for cell in cells)
+    gaps = sum(cell.edges * abs(cell.mean_p - cell.drivable) for cell in cells)
+    return gaps / total if total else float("nan")
+
+
+def _stretch(until: int, queries: Sequence[LifelongQuery], runs: int) -> Stretch:
+    def mean(name: str) -> float:
+        return sum(getattr(query, name) for query in queries) / runs
+
+    changes = [mean(name) for name in ("pruned", "pruned_bad", "added_nodes", "added_edges", "added_spurious")]
+    return Stretch(until, *changes, sum(query.collisions for query in queries) / len(queries))
+
+
+def _added_up(cells: Sequence[CalibrationCell]) -> CalibrationCell:
+    edges = sum(cell.edges for cell in cells)
+    mean_p = sum(cell.edges * cell.mean_p for cell in cells) / edges
+    drivable = sum(cell.edges * cell.drivable for cell in cells) / edges
+    return CalibrationCell(cells[0].low, cells[0].high, edges, mean_p, drivable)

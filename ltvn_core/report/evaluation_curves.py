@@ -1,0 +1,102 @@
+"""Pictures of lifelong queries: success, size and truth of the map over the queries, and calibration of p.
+
+Owns their drawing. The numbers come in courses.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ltvn_core.evaluate.results import CalibrationCell, LifelongQuery
+from ltvn_core.report.evaluation_courses import STRETCH, Course, calibration_error, calibration_of, ends, stretches
+from ltvn_core.report.evaluation_style import WIDTH_IN, in_counts, in_percent
+from ltvn_core.report.style import Colour, Ink
+
+_BAD: Colour = (0.78, 0.24, 0.32)
+"""Edges that nobody can drive."""
+
+
+def lifelong(course: Course, ink: Ink) -> Figure:
+    """Draw a course: success with its interval, what maintenance changed, and nodes, edges and spurious edges."""
+    figure = Figure(figsize=(WIDTH_IN, 5.4), layout="constrained")
+    axes = figure.subplot_mosaic(
+        [["success", "nodes"], ["success", "edges"], ["changes", "spurious"]], width_ratios=(1.25, 1), sharex=True
+    )
+    _success(axes["success"], course, ink)
+    _changes(axes["changes"], course, ink)
+    _followed(axes["nodes"], course, lambda query: query.nodes, ink.first)
+    _followed(axes["edges"], course, lambda query: query.edges, ink.first)
+    _followed(axes["spurious"], course, lambda query: query.spurious_edges, _BAD)
+    for name in ("nodes", "edges"):
+        axes[name].set_title(name)
+    axes["spurious"].set_title("spurious edges")
+    for name in ("changes", "spurious"):
+        axes[name].set_xlabel("queries with maintenance")
+    return figure
+
+
+def calibration(courses: Sequence[Course], ink: Ink) -> Figure:
+    """Draw how many edges of each p can truly be driven, at the first test and at the last."""
+    figure = Figure(figsize=(5.6, 5.2), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    above.plot([0, 1], [0, 1], "--", color=ink.grey, linewidth=1.2, label="perfect")
+    for last, words, colour in ((False, "before", ink.second), (True, "after", ink.first)):
+        cells = calibration_of(ends(courses, last=last))
+        _reliability(above, cells, f"{words} the queries, mean gap {calibration_error(cells):.3f}", colour)
+        share = -0.2 if not last else 0.2
+        for cell in cells:
+            width = cell.high - cell.low
+            below.bar((cell.low + cell.high) / 2 + share * width, cell.edges, width=0.38 * width, color=colour)
+    in_percent(above, ylim=(-0.02, 1.02), ylabel="edges that can be driven")
+    below.set(yscale="log", xlabel="p of the edge", ylabel="edges", xlim=(-0.02, 1.02))
+    in_counts(below)
+    above.legend(loc="best")
+    return figure
+
+
+def _success(axes: Axes, course: Course, ink: Ink) -> None:
+    points = course.points()
+    at = [row.setup.queries for row in points]
+    axes.fill_between(
+        at,
+        [row.success.low for row in points],
+        [row.success.high for row in points],
+        color=ink.first,
+        alpha=0.2,
+        linewidth=0,
+    )
+    for run in course.runs if len(course.runs) > 1 else ():
+        reached = [np.mean([episode.reached for episode in point.trial.episodes]) for point in run.points]
+        axes.plot([point.queries for point in run.points], reached, color=ink.grey, linewidth=0.9, alpha=0.7)
+    axes.plot(at, [row.success.mean for row in points], "o-", color=ink.first, markersize=5)
+    lowest = min((row.success.low for row in points), default=0.0)
+    in_percent(axes, ylim=(max(0.0, np.floor(lowest * 10 - 1) / 10), 1.01))
+    axes.set_title("goals reached")
+
+
+def _changes(axes: Axes, course: Course, ink: Ink) -> None:
+    """Draw bars of added edges upwards and of pruned ones downwards, the bad part of either darker."""
+    for stretch in stretches(course):
+        middle, width = stretch.until - STRETCH / 2, 0.36 * STRETCH
+        axes.bar(middle, stretch.added_edges, width=2 * width, color=ink.first, alpha=0.75)
+        axes.bar(middle, stretch.added_spurious, width=2 * width, color=_BAD)
+        axes.bar(middle, -stretch.pruned, width=2 * width, color=ink.second, alpha=0.75)
+        axes.bar(middle, -stretch.pruned_bad, width=2 * width, color=_BAD)
+    axes.axhline(0, color=ink.grey, linewidth=1)
+    axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, symmetric=True))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):.0f}")
+    axes.set_title(f"edges added ▲ and pruned ▼ in {STRETCH}")
+
+
+def _followed(axes: Axes, course: Course, count: Callable[[LifelongQuery], int], colour: Colour) -> None:
+    """Draw a count after every query, a line for each run."""
+    for run in course.runs:
+        axes.plot([query.query for query in run.queries], [count(query) for query in run.queries], color=colour, linewidth=1.3)
+    axes.set_ylim(0, 1.15 * axes.get_ylim()[1])
+
+
+def _reliability(axes: Axes, cells: Sequence[CalibrationCell], label: str, colour: Colour) -> None:
+    axes.plot([cell.mean_p for cell in cells], [cell.drivable for cell in cells], "o-", color=colour, label=label)

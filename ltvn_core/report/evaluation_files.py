@@ -1,0 +1,124 @@
+"""A folder of an evaluation: which results lie in it, and what there is to see of the failed episodes.
+
+Owns finding and checking. What the results mean is elsewhere; drives and recordings are only read.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.evaluate.results import LifelongResult, Results, TrialResult, load_results
+from ltvn_core.report.evaluation_gallery import GalleryRow
+from ltvn_core.report.evaluation_moment import moment_s
+from ltvn_core.recording.reader import Recording
+
+TRIALS, LIFELONG = "*.trial.json", "*.lifelong.json"
+_DRIVE = "drive.rrd"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What lies in a folder."""
+
+    results: Results
+    failures: tuple[GalleryRow, ...]
+    """All failed episodes of the trials, with their recordings and as yet without pictures."""
+
+
+def find_results(folder: Path) -> Found:
+    """Read all results below a folder. Raises OptionError for an empty one, a broken file, or two of the same trial."""
+    if not folder.is_dir():
+        raise OptionError(f"{folder} is no folder; name the one that `ltvn evaluate --folder` wrote to.")
+    trials = _longest((path, _trial(path)) for path in sorted(folder.rglob(TRIALS)))
+    lifelong = _longest((path, _lifelong(path)) for path in sorted(folder.rglob(LIFELONG)))
+    if not trials and not lifelong:
+        raise OptionError(f"{folder} holds no {TRIALS} and no {LIFELONG}; make some with `ltvn evaluate`.")
+    results = Results(tuple(trials.values()), tuple(lifelong.values()))
+    return Found(results, tuple(row for path, trial in trials.items() for row in _failures(path, trial)))
+
+
+def with_pictures(rows: Iterable[GalleryRow]) -> tuple[GalleryRow, ...]:
+    """Add start and goal image to rows whose drive is known, and the moment to those with a recording.
+
+    What cannot be read is left out: a report of results is worth having without pictures.
+    """
+    return tuple(_illustrated(row) for row in rows)
+
+
+def _trial(path: Path) -> TrialResult:
+    trial = load_results(path, TrialResult)
+    if not trial.episodes:
+        raise OptionError(f"{path} holds no episode; evaluate it again.")
+    if (plan := trial.floorplan) is not None:
+        known = {node for node, *_ in plan.nodes}
+        if not known.issuperset(node for edge in plan.edges for node in edge[:2]):
+            raise OptionError(f"{path} has edges between nodes that it does not know; evaluate it again.")
+        if len({len(row) for row in plan.free}) > 1:
+            raise OptionError(f"{path} has a floor plan with rows of different lengths; evaluate it again.")
+    return trial
+
+
+def _lifelong(path: Path) -> LifelongResult:
+    result = load_results(path, LifelongResult)
+    if not result.points or not all(point.trial.episodes for point in result.points):
+        raise OptionError(f"{path} has no test, or one without episodes; run `ltvn lifelong` again.")
+    return result
+
+
+def _longest(found: Iterable[tuple[Path, TrialResult | LifelongResult]]) -> dict[Path, TrialResult | LifelongResult]:
+    """Keep the longest of several results of one trial in one folder, which begin with the same episodes."""
+    kept: dict[object, tuple[Path, TrialResult | LifelongResult]] = {}
+    for path, result in found:
+        before, other = kept.get(key := _key(result), (path, result))
+        if before.parent != path.parent:
+            raise OptionError(f"{before} and {path} are results of the same trial; move one of them away.")
+        kept[key] = (path, result) if _length(result) >= _length(other) else (before, other)
+    return dict(kept.values())
+
+
+def _key(result: TrialResult | LifelongResult) -> object:
+    setup = result.scene, result.preset, result.without, result.seed
+    return setup if isinstance(result, LifelongResult) else (*setup, result.method, result.finetuned, result.queries)
+
+
+def _length(result: TrialResult | LifelongResult) -> tuple[int, int]:
+    if isinstance(result, LifelongResult):
+        return len(result.queries), len(result.points[0].trial.episodes)
+    return len(result.episodes), 0
+
+
+def _failures(path: Path, trial: TrialResult) -> list[GalleryRow]:
+    label = path.name.removesuffix(TRIALS[1:]).rpartition("-")[0]
+    drive = path.parent / _DRIVE
+    there = set((path.parent / label).glob("failure-*.rrd"))
+    rows = []
+    for episode in trial.episodes:
+        if not episode.reached:
+            recording = path.parent / label / f"failure-{episode.episode:04d}.rrd"
+            rows.append(GalleryRow(trial, episode, drive=drive, recording=recording if recording in there else None))
+    return rows
+
+
+def _illustrated(row: GalleryRow) -> GalleryRow:
+    start, goal = (_picture(row.drive, frame) for frame in (row.episode.start, row.episode.goal))
+    at = None if row.recording is None else moment_s(row.recording, row.episode.failure)
+    return replace(row, start=row.start or start, goal=row.goal or goal, time_s=at if row.time_s is None else row.time_s)
+
+
+def _picture(drive: Path | None, frame: int) -> bytes | None:
+    """Return an image of a drive as it is stored."""
+    recording = None if drive is None else _opened(drive)
+    if recording is None or frame not in recording.frames:
+        return None
+    return recording.stored_frame(frame).frame.rgb
+
+
+@lru_cache(maxsize=2)
+def _opened(drive: Path) -> Recording | None:
+    """Return a drive; None where it is not there or broken. Rows of one drive follow each other."""
+    try:
+        return Recording.open(drive)
+    except LtvnError:
+        return None

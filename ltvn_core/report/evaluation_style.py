@@ -1,0 +1,96 @@
+"""How the pictures of the evaluation look, and how they become part of an HTML page.
+
+Owns the colours of methods and causes, and the SVG that takes its text colour from the page around it.
+"""
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, to_hex
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, PercentFormatter, StrMethodFormatter
+
+from ltvn_core.evaluate.results import Failure
+from ltvn_core.report.style import Colour, Ink
+
+WIDTH_IN = 8.4
+"""Width of a picture, as on the other pages."""
+
+_MORE: tuple[Colour, ...] = ((0.0, 0.6, 0.45), (0.78, 0.24, 0.32), (0.55, 0.45, 0.1), (0.25, 0.62, 0.75), (0.5, 0.5, 0.5))
+
+_CAUSES: dict[Failure, Colour] = {
+    Failure.MISLOCALISED: (0.8, 0.47, 0.65),
+    Failure.SPURIOUS_EDGE: (0.84, 0.37, 0.0),
+    Failure.WRONG_ARRIVAL: (0.9, 0.62, 0.0),
+    Failure.COLLISION: (0.0, 0.45, 0.7),
+    Failure.NO_PATH: (0.34, 0.71, 0.91),
+    Failure.STEP_LIMIT: (0.55, 0.57, 0.6),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure and its words."""
+
+    kind: str
+    """Which part of the report it belongs to."""
+    name: str
+    """Of its file, without ending."""
+    title: str
+    caption: str
+    """What is to be seen in it, in short sentences."""
+    figure: Figure
+
+
+def method_colours(methods: Sequence[str], ink: Ink) -> dict[str, Colour]:
+    """Give each method a colour; the same methods in the same order get the same ones."""
+    colours = (ink.first, ink.second, ink.third, *_MORE)
+    return {method: colours[number % len(colours)] for number, method in enumerate(methods)}
+
+
+def cause_colour(cause: Failure) -> Colour:
+    """Return the colour of a cause; all of them keep apart for every common kind of colour blindness."""
+    return _CAUSES[cause]
+
+
+def belief_colours(ink: Ink) -> LinearSegmentedColormap:
+    """Return the colours of p from 0 to 1; no pale middle as in the app, for these are drawn on white."""
+    return LinearSegmentedColormap.from_list("p", [ink.second, (0.6, 0.6, 0.62), ink.first])
+
+
+def in_percent(axes: Axes, **limits: Any) -> None:
+    """Write the y axis in percent."""
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
+    axes.set(**limits)
+
+
+def in_counts(axes: Axes) -> None:
+    """Write a logarithmic y axis in whole numbers, few of them."""
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=8))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def slug(text: str) -> str:
+    """Return a text as part of a file's name."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "unnamed"
+
+
+def inline_svg(picture: Picture, ink: Ink) -> str:
+    """Return a figure as an SVG element for an HTML page, in the page's colours, without any address in it."""
+    buffer = io.StringIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": picture.name}):
+        picture.figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=160)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
+    # Several figures live in one page, so every name in them must be its own.
+    text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{picture.name}-", text)
+    text = text.replace(to_hex(ink.text), "currentColor").replace(str(mpl.rcParams["grid.color"]), "var(--line)")
+    return text.replace("<svg ", '<svg role="img" ', 1)

@@ -1,0 +1,205 @@
+"""The tables of the evaluation, for an HTML page and for Markdown alike.
+
+Owns their columns and how numbers are written. The numbers come in rows and courses.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from math import isnan
+
+from ltvn_core.evaluate.metrics import difference
+from ltvn_core.evaluate.resampling import Estimate
+from ltvn_core.evaluate.results import Failure, LifelongResult, Results, TrialResult
+from ltvn_core.report.evaluation_courses import Course, Stretch, calibration_error, calibration_of, stretches
+from ltvn_core.report.evaluation_rows import Row, rows_over_scenes, scene_name, scenes_of, setup_of
+
+NOTHING = "No results yet."
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Cells as they are read."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int
+    """How many columns, from the left, hold words; the others hold numbers."""
+
+    def markdown(self) -> str:
+        """Return the table as Markdown, without its caption."""
+        if not self.rows:
+            return NOTHING
+        rule = ["---"] * self.words + ["---:"] * (len(self.head) - self.words)
+        return "\n".join(f"| {' | '.join(map(_plain, line))} |" for line in (self.head, rule, *self.rows))
+
+
+def main_table(rows: Sequence[Row]) -> Table:
+    """Return what each method reached in each scene, and then over all scenes."""
+    head = ("scene", "method", "network", "goals reached", "SPL", "collisions", "steps", "nodes", "edges", "spurious")
+    body = (
+        (*_named(row), _interval(row.success), *_driving(row), *_size(row), _spurious(row), *_sample(row))
+        for row in chain(rows_over_scenes(rows), rows)
+    )
+    caption = "Goals reached with 95 % interval. SPL, collisions and steps are means over the episodes."
+    return Table(caption, (*head, "episodes", "seeds"), tuple(body), 3)
+
+
+def margin_table(rows: Sequence[Row]) -> Table:
+    """Return how far the first method is ahead of the others at the same stage, over all scenes."""
+    head = ("method", "against", "network", "goals reached, more", "SPL, more", "nodes", "edges")
+    whole = [row for row in rows_over_scenes(rows) or _of_one_scene(rows) if not row.setup.ablated]
+    first = {row.setup.stage: row for row in whole if row.setup.method == whole[0].setup.method}
+    body = tuple(
+        _margin(first[row.setup.stage], row)
+        for row in whole
+        if row.setup.stage in first and row is not first[row.setup.stage]
+    )
+    caption = (
+        "Differences with 95 % interval, episode by episode where both methods drove the same ones. "
+        "Nodes and edges: how many for each hundred of the other method."
+    )
+    return Table(caption, head, body, 3)
+
+
+def size_table(rows: Sequence[Row]) -> Table:
+    """Return how large the maps are, and how whole."""
+    head = ("scene", "method", "network", "images", "nodes", "edges", "spurious edges", "pieces", "goals connected")
+    body = (
+        (
+            *_named(row),
+            *(_count(row.images), *_size(row), _number(row.figures.spurious_edges, 1)),
+            *(_number(row.figures.pieces, 1), _number(row.figures.goals_connected, 1)),
+        )
+        for row in rows
+    )
+    return Table("Means over the map seeds.", head, tuple(body), 3)
+
+
+def cause_table(rows: Sequence[Row]) -> Table:
+    """Return what share of the episodes failed for each cause."""
+    head = ("scene", "method", "network", "failed", *(cause.value for cause in Failure))
+    body = (
+        (
+            *_named(row),
+            share(1 - row.success.mean),
+            *(share(row.failed(cause)) for cause in Failure),
+        )
+        for row in chain(rows_over_scenes(rows), rows)
+    )
+    return Table("Share of all episodes.", head, tuple(body), 3)
+
+
+def lifelong_table(courses: Iterable[Course]) -> Table:
+    """Return each course's tests, with what maintenance did since the test before."""
+    head = ("scene", "method", "queries", "goals reached", "SPL", "collisions", "nodes", "edges", "spurious", "gap of p")
+    body = tuple(line for course in courses for line in _course(course))
+    caption = (
+        "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "
+        "The gap of p is its mean calibration error."
+    )
+    return Table(caption, (*head, "added", "pruned (bad)", "seeds"), body, 2)
+
+
+def run_table(results: Results) -> Table:
+    """Return the command, version and weights behind each result."""
+    head = ("scene", "method", "network", "seed", "weights", "version", "command")
+    body = [(*_stage_of(trial), str(trial.seed), *_origin(trial)) for trial in results.trials]
+    body += [_lifelong_run(result) for result in results.lifelong if result.points]
+    return Table("What makes each result again.", head, tuple(body), 7)
+
+
+def share(number: float, digits: int = 1) -> str:
+    """Write a share as percent."""
+    return "–" if isnan(number) else f"{100 * number:.{digits}f} %"
+
+
+def _course(course: Course) -> Iterable[tuple[str, ...]]:
+    changes = {stretch.until: stretch for stretch in stretches(course)}
+    for row in course.points():
+        tests = [point for run in course.runs for point in run.points if point.queries == row.setup.queries]
+        gap = calibration_error(calibration_of(tests))
+        change = changes.get(row.setup.queries)
+        done = ("–", "–") if change is None else (_count(change.added_edges), _pruned(change))
+        yield (
+            *(scene_name(course.scene), course.method, f"{row.setup.queries:,}", _interval(row.success)),
+            *(*_driving(row)[:2], *_size(row), _spurious(row), _number(gap, 3), *done, _seeds(row)),
+        )
+
+
+def _margin(row: Row, other: Row) -> tuple[str, ...]:
+    found = difference(row.trials, other.trials)
+    points, spl = found.success_rate, found.spl
+    sizes = [(row.figures.nodes, other.figures.nodes), (row.figures.edges, other.figures.edges)]
+    return (
+        *(row.setup.method, other.setup.method, row.setup.stage),
+        f"{100 * points.mean:+.1f} points ({100 * points.low:+.1f} to {100 * points.high:+.1f})",
+        f"{spl.mean:+.2f} ({spl.low:+.2f} to {spl.high:+.2f})",
+        *(_number(100 * own / theirs, 1) if theirs else "–" for own, theirs in sizes),
+    )
+
+
+def _of_one_scene(rows: Sequence[Row]) -> Sequence[Row]:
+    return rows if len(scenes_of(rows)) == 1 else ()
+
+
+def _pruned(change: Stretch) -> str:
+    bad = change.pruned_bad / change.pruned if change.pruned else float("nan")
+    return f"{_count(change.pruned)} ({share(bad, 0)})"
+
+
+def _named(row: Row) -> tuple[str, str, str]:
+    return scene_name(row.setup.scene), row.setup.method, row.setup.stage
+
+
+def _stage_of(trial: TrialResult) -> tuple[str, str, str]:
+    setup = setup_of(trial)
+    return scene_name(setup.scene), setup.method, setup.stage
+
+
+def _origin(trial: TrialResult) -> tuple[str, str, str]:
+    return trial.fingerprint, trial.version, trial.command
+
+
+def _lifelong_run(result: LifelongResult) -> tuple[str, ...]:
+    trial, queries = result.points[0].trial, f"{len(result.queries):,} queries"
+    return (*_stage_of(trial)[:2], queries, str(result.seed), trial.fingerprint, result.version, result.command)
+
+
+def _driving(row: Row) -> tuple[str, str, str]:
+    found = row.figures
+    return _number(found.spl.mean), _number(found.collisions_per_episode.mean), _count(found.steps_per_episode.mean)
+
+
+def _size(row: Row) -> tuple[str, str]:
+    return _count(row.figures.nodes), _count(row.figures.edges)
+
+
+def _spurious(row: Row) -> str:
+    return share(row.figures.spurious_share)
+
+
+def _sample(row: Row) -> tuple[str, str]:
+    return f"{row.figures.episodes:,}", _seeds(row)
+
+
+def _seeds(row: Row) -> str:
+    return ", ".join(map(str, row.seeds))
+
+
+def _interval(found: Estimate) -> str:
+    return f"{share(found.mean)} ({100 * found.low:.1f} to {100 * found.high:.1f})"
+
+
+def _number(number: float, digits: int = 2) -> str:
+    return "–" if isnan(number) else f"{number:,.{digits}f}"
+
+
+def _count(number: float) -> str:
+    return f"{number:,.0f}"
+
+
+def _plain(cell: str) -> str:
+    """Return a cell so that Markdown takes nothing in it for its own."""
+    return cell.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|").replace("\n", " ")

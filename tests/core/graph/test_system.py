@@ -1,0 +1,186 @@
+"""A system is five strategies: each can be exchanged alone, and the navigator drives whatever it is given."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from ltvn_core.ablation import PARTS, without
+from ltvn_core.composition import open_system
+from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
+from ltvn_core.graph.ltvn import ltvn
+from ltvn_core.graph.maintenance import Attempt
+from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.system import Deltas, System, Untouched
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.views import Views
+from ltvn_core.nav.episode import Episode, judge, run_episode
+from ltvn_core.nav.events import Event, GraphChanged, LegStarted, Outcome, Planned
+from ltvn_core.nav.navigator import Navigator
+from ltvn_core.types import Observation
+from tests.core.world import FlatPredictor, FlatRobot, FlatWorld, look_at, one_room, tour, two_rooms
+
+PRESETS = pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
+IMAGES = list(tour([(0.8, 0.8), (2.3, 2.0), (3.8, 2.0), (5.2, 3.2)]))
+GOAL = IMAGES[-1].step
+
+
+@dataclass
+class Drive:
+    """A system with its map and a robot at the first image."""
+
+    system: System
+    world: FlatWorld = field(default_factory=two_rooms)
+    images: Sequence[Observation] = tuple(IMAGES)
+    events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.predictor = FlatPredictor(self.world)
+        self.views = Views(self.predictor)
+        goal, rng = self.images[-1].step, np.random.default_rng(0)
+        deltas = self.system.build(self.images, self.views, self.predictor, rng=rng, goals=[goal])
+        self.graph = TopologicalGraph(deltas)
+        self.poses = {seen.step: seen.exact_pose for seen in self.images if seen.exact_pose is not None}
+        self.robot = FlatRobot(self.world, self.poses[0].tolist(), first_step=100_000)
+
+    def go(self, query: int = 0) -> Episode:
+        goal = self.images[-1].step
+        parts = self.robot, self.graph, self.views, self.predictor, ROBUST, np.random.default_rng(0)
+        return run_episode(
+            Navigator(*parts, system=self.system),
+            goal,
+            query,
+            advance=self.robot.advance,
+            verdict=lambda: judge(query, self.robot.pose, self.poses[goal]),
+            consume=self.events.append,
+        )
+
+    def of(self, kind: type) -> list:
+        return [event for event in self.events if isinstance(event, kind)]
+
+
+@pytest.mark.parametrize("name", ["ltvn", "sptm", "ving"])
+@PRESETS
+def test_the_same_navigator_reaches_the_goal_with_each_system(name: str, method: Method) -> None:
+    drive = Drive(open_system(name, method))  # type: ignore[arg-type]
+    assert drive.system.name == name
+    assert GOAL in drive.graph.nodes
+    assert drive.go().reached
+    assert drive.robot.collisions == 0
+
+
+def test_an_unknown_system_is_refused_with_the_names_that_exist() -> None:
+    with pytest.raises(OptionError, match=r"'orb'.*ltvn, sptm, ving"):
+        open_system("orb", ROBUST)  # type: ignore[arg-type]
+
+
+@PRESETS
+def test_the_papers_system_builds_what_algorithm_1_builds(method: Method) -> None:
+    predictor = FlatPredictor(two_rooms())
+    plain = build(IMAGES, Views(predictor), predictor, method, np.random.default_rng(3), goals=[GOAL])
+    whole = ltvn(method).build(IMAGES, Views(predictor), predictor, rng=np.random.default_rng(3), goals=[GOAL])
+    assert whole == plain
+
+
+class Forgetful(Untouched):
+    """Deletes an edge after any attempt, as SGM does after a failed one."""
+
+    def after_attempt(self, graph: TopologicalGraph, attempt: Attempt) -> Deltas:
+        edge = attempt.source, attempt.target
+        return (EdgePruned(*edge, Cause.ATTEMPT),) if edge in graph.edges else ()
+
+
+def test_another_maintenance_needs_no_other_navigator() -> None:
+    drive = Drive(replace(ltvn(ROBUST), maintenance=Forgetful()))
+    before = set(drive.graph.edges)
+    assert drive.go().reached
+    changes = [event.delta for event in drive.of(GraphChanged)]
+    assert changes
+    assert {type(delta) for delta in changes} == {EdgePruned}
+    assert before - set(drive.graph.edges) == {(delta.source, delta.target) for delta in changes}
+
+
+def test_another_weight_makes_another_path() -> None:
+    drive = Drive(ltvn(ROBUST))
+    hops = Planner(drive.graph, ROBUST.planning, weight=lambda belief: 1.0).plan(0, GOAL)
+    costly = Planner(drive.graph, ROBUST.planning, weight=lambda belief: belief.mu**2).plan(0, GOAL)
+    assert hops.cost == len(hops.nodes) - 1
+    assert len(hops.nodes) < len(costly.nodes)
+
+
+def test_a_subgoal_beyond_the_first_node_is_driven_to_in_one_leg() -> None:
+    second: Callable[..., int] = lambda path, reachability: min(2, len(path) - 1)  # noqa: E731
+    drive = Drive(replace(ltvn(ROBUST), subgoal=second))
+    assert drive.go().reached
+    for planned, leg in zip(drive.of(Planned), drive.of(LegStarted), strict=False):
+        if leg.source is not None and len(planned.nodes) > 2:
+            assert (leg.source, leg.target) == (planned.nodes[0], planned.nodes[2])
+            return
+    pytest.fail("No leg began at a node.")
+
+
+def test_a_failure_on_a_long_stretch_makes_all_its_edges_dearer() -> None:
+    last: Callable[..., int] = lambda path, reachability: len(path) - 1  # noqa: E731
+    method = replace(ROBUST, recovering=replace(ROBUST.recovering, step_limit=200))
+    row = [look_at(np.array([0.6 + 0.6 * k, 1.0, 0.0]), k) for k in range(6)]
+    drive = Drive(replace(ltvn(method), subgoal=last), one_room(), row)
+    wall = np.array([[[2.1, 0.0], [2.1, 4.0]]])
+    drive.robot.world = FlatWorld(np.concatenate([drive.world.walls, wall]))
+    drive.go()
+    first, second = drive.of(Planned)[:2]
+    assert first.nodes == (0, 1, 2, 3, 4, 5)
+    assert second.nodes[0] > 0
+    assert second.cost > ROBUST.planning.failure_penalty * (len(second.nodes) - 1)
+
+
+@pytest.mark.parametrize("name", ["sptm", "ving"])
+def test_a_rivals_map_stays_as_it_was_built(name: str) -> None:
+    drive = Drive(open_system(name, ROBUST))  # type: ignore[arg-type]
+    before = drive.graph.copy()
+    drive.go()
+    assert drive.graph == before
+
+
+def test_without_merging_every_connected_image_is_a_node() -> None:
+    whole, bare = Drive(ltvn(ROBUST)), Drive(ltvn(without(ROBUST, ["merging"])))
+    assert len(bare.graph.nodes) + len(bare.graph.reserve) == len(IMAGES)
+    assert len(bare.graph.nodes) > 0.9 * len(IMAGES) > 2 * len(whole.graph.nodes)
+
+
+def test_without_pruning_no_edge_ever_leaves() -> None:
+    graph = Drive(ltvn(ROBUST)).graph
+    source, target = next(iter(graph.edges))
+    pruned = {}
+    for method in (PAPER, without(PAPER, ["pruning"])):
+        trial = graph.copy()
+        for _ in range(20):
+            for delta in ltvn(method).maintenance.after_attempt(trial, Attempt(source, target, 0.5, succeeded=False)):
+                trial.apply(delta)
+        pruned[method] = (source, target) not in trial.edges
+    assert list(pruned.values()) == [True, False]
+
+
+def test_without_expansion_a_cut_map_stays_cut() -> None:
+    outcomes = {}
+    for parts in ((), ("expansion",)):
+        recovering = replace(ROBUST.recovering, give_up_after_looks=14)
+        drive = Drive(ltvn(without(replace(ROBUST, recovering=recovering), parts)))
+        wall = [node for node in drive.graph.nodes if abs(drive.poses[node][0] - 3.0) < 0.6]
+        for node in wall:
+            drive.graph.apply(NodeDropped(node, Cause.HAND))
+        outcomes[parts] = drive.go().ended.outcome
+        causes = {event.delta.cause for event in drive.of(GraphChanged)}
+        assert (Cause.EXPAND in causes) == (parts == ())
+        assert Cause.NOVEL not in causes or not parts
+    assert outcomes == {(): Outcome.ARRIVED, ("expansion",): Outcome.NO_PATH}
+
+
+def test_leaving_out_nothing_changes_nothing_and_an_unknown_part_is_refused() -> None:
+    assert without(PAPER, []) == PAPER
+    assert without(ROBUST, list(PARTS)) == without(without(ROBUST, ["expansion", "merging"]), ["pruning"])
+    with pytest.raises(OptionError, match=r"'wheels'.*merging, pruning, expansion"):
+        without(ROBUST, ["wheels"])

@@ -79,4 +79,3 @@ class Lifelong(ProtocolOptions):
             folder=self.folder,
             wall_s=wall_s,
         )
-

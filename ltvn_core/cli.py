@@ -24,8 +24,9 @@ from ltvn_core.verbs.evaluate import Evaluate
 from ltvn_core.verbs.figures import Figures
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.finetune import Finetune
+from ltvn_core.verbs.lifelong import Lifelong
 from ltvn_core.verbs.measure import Measure
-from ltvn_core.verbs.navigate import Lifelong, Navigate
+from ltvn_core.verbs.navigate import Navigate
 from ltvn_core.verbs.pairs import Pairs
 from ltvn_core.verbs.report import Report
 from ltvn_core.verbs.train import Train
@@ -38,8 +39,8 @@ AnyVerb: TypeAlias = (
     | Annotated[Collect, subcommand("collect", prefix_name=False)]
     | Annotated[Build, subcommand("build", prefix_name=False)]
     | Annotated[Navigate, subcommand("navigate", prefix_name=False)]
-    | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
     | Annotated[Evaluate, subcommand("evaluate", prefix_name=False)]
+    | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
     | Annotated[Replay, subcommand("replay", prefix_name=False)]
     | Annotated[View, subcommand("view", prefix_name=False)]
     | Annotated[Dataset, subcommand("dataset", prefix_name=False)]

@@ -12,8 +12,8 @@ from typing import cast
 import numpy as np
 
 from ltvn_core.config import Method
+from ltvn_core.evaluate.ground import Ground
 from ltvn_core.evaluate.proposals import Proposal
-from ltvn_core.evaluate.survey import Survey
 from ltvn_core.geometry import compose
 from ltvn_core.graph.beliefs import initial
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, NodeAdded, PoseRow
@@ -22,6 +22,7 @@ from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.nav.episode import judge
 from ltvn_core.nav.events import Event, LegEnd, LegEnded, Localised, Tick
 from ltvn_core.nav.navigator import Navigator
+from ltvn_core.sim.odometry import OdometryNoise
 from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
 from ltvn_core.types import FrameId, Pose, Predictor, Waypoint
 
@@ -50,15 +51,23 @@ class Attempts:
     """A robot in one scene that drives one edge after the other."""
 
     def __init__(
-        self, drive: Survey, predictor: Predictor, method: Method, errors: Waypoint, rng: np.random.Generator
+        self,
+        ground: Ground,
+        predictor: Predictor,
+        method: Method,
+        errors: Waypoint,
+        rng: np.random.Generator,
+        *,
+        noise: OdometryNoise | None = None,
     ) -> None:
         """Start edges where drives to their source would end: off by one of `errors` (E, 3), in its frame."""
-        self._drive, self._predictor, self._rng, self._errors = drive, predictor, rng, errors
+        self._ground, self._predictor, self._rng, self._errors = ground, predictor, rng, errors
         short = replace(method.recovering, step_limit=_STEP_LIMIT, give_up_after_looks=_LOOKS)
         self._method = replace(method, maintain=False, recovering=short)
-        first_step = len(drive.observations)
-        start = drive.poses[0]
-        self._robot = SimulatedRobot(drive.scene, drive.camera, start=start, rng=rng, first_step=first_step)
+        start, first_step = next(iter(ground.poses.values())), max(ground.poses) + 1
+        self._robot = SimulatedRobot(
+            ground.scene, ground.camera, start=start, rng=rng, odometry_noise=noise, first_step=first_step
+        )
 
     def close(self) -> None:
         """Free the physics engine."""
@@ -67,9 +76,9 @@ class Attempts:
     def drive(self, edge: Proposal) -> Attempted | None:
         """Drive an edge once; None if the robot never set out, because it did not find itself at the source."""
         self._robot.teleport(self._start(edge.source))
-        goal = self._far_from(edge.source)
+        goal = self._ground.farthest_from(edge.source)
         graph = TopologicalGraph(self._map(edge, goal))
-        navigator = Navigator(self._robot, graph, self._drive.views, self._predictor, self._method, self._rng)
+        navigator = Navigator(self._robot, graph, self._ground.views, self._predictor, self._method, self._rng)
         # Closing the query ends it wherever it is, here after its first leg.
         with closing(cast(Generator[Event | Tick, None, None], navigator.query(goal, 0))) as events:
             for event in events:
@@ -82,7 +91,7 @@ class Attempts:
         return None
 
     def _attempted(self, edge: Proposal, end: LegEnded) -> Attempted:
-        arrived = judge(0, self._robot.exact_pose, self._drive.poses[edge.target]).reached
+        arrived = judge(0, self._robot.exact_pose, self._ground.poses[edge.target]).reached
         return Attempted(edge, end.succeeded, arrived, end.end, end.reason)
 
     def _map(self, edge: Proposal, goal: FrameId) -> list[GraphDelta]:
@@ -94,22 +103,18 @@ class Attempts:
         belief = initial(edge.reachability, 1.0, believing)
         onward = Edge(edge.target, goal, PoseRow(1.0, 0.0, 0.0), belief)
         return [
-            *(NodeAdded(node_of(self._drive.observations[frame]), Cause.LOAD) for frame in nodes),
+            *(NodeAdded(node_of(self._ground.views.observation(frame)), Cause.LOAD) for frame in nodes),
             EdgeAdded(Edge(edge.source, edge.target, pose_row(edge.waypoint), belief), Cause.LOAD),
             EdgeAdded(onward, Cause.LOAD),
         ]
 
-    def _far_from(self, source: FrameId) -> FrameId:
-        away = self._drive.waypoints[source, :, :2]
-        return int(np.hypot(away[:, 0], away[:, 1]).argmax())
-
     def _start(self, source: FrameId) -> Pose:
         """Return where a drive to `source` would have ended, (3,)."""
-        driving, exact = self._method.driving, self._drive.poses[source]
+        driving, exact = self._method.driving, self._ground.poses[source]
         for _ in range(_STARTS if len(self._errors) else 0):
             tolerance = [driving.position_tolerance_m, driving.position_tolerance_m, driving.yaw_tolerance_rad]
             missed = self._rng.choice(self._errors) + self._rng.uniform(-1, 1, 3) * tolerance
             start = compose(exact, missed)
-            if self._drive.scene.clearance.along(exact[None, :2], start[None, :2])[0] > _ROOM_M:
+            if self._ground.scene.clearance.along(exact[None, :2], start[None, :2])[0] > _ROOM_M:
                 return start
         return exact

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.evaluate.causes import EpisodeWitness
+from ltvn_core.evaluate.ground import Ground
 from ltvn_core.evaluate.protocol import EpisodePlan, Protocol
 from ltvn_core.evaluate.results import EpisodeResult, Failure
 from ltvn_core.evaluate.truth import MapTruth, shortest_m
@@ -24,7 +25,7 @@ from ltvn_core.sim.camera import open_camera
 from ltvn_core.sim.odometry import OdometryNoise
 from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
 from ltvn_core.sim.scene import Scene
-from ltvn_core.types import Predictor, Robot
+from ltvn_core.types import FrameId, Predictor, Robot
 
 Watch = Callable[[Event, SimulatedRobot], None]
 """Hears of an event while the robot still stands where it happened."""
@@ -45,9 +46,15 @@ class Course:
         self.views.add(list(loaded.observations.values()))
         self.truth = MapTruth(scene.clearance, self.views.observation)
         self.fingerprint = predictor.fingerprint
-        self._camera, self._predictor, self.system = open_camera(scene), predictor, system
-        self._noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
+        self._camera, self.predictor, self.system = open_camera(scene), predictor, system
+        self.noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
         self._next_frame = max(self.views.frames) + 1
+
+    @property
+    def ground(self) -> Ground:
+        """Where single edges between the images of the map can be driven."""
+        poses = {frame: self.truth.pose(frame) for frame in self.views.frames}
+        return Ground(self.scene, self._camera, self.views, poses)
 
     def run(
         self,
@@ -57,13 +64,17 @@ class Course:
         *,
         watch: Watch | None = None,
         through: Callable[[SimulatedRobot], Robot] = _as_it_is,
+        first_frame: FrameId | None = None,
     ) -> EpisodeResult:
-        """Drive one query and judge it; `through` may put something between the navigator and the robot."""
+        """Drive one query and judge it; `through` may put something between the navigator and the robot.
+
+        Images are numbered from `first_frame`; where nobody says, after those that were taken before.
+        """
         if plan.goal not in self.graph.nodes:
             return self._without_goal(query, plan)
         witness = EpisodeWitness(self.truth, self.graph)
-        with closing(self._robot(plan, rng)) as robot:
-            parts = self.graph, self.views, self._predictor, self.system.method, rng
+        with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
+            parts = self.graph, self.views, self.predictor, self.system.method, rng
             navigator = Navigator(through(robot), *parts, system=self.system)
 
             def hear(event: Event) -> None:
@@ -79,17 +90,17 @@ class Course:
                 verdict=lambda: judge(query, robot.exact_pose, np.array(plan.goal_pose)),
                 consume=hear,
             )
-            self._next_frame = robot.step + 1
+            self._next_frame = max(self._next_frame, robot.step + 1)
         return self._result(plan, episode, witness)
 
-    def _robot(self, plan: EpisodePlan, rng: np.random.Generator) -> SimulatedRobot:
+    def _robot(self, plan: EpisodePlan, rng: np.random.Generator, first_frame: FrameId) -> SimulatedRobot:
         return SimulatedRobot(
             self.scene,
             self._camera,
             start=np.array(plan.start_pose),
             rng=rng,
-            odometry_noise=self._noise,
-            first_step=self._next_frame,
+            odometry_noise=self.noise,
+            first_step=first_frame,
         )
 
     def _result(self, plan: EpisodePlan, episode: Episode, witness: EpisodeWitness) -> EpisodeResult:

@@ -60,7 +60,7 @@ def measure_scene(
     drive = survey(scene, camera, predictor, drive_poses(scene.clearance, rng, images))
     proposals = Proposals(drive, predictor, method)
     tried: list[Attempted | None] = []
-    with closing(Attempts(drive, predictor, method, proposals.errors(), rng)) as robot:
+    with closing(Attempts(drive.ground, predictor, method, proposals.errors(), rng)) as robot:
         for edges in (proposals.true_edges(rng), proposals.false_edges(rng)):
             tried.extend(_drive_some(robot, edges, attempts // 2, progress))
     attempted = tuple(each for each in tried if each is not None)

@@ -124,17 +124,17 @@ class TrialFiles:
         """Return the results of some episodes with that map."""
         return self.folder / self.label / f"episodes-{queries:04d}-{first:04d}.json"
 
-    def stretch(self, queries: int) -> Path:
-        """Return what the queries up to that number did to the map."""
-        return self.folder / self.label / f"queries-{queries:04d}.json"
+    def stretch(self, first: int, until: int) -> Path:
+        """Return what the queries from `first` up to `until` did to the map."""
+        return self.folder / self.label / f"queries-{first:04d}-{until:04d}.json"
 
     def trial(self, episodes: int) -> Path:
         """Return the result of the static test."""
         return self.folder / f"{self.label}-{episodes}.trial.json"
 
-    def lifelong(self, queries: int, episodes: int) -> Path:
+    def lifelong(self, queries: int, every: int, episodes: int) -> Path:
         """Return the result of the lifelong test."""
-        return self.folder / f"{self.label}-{queries}-{episodes}.lifelong.json"
+        return self.folder / f"{self.label}-{queries}-every-{every}-{episodes}.lifelong.json"
 
     def failure(self, episode: int) -> Path:
         """Return the recording of an episode that failed."""

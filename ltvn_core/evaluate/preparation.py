@@ -57,13 +57,14 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> Sights:
 
 def tuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation] = ()) -> Path | None:
     """Return the weights of a plan, fine-tuned on its drive at the first call; None stands for the shipped ones."""
-    from ltvn_core.model.finetuning import FineTuningPlan
-    from ltvn_core.verbs.own_weights import finetune_for
-
     start = plan.weights or shipped_weights(plan.system)
     if not plan.finetuned:
         return start
     if not files.weights.exists():
+        # Only here, because learning takes long to load and a map that is there already needs none.
+        from ltvn_core.model.finetuning import FineTuningPlan
+        from ltvn_core.verbs.own_weights import finetune_for
+
         steps = FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)
         finetune_for(plan.system, observations, start, steps, files.weights.with_suffix(".part"), files.weights)
     return files.weights

@@ -165,6 +165,8 @@ class LifelongQuery:
     """In the map afterwards."""
     edges: int
     spurious_edges: int
+    pruned_spurious: int = 0
+    """Of the pruned edges, those that nobody can drive."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ltvn_core.data.generate import label_all
 from ltvn_core.data.labels import Limits
 from ltvn_core.data.worlds import World
+from ltvn_core.evaluate.ground import Ground
 from ltvn_core.geometry import relative
 from ltvn_core.graph.views import Views
 from ltvn_core.model.assessment import predict_pairs
@@ -43,6 +44,11 @@ class Survey:
     """(N, N) share of the target's points that the source sees; nan where not measured."""
     predicted: Prediction
     """(N, N) and (N, N, 3)."""
+
+    @property
+    def ground(self) -> Ground:
+        """Where edges between the images can be driven."""
+        return Ground(self.scene, self.camera, self.views, dict(enumerate(self.poses)))
 
 
 def survey(scene: "Scene", camera: Camera, predictor: Predictor, poses: Pose) -> Survey:

@@ -51,7 +51,7 @@ def run_piece(plan: TrialPlan, files: TrialFiles, queries: int, first: int, epis
     """Run episodes, numbered from `first`, with the map after so many queries; return how many there were."""
     path = files.episodes(queries, first)
     if not path.exists():
-        started, course = time.monotonic(), _course(plan, files, queries)
+        started, course = time.monotonic(), kept_course(plan, files, queries)
         done = tuple(
             course.run(number, episode, episode_dice(plan.seed, number))
             for number, episode in enumerate(episodes, first)
@@ -66,8 +66,8 @@ def episode_dice(seed: int, episode: int) -> np.random.Generator:
 
 
 @lru_cache(maxsize=1)
-def _course(plan: TrialPlan, files: TrialFiles, queries: int) -> Course:
-    """Keep the course between pieces; a frozen map stays as it is."""
+def kept_course(plan: TrialPlan, files: TrialFiles, queries: int) -> Course:
+    """Return the course of a frozen map, kept between pieces; its map must not be changed."""
     return open_course(plan, files, queries)
 
 
@@ -98,7 +98,7 @@ def static_pieces(plan: TrialPlan, files: TrialFiles, queries: int, episodes: in
 def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
     """Put the pieces together and look at the map; the result is kept as a file."""
     pieces = [load_results(files.episodes(queries, first), Piece) for first in range(0, episodes, EPISODES_AT_ONCE)]
-    course, sights = _course(plan, files, queries), prepare(plan, files)
+    course, sights = kept_course(plan, files, queries), prepare(plan, files)
     return TrialResult(
         scene=course.scene.name,
         method=plan.system,

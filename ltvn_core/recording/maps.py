@@ -3,13 +3,14 @@
 Owns saving, loading and the check of the weights. Building is elsewhere.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ltvn_core.errors import MapError
 from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.recording.frames import EncodedFrame
 from ltvn_core.recording.meta import Meta
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.whole import written_whole
@@ -37,10 +38,12 @@ def save_map(
     config: Mapping[str, Any],
     intrinsics: Intrinsics | None = None,
     scene_glb: bytes | None = None,
+    origin: Path | None = None,
 ) -> None:
     """Write a map to a new file, which appears only when it is whole.
 
-    Takes the images of all nodes and of the reserve; others are left out.
+    Takes the images of all nodes and of the reserve; others are left out. Those that the file `origin` holds are copied
+    as they lie there, because pictures lose a little each time they are compressed.
     Raises MapError when an image is missing, RecordingError when the file exists or cannot be written.
     """
     wanted = _frames_of(graph)
@@ -52,6 +55,8 @@ def save_map(
             part, scene=scene, config=config, fingerprint=fingerprint, intrinsics=intrinsics, scene_glb=scene_glb
         ) as writer,
     ):
+        for frame in _stored(origin, wanted) if origin is not None else ():
+            writer.encoded_frame(frame)
         writer.map(graph, (kept[frame] for frame in sorted(kept)))
 
 
@@ -80,6 +85,11 @@ def check_fingerprint(meta: Meta, fingerprint: str) -> None:
 
 def _frames_of(graph: TopologicalGraph) -> frozenset[FrameId]:
     return frozenset(graph.nodes) | frozenset(graph.reserve)
+
+
+def _stored(origin: Path, wanted: frozenset[FrameId]) -> Iterator[EncodedFrame]:
+    recording = Recording.open(origin)
+    return (recording.stored_frame(frame).frame for frame in recording.frames if frame in wanted)
 
 
 def _require_images(wanted: frozenset[FrameId], held: Iterable[FrameId], what: str) -> None:

@@ -1,4 +1,4 @@
-"""`ltvn navigate | lifelong`: drive by a saved map."""
+"""`ltvn navigate`: drive by a saved map."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -36,13 +36,19 @@ class Navigated:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ByMap(Verb):
-    """Options shared by the verbs that drive by a saved map."""
+class Navigate(Verb):
+    """Drive to one goal or to several by a saved map, which learns from every drive."""
 
     map: Positional[Path]
     """The map to drive by; it is read, never changed."""
     recording: Path
     """The recording to write; it begins with the map, so it stands alone. Must not exist yet."""
+    output: Path | None = None
+    """The map after all queries, with what it learned; must not exist yet."""
+    goal: int | None = None
+    """The node to go to, by its number; a random one if not given."""
+    queries: int = 1
+    """How many random goals to drive to, one after the other."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     predictor: Literal["network", "oracle"] = "network"
@@ -52,13 +58,26 @@ class _ByMap(Verb):
     seed: int = 0
     """Draws the start, the noise and the goals."""
 
+    def run(self) -> Summary:
+        """Drive and learn; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
+        if self.queries < 1 or (self.goal is not None and self.queries > 1):
+            raise OptionError(
+                f"--queries must be 1 or more, and 1 where --goal names the only goal, got {self.queries}."
+            )
+        return _drive(self)
+
     def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
-        """Choose where to go."""
-        raise NotImplementedError
+        """Go to the one goal, or to random nodes. Raises MapError if the map does not have that node."""
+        if self.goal is not None and self.goal not in bench.graph.nodes:
+            nodes = sorted(bench.graph.nodes)
+            raise MapError(
+                f"{self.map} has no node {self.goal}; its nodes are {nodes[0]}, {nodes[1:2]} ... {nodes[-1]}."
+            )
+        return bench.random_goals(self.queries, rng) if self.goal is None else [self.goal]
 
     def settings(self) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
-        return {"verb": type(self).__name__.lower(), "seed": self.seed, "method": asdict(self.method())}
+        return {"verb": "navigate", "seed": self.seed, "method": asdict(self.method())}
 
     def method(self) -> "Method":
         """Return the preset with the constants measured for the predictor."""
@@ -67,48 +86,7 @@ class _ByMap(Verb):
         return open_method(self.preset, self.predictor, self.weights)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Navigate(_ByMap):
-    """Drive to one goal by a saved map."""
-
-    goal: int | None = None
-    """The node to go to, by its number; a random one if not given."""
-
-    def run(self) -> Summary:
-        """Drive there; raises MapError, RecordingError, SceneError and WeightsError."""
-        return _drive(self, output=None)
-
-    def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
-        """Go to the one goal."""
-        if self.goal is not None and self.goal not in bench.graph.nodes:
-            nodes = sorted(bench.graph.nodes)
-            raise MapError(
-                f"{self.map} has no node {self.goal}; its nodes are {nodes[0]}, {nodes[1:2]} ... {nodes[-1]}."
-            )
-        return bench.random_goals(1, rng) if self.goal is None else [self.goal]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lifelong(_ByMap):
-    """Drive to many random goals by a saved map, which learns from every drive."""
-
-    queries: int = 100
-    """How many random goals to drive to."""
-    output: Path
-    """The map after all queries; must not exist yet."""
-
-    def run(self) -> Summary:
-        """Drive and learn; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
-        if self.queries < 1:
-            raise OptionError(f"--queries must be 1 or more, got {self.queries}.")
-        return _drive(self, output=self.output)
-
-    def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
-        """Go to random nodes."""
-        return bench.random_goals(self.queries, rng)
-
-
-def _drive(options: _ByMap, output: Path | None) -> Navigated:
+def _drive(options: Navigate) -> Navigated:
     """Open everything, run the queries, save the map if asked to."""
     import numpy as np
 
@@ -132,11 +110,10 @@ def _drive(options: _ByMap, output: Path | None) -> Navigated:
         writer.map(loaded.graph, loaded.observations.values())
         bench = Workbench(simulation, writer, views, predictor, options.method(), loaded.graph)
         outcome = bench.run_queries(options.goals(bench, rng), rng)
-    if output is not None:
-        save_map(output, bench.graph, bench.kept(), **about)
-    return Navigated(
-        options.recording, output, len(bench.graph.nodes), len(bench.graph.edges), outcome, time.monotonic() - started
-    )
+    if options.output is not None:
+        save_map(options.output, bench.graph, bench.kept(), origin=options.map, **about)
+    counts = len(bench.graph.nodes), len(bench.graph.edges)
+    return Navigated(options.recording, options.output, *counts, outcome, time.monotonic() - started)
 
 
 def _start(loaded: "LoadedMap", rng: "np.random.Generator") -> "Pose | None":

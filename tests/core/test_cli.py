@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from ltvn_core.recording.maps import load_map
 from ltvn_core.recording.reader import Recording
 from tests.core.recording import scenario
 
@@ -67,6 +68,8 @@ def test_a_summary_is_text_for_a_person_and_json_for_a_program(drive: Path, tmp_
         (("collect", "--scene", "castle", "--output", "x.rrd"), "apartment-57"),
         (("build", "missing.rrd", "--output", "map.rrd"), "missing.rrd"),
         (("navigate", "missing.rrd", "--recording", "x.rrd"), "missing.rrd"),
+        (("navigate", "drive.rrd", "--recording", "x.rrd", "--goal", "1", "--queries", "2"), "--queries"),
+        (("lifelong", "--every", "0"), "every 0"),
         (("demo", "--headless", "--queries", "-1"), "--queries"),
         (("collect", "--scene", "demo", "--loops", "0", "--output", "x.rrd"), "--loops"),
         (("build", "drive.rrd", "--output", "map.rrd", "--weights", "drive.rrd"), "drive.rrd"),
@@ -110,6 +113,11 @@ def test_collect_build_navigate_in_one_go_each(tmp_path: Path) -> None:
     run = ltvn("navigate", built, "--recording", trip, "--predictor", "oracle", "--json", "-")
     assert json.loads(run.stdout)["outcome"]["reached"] == 1, run.stderr
     assert ltvn("verify", trip).returncode == 0
+    learned = tmp_path / "learned.rrd"
+    many = "--queries", "2", "--output", learned, "--predictor", "oracle", "--json", "-"
+    run = ltvn("navigate", built, "--recording", tmp_path / "trips.rrd", *many)
+    assert json.loads(run.stdout)["outcome"]["queries"] == 2, run.stderr
+    assert any(edge.attempts for edge in load_map(learned).graph.edges.values())
     other = ltvn("navigate", built, "--recording", tmp_path / "again.rrd")
     assert other.returncode == 1
     assert "weights" in other.stderr

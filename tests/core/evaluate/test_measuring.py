@@ -76,7 +76,7 @@ def test_an_edge_through_a_wall_fails_however_sure_the_predictor_is() -> None:
     assert not drive.reachable[0, 1]
     assert drive.predicted.reachability[0, 1] > 0.9
     edge = Proposal(0, 1, drive.waypoints[0, 1], 0.97, true=False, connected=True)
-    with closing(Attempts(drive, predictor, ROBUST, NO_ERRORS, np.random.default_rng(0))) as robot:
+    with closing(Attempts(drive.ground, predictor, ROBUST, NO_ERRORS, np.random.default_rng(0))) as robot:
         attempt = robot.drive(edge)
     assert attempt is not None
     assert not attempt.succeeded

@@ -1,0 +1,113 @@
+"""The lifelong test: queries with maintenance, and in between the static test with the map as it is then.
+
+Owns the order of the work. The queries of one map follow each other; those of different maps, and the static tests of
+maps that are there already, run side by side.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluate.lifetime import queries_between, run_until
+from ltvn_core.evaluate.plans import TrialFiles, TrialPlan, claim_files
+from ltvn_core.evaluate.preparation import prepare
+from ltvn_core.evaluate.results import LifelongPoint, LifelongResult, load_results, save_results
+from ltvn_core.evaluate.trials import OnDone, finish_trial, kept_course, static_pieces
+from ltvn_core.evaluate.truth import calibration
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """How long a life is, and when it is tested."""
+
+    queries: int = 700
+    """With maintenance (paper)."""
+    every: int = 100
+    """Queries between two static tests (paper)."""
+    episodes: int = 500
+    """Of each static test (paper)."""
+
+    def __post_init__(self) -> None:
+        if min(self.queries, self.every, self.episodes) < 1:
+            raise OptionError(
+                "A lifelong test needs one query, one between two tests and one episode at least, got "
+                f"{self.queries} queries, every {self.every}, {self.episodes} episodes."
+            )
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """After how many queries the map is tested: before the first, in between, and after the last."""
+        return (*range(0, self.queries, self.every), self.queries)
+
+    @property
+    def work(self) -> int:
+        """Queries and episodes in all."""
+        return self.queries + self.episodes * len(self.points)
+
+
+def run_lifelong(
+    plans: Sequence[TrialPlan], folder: Path, schedule: Schedule, *, command: str, parallel: Parallel, on_done: OnDone
+) -> list[LifelongResult]:
+    """Run the lifelong test of several plans, with one scene and seed each; what is done already is only read.
+
+    Raises OptionError where the folder holds results of other settings, and the errors of the parts.
+    """
+    tasks = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
+    for plan, files in tasks:
+        claim_files(plan, files)
+    for _ in parallel(delayed(prepare)(plan, files) for plan, files in tasks):
+        on_done(0)
+    for at in schedule.points:
+        for done in parallel(_work_at(tasks, schedule, at)):
+            on_done(done)
+    for _ in parallel(delayed(_finish)(plan, files, schedule, command) for plan, files in tasks):
+        on_done(0)
+    return [load_results(_result_file(files, schedule), LifelongResult) for _, files in tasks]
+
+
+def _work_at(tasks: Sequence[tuple[TrialPlan, TrialFiles]], schedule: Schedule, at: int) -> Iterator[Any]:
+    """Yield what can be done with the maps after `at` queries: the queries that follow, and then the static test.
+
+    The queries come first, because each takes long and cannot be shared out.
+    """
+    for first, until in pairwise(schedule.points):
+        if first == at:
+            yield from (delayed(run_until)(plan, files, first, until) for plan, files in tasks)
+    for plan, files in tasks:
+        yield from static_pieces(plan, files, at, schedule.episodes)
+
+
+def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str) -> None:
+    """Put the pieces together; the result is kept as a file."""
+    if _result_file(files, schedule).exists():
+        return
+    points = tuple(_point(plan, files, at, schedule.episodes, command) for at in schedule.points)
+    result = LifelongResult(
+        scene=points[0].trial.scene,
+        preset=plan.preset,
+        without=plan.parts_off,
+        seed=plan.seed,
+        points=points,
+        queries=tuple(
+            query for first, until in pairwise(schedule.points) for query in queries_between(files, first, until)
+        ),
+        version=version("ltvn"),
+        command=command,
+    )
+    save_results(_result_file(files, schedule), result)
+
+
+def _point(plan: TrialPlan, files: TrialFiles, at: int, episodes: int, command: str) -> LifelongPoint:
+    course = kept_course(plan, files, at)
+    cells = calibration(course.graph, course.truth)
+    return LifelongPoint(at, finish_trial(plan, files, at, episodes, command), cells)
+
+
+def _result_file(files: TrialFiles, schedule: Schedule) -> Path:
+    return files.lifelong(schedule.queries, schedule.every, schedule.episodes)

@@ -1,0 +1,81 @@
+"""`ltvn lifelong`: the paper's lifelong test."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ltvn_core.verbs.evaluate import ProtocolOptions, command
+from ltvn_core.verbs.verb import Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ltvn_core.evaluate.lifelong_figures import Life
+    from ltvn_core.evaluate.results import LifelongResult
+
+
+@dataclass(frozen=True)
+class Lived:
+    """What the lifelong tests of all scenes and seeds came to."""
+
+    scenes: tuple[str, ...]
+    preset: str
+    without: tuple[str, ...]
+    seeds: tuple[int, ...]
+    every: int
+    """Queries between two static tests."""
+    episodes: int
+    """Of each static test."""
+    all: "Life"
+    by_scene: "dict[str, Life]"
+    folder: Path
+    """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    wall_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lifelong(ProtocolOptions):
+    """Test lifelong maintenance as the paper does: many queries with it, and static episodes without it in between."""
+
+    queries: int = 700
+    """Queries with maintenance for each scene and seed."""
+    every: int = 100
+    """Queries between two static tests; there is one before the first query too."""
+    episodes: int = 500
+    """Random episodes of each static test, always the same."""
+
+    def run(self) -> Summary:
+        """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
+        from tqdm import tqdm
+
+        from ltvn_core.evaluate.lifelong import Schedule, run_lifelong
+        from ltvn_core.evaluate.workers import workers
+
+        started, schedule = time.monotonic(), Schedule(self.queries, self.every, self.episodes)
+        plans = self.plans("ltvn", self.episodes)
+        with (
+            workers(self.workers, self.cluster) as parallel,
+            tqdm(total=schedule.work * len(plans), desc="lifelong", unit="query") as bar,
+        ):
+            results = run_lifelong(
+                plans, self.folder, schedule, command=command(), parallel=parallel, on_done=bar.update
+            )
+        return self._summary(results, time.monotonic() - started)
+
+    def _summary(self, results: "Sequence[LifelongResult]", wall_s: float) -> Lived:
+        from ltvn_core.evaluate.lifelong_figures import life_of
+
+        scenes = dict.fromkeys(result.scene for result in results)
+        return Lived(
+            scenes=self.scene,
+            preset=self.preset,
+            without=self.without,
+            seeds=self.seed,
+            every=self.every,
+            episodes=self.episodes,
+            all=life_of(results),
+            by_scene={scene: life_of([each for each in results if each.scene == scene]) for scene in scenes},
+            folder=self.folder,
+            wall_s=wall_s,
+        )

@@ -26,6 +26,7 @@ from ltvn_core.verbs.finetune import Finetune
 from ltvn_core.verbs.measure import Measure
 from ltvn_core.verbs.navigate import Lifelong, Navigate
 from ltvn_core.verbs.pairs import Pairs
+from ltvn_core.verbs.rival import Rival
 from ltvn_core.verbs.train import Train
 from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
 from ltvn_core.verbs.view import View
@@ -43,6 +44,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Pairs, subcommand("pairs", prefix_name=False)]
     | Annotated[Train, subcommand("train", prefix_name=False)]
     | Annotated[Finetune, subcommand("finetune", prefix_name=False)]
+    | Annotated[Rival, subcommand("rival", prefix_name=False)]
     | Annotated[Measure, subcommand("measure", prefix_name=False)]
     | Annotated[Figures, subcommand("figures", prefix_name=False)]
     | Annotated[Info, subcommand("info", prefix_name=False)]

@@ -27,7 +27,7 @@ from ltvn_core.sim.scenes import load_scene
 EPISODES_AT_ONCE = 25
 """Episodes in a piece: small enough to share work out evenly and to lose little, large enough to load a map for."""
 
-OnDone = Callable[[int], None]
+OnDone = Callable[[int], object]
 """Hears how many episodes were added."""
 
 

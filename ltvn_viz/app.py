@@ -61,7 +61,7 @@ def opened(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator[A
         stack.callback(screen.painter.close)
         server.listen(listener(session))
         if options.replay is not None:
-            session.send(OpenRecording(options.replay))
+            session.send(OpenRecording(options.replay, options.replay_at_s))
         yield App(server, session)
 
 

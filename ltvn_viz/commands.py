@@ -144,6 +144,8 @@ class OpenRecording(Command):
     label: ClassVar[str] = "open a recording"
     name: str
     """Path inside the recordings folder."""
+    at_s: float = 0.0
+    """Seconds after its beginning at which to show it first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

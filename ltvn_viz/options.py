@@ -32,3 +32,5 @@ class AppOptions:
     """Teaches the network from the page."""
     replay: str | None = None
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""
+    replay_at_s: float = 0.0
+    """Seconds after its beginning at which to show it first."""

@@ -83,8 +83,8 @@ def _play(stage: Stage, command: c.Command) -> None:
             replay.seek(time_s)
         case c.SeekBy(seconds), Replay() as replay:
             replay.seek(replay.time_s + seconds)
-        case c.OpenRecording(name), _:
-            _open(stage, name)
+        case c.OpenRecording(name, at_s), _:
+            _open(stage, name, at_s)
         case c.CloseRecording(), _:
             stage.activity = stage.teleop
 
@@ -135,9 +135,10 @@ def _record(stage: Stage, command: c.Command) -> None:
             stage.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
 
 
-def _open(stage: Stage, name: str) -> None:
+def _open(stage: Stage, name: str, at_s: float) -> None:
     def show(replay: Replay) -> None:
         stage.work = None
+        replay.seek(at_s)
         stage.activity = replay
 
     stage.live.robot.stop()

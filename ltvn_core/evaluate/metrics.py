@@ -1,8 +1,8 @@
 """Figures over trials: means of episodes with their intervals, failures by cause, and what differs between two methods.
 
-Owns which mean is taken and how sure it is. The scenes are what a claim is about and are taken as they are; map seeds
-and episodes are samples. So a 95 % interval comes from a bootstrap in two stages, seeds within each scene and then
-episodes within each trial, with a fixed seed of its own. Every trial counts the same, however many episodes it has.
+Owns which mean is taken. The scenes are what a claim is about and are taken as they are; map seeds and episodes are
+samples, so a 95 % interval tells how trials of one scene scatter (see `evaluate.intervals`), and with a single seed how
+episodes do. Every trial counts the same, however many episodes it has.
 """
 
 from collections import Counter
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluate.resampling import Estimate, Sample, estimates
+from ltvn_core.evaluate.intervals import Estimate, Sample, estimates
 from ltvn_core.evaluate.results import EpisodeResult, Failure, TrialResult
 from ltvn_core.model.rates import Rate
 
@@ -55,12 +55,13 @@ class Figures:
 def figures(trials: Sequence[TrialResult]) -> Figures:
     """Return the figures of trials of one method; raise ValueError if there are no episodes."""
     episodes = _episodes(trials)
-    success, spl, collisions, steps, path_m = estimates(_samples(trials))
+    success, *amounts = estimates(_samples(trials))
+    spl, collisions, steps, path_m = (amount.within(0, np.inf) for amount in amounts)
     return Figures(
         trials=len(trials),
         episodes=len(episodes),
-        success_rate=_no_surer(success, success_of(trials)),
-        spl=spl,
+        success_rate=_no_surer(success.within(0, 1), success_of(trials)),
+        spl=spl.within(0, 1),
         collisions_per_episode=collisions,
         steps_per_episode=steps,
         time_s=Estimate(steps.mean * STEP_S, steps.low * STEP_S, steps.high * STEP_S),
@@ -113,8 +114,8 @@ class Difference:
 def difference(first: Sequence[TrialResult], second: Sequence[TrialResult]) -> Difference:
     """Compare two methods; raise ValueError if one has no episodes.
 
-    Where scenes, seeds, starts and goals are the same, the differences of single episodes are resampled, which leaves
-    out what both have in common; else the two are resampled independently.
+    Where scenes, seeds, starts and goals are the same, the differences of single episodes are averaged, which leaves
+    out what both have in common; else the two are held to be independent.
     """
     samples, others = _samples(first), _samples(second)
     paired = [_episode_keys(trial) for trial in _sorted(first)] == [_episode_keys(trial) for trial in _sorted(second)]

@@ -43,7 +43,7 @@ class TrialPlan:
     predictor: PredictorName = "network"
     weights: Path | None = None
     """Weights to start from instead of the shipped ones of the system."""
-    finetune_steps: int = 150
+    finetune_steps: int = 60
     """Steps of fine-tuning on the mapping drive."""
     protocol: Protocol = field(default_factory=Protocol)
 

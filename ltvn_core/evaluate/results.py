@@ -207,5 +207,5 @@ def load_results(path: Path, kind: type) -> Any:
         return _CONVERTER.structure(json.loads(path.read_text(encoding="utf-8")), kind)
     except OSError as error:
         raise OptionError(f"{path} cannot be read: {error.strerror}.") from error
-    except (ValueError, TypeError, cattrs.BaseValidationError) as error:
+    except (ValueError, TypeError, AttributeError, cattrs.BaseValidationError) as error:
         raise OptionError(f"{path} holds no {kind.__name__} of this version: {error}.") from error

@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from ltvn_core.config import Matching
 from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.views import Views
-from ltvn_core.types import Features, FrameId, NodeId, Predictor, Waypoint
+from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Waypoint
+
+_FEW = 8
+"""So few nodes are asked both ways at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,11 +77,11 @@ class Matcher:
         if not nodes:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
         targets = self._views.features(nodes)
-        forward = self._predictor.predict(image, targets)
+        forward, backward = self._answers(image, targets)
         reachability, waypoints = np.array(forward.reachability), np.array(forward.waypoints)
         distances = np.where(_says_nothing(reachability, waypoints), np.inf, distance(waypoints))
         found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
-        return self._both_ways(image, targets, found) if self._config.both_directions else found
+        return self._both_ways(image, targets, found, backward) if self._config.both_directions else found
 
     def supported(self, matches: Matches, frame: FrameId) -> Matches:
         """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.
@@ -92,14 +95,26 @@ class Matcher:
         """Return `matches` of a fresh image (1, F), each r lowered to the median over the nodes' neighbours in time."""
         return self._with_support(matches, image, ())
 
-    def _both_ways(self, image: Features, targets: Features, found: Matches) -> Matches:
+    def _answers(self, image: Features, targets: Features) -> tuple[Prediction, Prediction | None]:
+        """Ask the way to N targets, and back from them at once where they are few: a second call would cost more."""
+        count = len(targets)
+        if not self._config.both_directions or count > _FEW:
+            return self._predictor.predict(image, targets), None
+        here = np.repeat(image, count, axis=0)
+        both = self._predictor.predict(np.concatenate([here, targets]), np.concatenate([targets, here]))
+        return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
+
+    def _both_ways(self, image: Features, targets: Features, found: Matches, answered: Prediction | None) -> Matches:
         """Ask from the nodes to the image too, where it is near, and take the more reachable answer."""
         # The network measures a motion by aligning both images, so even where it calls the way there unreachable it
         # knows how far that is, and only near nodes need the second question.
         close = np.flatnonzero(found.distances < self._config.reverse_within)
         if not len(close):
             return found
-        backward = self._predictor.predict(targets[close], np.repeat(image, len(close), axis=0))
+        if answered is None:
+            backward = self._predictor.predict(targets[close], np.repeat(image, len(close), axis=0))
+        else:
+            backward = Prediction(*(part[close] for part in answered))
         better = backward.reachability > found.reachability[close]
         chosen = close[better]
         found.reachability[chosen] = backward.reachability[better]

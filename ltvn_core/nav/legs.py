@@ -78,7 +78,8 @@ class Leg:
         """Return a command as near to `twist` as what stands around allows, None if nothing does."""
         if not self._config.depth_veto or not twist.linear_m_s:
             return twist
-        self._surroundings.add(self._eyes.observation)
+        if self._surroundings.needs_look(self._body.odometry):
+            self._surroundings.add(self._eyes.observation)
         points = self._surroundings.around(self._body.odometry)
         return free_command(twist, points, length_m, self._config)
 

@@ -9,7 +9,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.geometry import rotation
+from ltvn_core.geometry import relative, rotation
 from ltvn_core.types import Depth, FrameId, Intrinsics, Observation, Pose
 
 _LOW_M, _HIGH_M = 0.04, 0.65
@@ -17,6 +17,9 @@ _LOW_M, _HIGH_M = 0.04, 0.65
 _NEAR_M = 1.5
 """Things farther away cannot matter before the next image."""
 _REMEMBERED_IMAGES = 12
+_LOOK_AFTER_M = 0.07
+_LOOK_AFTER_RAD = 0.08
+"""An image shows what is ahead for longer than a control step; each costs as much as the rest of the step."""
 _EVERY_PIXEL = 2
 _BUMP_STEPS = 100
 """A touch is forgotten after so many control steps, because its place is a guess that may close a door."""
@@ -45,6 +48,14 @@ class Surroundings:
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._bumps: deque[tuple[FrameId, NDArray[np.float64]]] = deque()
         self._last_step = -1
+        self._last_pose: Pose | None = None
+
+    def needs_look(self, odometry: Pose) -> bool:
+        """Tell whether a robot at `odometry` (3,) has moved so far since the last image that it should look again."""
+        if self._last_pose is None:
+            return True
+        gap = relative(self._last_pose, odometry)
+        return bool(np.hypot(gap[0], gap[1]) > _LOOK_AFTER_M or abs(gap[2]) > _LOOK_AFTER_RAD)
 
     def add(self, observation: Observation) -> None:
         """Remember what an image shows; the same image again changes nothing."""
@@ -52,7 +63,7 @@ class Surroundings:
             return
         while self._bumps and observation.step - self._bumps[0][0] > _BUMP_STEPS:
             self._bumps.popleft()
-        self._last_step = observation.step
+        self._last_step, self._last_pose = observation.step, observation.odometry
         here = solid_points(observation.depth, self._intrinsics)
         pose = observation.odometry
         self._seen.append(here @ rotation(float(pose[2])).T + pose[:2])

@@ -244,4 +244,5 @@ class Task:
 
 def _ends(stretch: tuple[NodeId, ...]) -> tuple[NodeId | None, NodeId]:
     """Return where a leg begins and ends; to a single node the robot only makes its approach."""
-    return (stretch[0] if len(stretch) > 1 else None), stretch[-1]
+    source = None if len(stretch) == 1 else stretch[0]
+    return source, stretch[-1]

@@ -3,7 +3,8 @@
 Owns their drawing. The numbers come in rows.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -110,13 +111,16 @@ class _Columns:
 
     def handles(self) -> list[Line2D]:
         """Return what the legend shows."""
-        dot: Callable[..., Line2D] = lambda colour, **more: Line2D([], [], color=colour, linestyle="", **more)
-        named = [dot(colour, marker="o", label=method) for method, colour in self._colours.items()]
+        named = [_dot(colour, label=method) for method, colour in self._colours.items()]
         if not self.both:
             return named
         grey = self.ink.grey
-        rings = dot(grey, marker="o", markerfacecolor="none", label="as trained")
-        return [*named, rings, dot(grey, marker="o", label="fine-tuned")]
+        rings = _dot(grey, markerfacecolor="none", label="as trained")
+        return [*named, rings, _dot(grey, label="fine-tuned")]
+
+
+def _dot(colour: Colour, **more: Any) -> Line2D:
+    return Line2D([], [], color=colour, linestyle="", marker="o", **more)
 
 
 def _legend(figure: Figure, columns: _Columns) -> None:

@@ -39,7 +39,7 @@ def fill_page(results: Results, ink: Ink, *, page: Path, images: Path, section: 
     wanted = [kind for kind in KINDS if _mark(f"{prefix}{kind}-pictures") in text]
     with drawing(ink):
         drawn = [picture for picture in pictures_of(results, ink) if picture.kind in wanted]
-        files = [(picture, save(picture.figure, images / f"{prefix}{picture.name}.png")) for picture in drawn]
+        files = [(picture, save(picture.draw(), images / f"{prefix}{picture.name}.png")) for picture in drawn]
     blocks = tables_of(results) | {f"{kind}-pictures": _links(files, kind, page) for kind in wanted}
     named = {f"{prefix}{name}": block for name, block in blocks.items()}
     here = {name: block for name, block in named.items() if _mark(name) in text}

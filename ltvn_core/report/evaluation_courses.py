@@ -69,7 +69,9 @@ def stretches(course: Course, length: int = STRETCH) -> tuple[Stretch, ...]:
     for run in course.runs:
         for number, query in enumerate(run.queries):
             found.setdefault(number // length, []).append(query)
-    return tuple(_stretch((number + 1) * length, queries, len(course.runs)) for number, queries in sorted(found.items()))
+    return tuple(
+        _stretch((number + 1) * length, queries, len(course.runs)) for number, queries in sorted(found.items())
+    )
 
 
 def ends(courses: Sequence[Course], *, last: bool) -> list[LifelongPoint]:

@@ -94,7 +94,9 @@ def _changes(axes: Axes, course: Course, ink: Ink) -> None:
 def _followed(axes: Axes, course: Course, count: Callable[[LifelongQuery], int], colour: Colour) -> None:
     """Draw a count after every query, a line for each run."""
     for run in course.runs:
-        axes.plot([query.query for query in run.queries], [count(query) for query in run.queries], color=colour, linewidth=1.3)
+        axes.plot(
+            [query.query for query in run.queries], [count(query) for query in run.queries], color=colour, linewidth=1.3
+        )
     axes.set_ylim(0, 1.15 * axes.get_ylim()[1])
 
 

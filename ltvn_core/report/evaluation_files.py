@@ -3,19 +3,23 @@
 Owns finding and checking. What the results mean is elsewhere; drives and recordings are only read.
 """
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.evaluate.plans import TrialFiles
 from ltvn_core.evaluate.results import LifelongResult, Results, TrialResult, load_results
+from ltvn_core.recording.reader import Recording
 from ltvn_core.report.evaluation_gallery import GalleryRow
 from ltvn_core.report.evaluation_moment import moment_s
-from ltvn_core.recording.reader import Recording
+from ltvn_core.report.evaluation_rows import setup_of
 
 TRIALS, LIFELONG = "*.trial.json", "*.lifelong.json"
-_DRIVE = "drive.rrd"
+_Result = TypeVar("_Result", TrialResult, LifelongResult)
 
 
 @dataclass(frozen=True)
@@ -67,20 +71,25 @@ def _lifelong(path: Path) -> LifelongResult:
     return result
 
 
-def _longest(found: Iterable[tuple[Path, TrialResult | LifelongResult]]) -> dict[Path, TrialResult | LifelongResult]:
-    """Keep the longest of several results of one trial in one folder, which begin with the same episodes."""
-    kept: dict[object, tuple[Path, TrialResult | LifelongResult]] = {}
+def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
+    """Keep the longest of several results of one plan, which begin with the same episodes."""
+    kept: dict[object, tuple[Path, _Result]] = {}
     for path, result in found:
         before, other = kept.get(key := _key(result), (path, result))
-        if before.parent != path.parent:
+        if _plan(before) != _plan(path):
             raise OptionError(f"{before} and {path} are results of the same trial; move one of them away.")
         kept[key] = (path, result) if _length(result) >= _length(other) else (before, other)
     return dict(kept.values())
 
 
+def _plan(path: Path) -> tuple[Path, str]:
+    """Return folder and label of a result, whose name ends in how long it is."""
+    return path.parent, re.sub(r"[-\d]*\.(trial|lifelong)\.json$", "", path.name)
+
+
 def _key(result: TrialResult | LifelongResult) -> object:
-    setup = result.scene, result.preset, result.without, result.seed
-    return setup if isinstance(result, LifelongResult) else (*setup, result.method, result.finetuned, result.queries)
+    trial = result.points[0].trial if isinstance(result, LifelongResult) else result
+    return setup_of(trial), trial.seed
 
 
 def _length(result: TrialResult | LifelongResult) -> tuple[int, int]:
@@ -89,22 +98,21 @@ def _length(result: TrialResult | LifelongResult) -> tuple[int, int]:
     return len(result.episodes), 0
 
 
-def _failures(path: Path, trial: TrialResult) -> list[GalleryRow]:
-    label = path.name.removesuffix(TRIALS[1:]).rpartition("-")[0]
-    drive = path.parent / _DRIVE
-    there = set((path.parent / label).glob("failure-*.rrd"))
-    rows = []
+def _failures(path: Path, trial: TrialResult) -> Iterator[GalleryRow]:
+    folder, label = _plan(path)
+    files = TrialFiles(folder, label, "ltvn")
     for episode in trial.episodes:
         if not episode.reached:
-            recording = path.parent / label / f"failure-{episode.episode:04d}.rrd"
-            rows.append(GalleryRow(trial, episode, drive=drive, recording=recording if recording in there else None))
-    return rows
+            recording = files.failure(episode.episode)
+            yield GalleryRow(trial, episode, drive=files.drive, recording=recording if recording.exists() else None)
 
 
 def _illustrated(row: GalleryRow) -> GalleryRow:
     start, goal = (_picture(row.drive, frame) for frame in (row.episode.start, row.episode.goal))
     at = None if row.recording is None else moment_s(row.recording, row.episode.failure)
-    return replace(row, start=row.start or start, goal=row.goal or goal, time_s=at if row.time_s is None else row.time_s)
+    return replace(
+        row, start=row.start or start, goal=row.goal or goal, time_s=at if row.time_s is None else row.time_s
+    )
 
 
 def _picture(drive: Path | None, frame: int) -> bytes | None:

@@ -41,7 +41,8 @@ def floors(panels: Sequence[Panel], ink: Ink) -> Figure:
         _draw(axes, plan, ink)
         facts = panel.trial.map
         axes.set_title(
-            f"{panel.title}\n{facts.nodes:,} nodes, {facts.edges:,} edges, {facts.spurious_edges:,} spurious", fontsize=9.5
+            f"{panel.title}\n{facts.nodes:,} nodes, {facts.edges:,} edges, {facts.spurious_edges:,} spurious",
+            fontsize=9.5,
         )
     _keys(figure, list(grid), ink)
     return figure
@@ -62,7 +63,14 @@ def _draw(axes: Axes, plan: Floorplan, ink: Ink) -> None:
     axes.quiver(
         *nodes[:, :2].T,
         *(np.cos(nodes[:, 2]), np.sin(nodes[:, 2])),
-        **{"color": ink.grey, "pivot": "tail", "scale": 34 / size, "width": 0.004 * size, "zorder": 4, "rasterized": True},
+        **{
+            "color": ink.grey,
+            "pivot": "tail",
+            "scale": 34 / size,
+            "width": 0.004 * size,
+            "zorder": 4,
+            "rasterized": True,
+        },
     )
     axes.plot(*nodes[:, :2].T, "o", color=ink.grey, markersize=2.4 * size, zorder=4, rasterized=True)
     axes.set_aspect("equal")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluate.results import EpisodeResult, Failure, TrialResult
-from ltvn_core.report.evaluation_rows import scene_name, setup_of
+from ltvn_core.report.evaluation_rows import Setup, order_of, scene_name, setup_of
 
 _KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
@@ -67,14 +67,15 @@ def data_address(picture: bytes) -> str:
 
 
 def chosen(rows: Sequence[GalleryRow], most: int) -> tuple[GalleryRow, ...]:
-    """Return at most so many rows for each scene, method and stage: each cause in turn, so that none crowds out another.
+    """Return at most so many rows for each scene, method and stage.
 
-    Rows with a recording come before those without.
+    They are taken from each cause in turn, so that none crowds out another. Rows with a recording come before those
+    without.
     """
-    groups: dict[object, list[GalleryRow]] = {}
+    groups: dict[Setup, list[GalleryRow]] = {}
     for row in rows:
         groups.setdefault(setup_of(row.trial), []).append(row)
-    return tuple(row for group in groups.values() for row in _in_turn(group)[:most])
+    return tuple(row for setup in sorted(groups, key=order_of) for row in _in_turn(groups[setup])[:most])
 
 
 def _in_turn(rows: Sequence[GalleryRow]) -> list[GalleryRow]:

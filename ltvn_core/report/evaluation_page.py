@@ -18,7 +18,15 @@ from ltvn_core.report.evaluation_gallery import GalleryRow, data_address
 from ltvn_core.report.evaluation_pictures import pictures_of
 from ltvn_core.report.evaluation_rows import Row, rows_of, rows_over_scenes, scenes_of
 from ltvn_core.report.evaluation_style import inline_svg
-from ltvn_core.report.evaluation_tables import cause_table, lifelong_table, main_table, margin_table, run_table, share, size_table
+from ltvn_core.report.evaluation_tables import (
+    cause_table,
+    lifelong_table,
+    main_table,
+    margin_table,
+    run_table,
+    share,
+    size_table,
+)
 from ltvn_core.report.style import Ink, drawing
 
 

@@ -1,6 +1,7 @@
 """All pictures of one report. Owns which there are, their names and the words below them."""
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import chain
 
 from ltvn_core.evaluate.results import Results
@@ -14,7 +15,7 @@ from ltvn_core.report.style import Ink
 
 
 def pictures_of(results: Results, ink: Ink) -> tuple[Picture, ...]:
-    """Draw all pictures that the results allow; call it inside `style.drawing`."""
+    """Return all pictures that the results allow, not yet drawn."""
     rows, courses = rows_of(results.trials), courses_of(results.lifelong)
     return tuple(chain(_of_rows(rows, ink), _of_maps(rows, ink), _of_courses(courses, ink)))
 
@@ -23,17 +24,19 @@ def _of_rows(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:
     whole = [row for row in rows if not row.setup.ablated and not row.setup.queries]
     parts = [row for row in rows if not row.setup.queries and row.setup.scene in _ablated_scenes(rows)]
     if whole:
-        caption = "Goals reached, with 95 % intervals. Rings: network as trained. Discs: after fine-tuning on the drive."
-        yield Picture("success", "success", "Success per scene and method", caption, success(whole, ink))
+        caption = (
+            "Goals reached, with 95 % intervals. Rings: network as trained. Discs: after fine-tuning on the drive."
+        )
+        yield Picture("success", "success", "Success per scene and method", caption, partial(success, whole, ink))
         caption = "Nodes and edges of the maps: mean of the map seeds, and from the smallest to the largest."
-        yield Picture("sizes", "sizes", "Nodes and edges per scene and method", caption, sizes(whole, ink))
+        yield Picture("sizes", "sizes", "Nodes and edges per scene and method", caption, partial(sizes, whole, ink))
     if parts:
         caption = "Goals reached when single parts of the method are switched off, with 95 % intervals."
-        yield Picture("success", "ablation", "What each part is worth", caption, success(parts, ink))
+        yield Picture("success", "ablation", "What each part is worth", caption, partial(success, parts, ink))
     if whole:
         over = rows_over_scenes(whole) or whole
         caption = "Share of the episodes that failed, by the one cause that each failure is put down to."
-        yield Picture("causes", "causes", "Causes of failure over all scenes", caption, causes(over, ink))
+        yield Picture("causes", "causes", "Causes of failure over all scenes", caption, partial(causes, over, ink))
 
 
 def _of_maps(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:
@@ -44,8 +47,10 @@ def _of_maps(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:
             Panel(f"{row.setup.method}, {row.setup.stage}", row.trials[0]) for row in drawn if row.setup.scene == scene
         ]
         title = f"Maps of {scene_name(scene)}"
-        caption = f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: edges that nobody can drive."
-        yield Picture("floors", f"floors-{slug(scene_name(scene))}", title, caption, floors(panels, ink))
+        caption = (
+            f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: edges that nobody can drive."
+        )
+        yield Picture("floors", f"floors-{slug(scene_name(scene))}", title, caption, partial(floors, panels, ink))
 
 
 def _of_courses(courses: Sequence[Course], ink: Ink) -> Iterable[Picture]:
@@ -56,11 +61,11 @@ def _of_courses(courses: Sequence[Course], ink: Ink) -> Iterable[Picture]:
             "Goals reached with maintenance off, with 95 % interval; thin lines are single maps. "
             "Below: edges added and pruned, means of the runs, those that nobody can drive in red."
         )
-        yield Picture("lifelong", f"lifelong-{name}", title, caption, lifelong(course, ink))
+        yield Picture("lifelong", f"lifelong-{name}", title, caption, partial(lifelong, course, ink))
         yield from _before_and_after(course, name, ink)
     if any(point.calibration for course in courses for run in course.runs for point in run.points):
         caption = "A point on the dashed line means: of edges with this p, just that share can be driven."
-        yield Picture("calibration", "calibration", "Can p be believed?", caption, calibration(courses, ink))
+        yield Picture("calibration", "calibration", "Can p be believed?", caption, partial(calibration, courses, ink))
 
 
 def _before_and_after(course: Course, name: str, ink: Ink) -> Iterable[Picture]:
@@ -70,7 +75,7 @@ def _before_and_after(course: Course, name: str, ink: Ink) -> Iterable[Picture]:
     panels = [Panel(f"after {point.queries:,} queries", point.trial) for point in (first, last)]
     caption = f"Map seed {course.runs[0].seed}, before and after maintenance. Red crosses: edges that nobody can drive."
     title = f"The map of {scene_name(course.scene)} before and after"
-    yield Picture("lifelong", f"map-{name}", title, caption, floors(panels, ink))
+    yield Picture("lifelong", f"map-{name}", title, caption, partial(floors, panels, ink))
 
 
 def _ablated_scenes(rows: Sequence[Row]) -> set[str]:

@@ -10,8 +10,8 @@ from pathlib import PurePath
 
 import numpy as np
 
+from ltvn_core.evaluate.intervals import Estimate
 from ltvn_core.evaluate.metrics import Figures, figures
-from ltvn_core.evaluate.resampling import Estimate
 from ltvn_core.evaluate.results import Failure, TrialResult
 
 ALL_SCENES = "all scenes"
@@ -32,7 +32,7 @@ class Setup:
     queries: int
     """With maintenance, before the episodes."""
     ablated: bool
-    """Whether parts of the method were switched off."""
+    """Whether parts of the method were switched off or exchanged for the truth."""
 
     @property
     def stage(self) -> str:
@@ -85,12 +85,19 @@ def setup_of(trial: TrialResult) -> Setup:
         name = f"{name}, {trial.preset} navigator"
     if without:
         name = f"{name} without {', '.join(without)}"
-    return Setup(trial.scene, name, trial.finetuned, trial.queries, bool(without))
+    if asked_the_truth := trial.fingerprint == "oracle":
+        name = f"{name} with the oracle"
+    return Setup(trial.scene, name, trial.finetuned, trial.queries, bool(without) or asked_the_truth)
 
 
 def scene_name(scene: str) -> str:
     """Return a scene's name for a reader: of a file, its last part."""
     return PurePath(scene).name or scene
+
+
+def order_of(setup: Setup) -> tuple[object, ...]:
+    """Return what rows are sorted by: scene, then method, then stage."""
+    return (setup.scene, *_method_order(setup), setup.finetuned, setup.queries)
 
 
 def rows_of(trials: Iterable[TrialResult]) -> tuple[Row, ...]:
@@ -122,11 +129,7 @@ def _gathered(trials: Iterable[TrialResult], key: Callable[[TrialResult], Setup]
     for trial in trials:
         groups.setdefault(key(trial), []).append(trial)
     rows = [Row(setup, tuple(sorted(found, key=lambda trial: trial.seed))) for setup, found in groups.items()]
-    return tuple(sorted(rows, key=_order))
-
-
-def _order(row: Row) -> tuple[object, ...]:
-    return (row.setup.scene, *_method_order(row.setup), row.setup.finetuned, row.setup.queries)
+    return tuple(sorted(rows, key=lambda row: order_of(row.setup)))
 
 
 def _method_order(setup: Setup) -> tuple[object, ...]:

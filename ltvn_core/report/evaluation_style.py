@@ -5,7 +5,7 @@ Owns the colours of methods and causes, and the SVG that takes its text colour f
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,13 @@ from ltvn_core.report.style import Colour, Ink
 WIDTH_IN = 8.4
 """Width of a picture, as on the other pages."""
 
-_MORE: tuple[Colour, ...] = ((0.0, 0.6, 0.45), (0.78, 0.24, 0.32), (0.55, 0.45, 0.1), (0.25, 0.62, 0.75), (0.5, 0.5, 0.5))
+_MORE: tuple[Colour, ...] = (
+    (0.0, 0.6, 0.45),
+    (0.78, 0.24, 0.32),
+    (0.55, 0.45, 0.1),
+    (0.25, 0.62, 0.75),
+    (0.5, 0.5, 0.5),
+)
 
 _CAUSES: dict[Failure, Colour] = {
     Failure.MISLOCALISED: (0.8, 0.47, 0.65),
@@ -35,7 +41,7 @@ _CAUSES: dict[Failure, Colour] = {
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure and its words."""
+    """A figure that can be drawn, and its words."""
 
     kind: str
     """Which part of the report it belongs to."""
@@ -44,7 +50,8 @@ class Picture:
     title: str
     caption: str
     """What is to be seen in it, in short sentences."""
-    figure: Figure
+    draw: Callable[[], Figure]
+    """Call it inside `style.drawing`."""
 
 
 def method_colours(methods: Sequence[str], ink: Ink) -> dict[str, Colour]:
@@ -82,15 +89,19 @@ def slug(text: str) -> str:
 
 
 def inline_svg(picture: Picture, ink: Ink) -> str:
-    """Return a figure as an SVG element for an HTML page, in the page's colours, without any address in it."""
+    """Draw a picture as an SVG element for an HTML page, in the page's colours, without any address in it."""
     buffer = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": picture.name}):
-        picture.figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=160)
+        picture.draw().savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=160)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
+    # Two equal images have the same name, and nobody asks for it.
+    text = re.sub(r'(<image\b[^>]*?)\sid="[^"]*"', r"\1", text)
     # Several figures live in one page, so every name in them must be its own.
     text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{picture.name}-", text)
-    text = text.replace(to_hex(ink.text), "currentColor").replace(str(mpl.rcParams["grid.color"]), "var(--line)")
+    # Axes are black, whatever the ink.
+    text = re.sub(f"#000000|{to_hex(ink.text)}", "currentColor", text)
+    text = text.replace(str(mpl.rcParams["grid.color"]), "var(--line)")
     return text.replace("<svg ", '<svg role="img" ', 1)

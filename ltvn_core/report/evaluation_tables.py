@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import chain
 from math import isnan
 
+from ltvn_core.evaluate.intervals import Estimate
 from ltvn_core.evaluate.metrics import difference
-from ltvn_core.evaluate.resampling import Estimate
 from ltvn_core.evaluate.results import Failure, LifelongResult, Results, TrialResult
 from ltvn_core.report.evaluation_courses import Course, Stretch, calibration_error, calibration_of, stretches
 from ltvn_core.report.evaluation_rows import Row, rows_over_scenes, scene_name, scenes_of, setup_of
@@ -93,7 +93,18 @@ def cause_table(rows: Sequence[Row]) -> Table:
 
 def lifelong_table(courses: Iterable[Course]) -> Table:
     """Return each course's tests, with what maintenance did since the test before."""
-    head = ("scene", "method", "queries", "goals reached", "SPL", "collisions", "nodes", "edges", "spurious", "gap of p")
+    head = (
+        "scene",
+        "method",
+        "queries",
+        "goals reached",
+        "SPL",
+        "collisions",
+        "nodes",
+        "edges",
+        "spurious",
+        "gap of p",
+    )
     body = tuple(line for course in courses for line in _course(course))
     caption = (
         "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "

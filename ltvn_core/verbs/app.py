@@ -53,6 +53,8 @@ class Replay(Verb):
 
     recording: Positional[Path]
     """The .rrd file."""
+    at: float = 0.0
+    """Seconds after its beginning at which to show it first."""
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
 
@@ -64,10 +66,10 @@ class Replay(Verb):
             raise RecordingError(f"{self.recording} does not exist; give the path of a .rrd recording.")
         scene = info(self.recording).scene
         app = App(port=self.port, scene=scene, recordings=self.recording.parent)
-        return _serve(app, replay=self.recording.name)
+        return _serve(app, replay=self.recording.name, at_s=self.at)
 
 
-def _serve(options: App, replay: str | None) -> Served:
+def _serve(options: App, replay: str | None, at_s: float = 0.0) -> Served:
     from ltvn_viz.app import AppOptions, run_app
 
     run_app(
@@ -81,6 +83,7 @@ def _serve(options: App, replay: str | None) -> Served:
             preset=options.preset,
             seed=options.seed,
             replay=replay,
+            replay_at_s=at_s,
         ),
         say=_LOG.info,
     )

@@ -1,4 +1,4 @@
-"""`ltvn report`: what an evaluation found, as one HTML page, as JSON, and as tables and pictures of `docs/results.md`."""
+"""`ltvn report`: what an evaluation found, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
 
 import os
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Report(Verb):
     folder: Positional[Path]
     """Folder of `ltvn evaluate` and `ltvn lifelong`; results are found in it and in all folders below."""
     output: Path = Path("report.html")
-    """The page to write, which needs no other file; the same as JSON is written beside it. An older report is replaced."""
+    """The page to write, which needs no other file; the same as JSON goes beside it. An older report is replaced."""
     failures: int = 12
     """Most failed episodes to show for each scene, method and stage."""
     page: Path | None = None

@@ -126,3 +126,16 @@ def test_a_recording_to_watch_that_is_not_there_is_named(tmp_path: Path, staged:
 def test_a_map_to_begin_with_that_is_not_there_is_named(tmp_path: Path, staged: Callable[[AppOptions], Stage]) -> None:
     with pytest.raises(LtvnError, match=r"gone\.rrd"):
         staged(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))
+
+
+def test_a_recording_can_be_opened_at_a_moment(recording: Path, staged: Callable[[AppOptions], Stage]) -> None:
+    stage = staged(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
+    shown: list[Snapshot] = []
+    session = Session(stage, PuppetDriver(), shown.append)
+    session.send(c.OpenRecording(recording.name, at_s=1.5))
+    session.tick()
+    stage.worker.settle()
+    session.tick()
+    assert shown[-1].replay is not None
+    assert shown[-1].replay.time_s == 1.5
+    session.close()

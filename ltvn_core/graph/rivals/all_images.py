@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Believing
-from ltvn_core.geometry import distance
+from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.builder import Progress
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.operators import node_of, pose_row
@@ -27,6 +27,10 @@ class Link(NamedTuple):
     """Reachability as the network says."""
     waypoint: Waypoint
     """(3,): the target in the frame of the source."""
+
+    def reversed(self) -> "Link":
+        """Return the way back, driven in reverse."""
+        return Link(self.target, self.source, self.p, invert(self.waypoint))
 
 
 def take_in(observations: Sequence[Observation], views: Views) -> tuple[list[Observation], Features]:
@@ -48,7 +52,7 @@ def each_with_all(features: Features, predictor: Predictor, progress: Progress |
 
 def passed_over(waypoints: Waypoint) -> NDArray[np.bool_]:
     """Tell (N,) to which images the network gave no waypoint, because it only glanced at them."""
-    return ~waypoints.any(axis=-1)
+    return np.asarray(~waypoints.any(axis=-1))
 
 
 def nodes_and_edges(

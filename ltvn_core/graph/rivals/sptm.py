@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ltvn_core.config import Method
-from ltvn_core.geometry import invert
 from ltvn_core.graph.builder import Progress, check_trajectory
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.localizer import GLOBAL, LOCAL, Fix, best_fix
@@ -99,10 +98,10 @@ def _build(
 def shortcuts(closeness: NDArray[np.float32]) -> Iterator[tuple[int, int]]:
     """Yield the closest pairs of N images that are far apart in time, the best first.
 
-    `closeness` (N, N) is asked both ways and averaged; a true match stays one while both images move on together, so
-    the score is a median along the diagonal.
+    `closeness` (N, N) is asked both ways, and the surer answer counts, because the way back is driven in reverse. A
+    true match stays one while both images move on together, so the score is a median along the diagonal.
     """
-    both = (closeness + closeness.T) / 2
+    both = np.maximum(closeness, closeness.T)
     lags = range(MIN_APART + 1, len(both))
     if not lags:
         return
@@ -123,9 +122,9 @@ def _both_ways(pairs: Sequence[tuple[int, int]], features: Features, predictor: 
         predictor.predict(features[first], features[second]),
         predictor.predict(features[second], features[first]),
     )
-    surer = ahead.reachability >= back.reachability
-    there = np.where(surer[:, None], ahead.waypoints, invert(back.waypoints))
-    p = np.maximum(ahead.reachability, back.reachability)
-    for (a, b), r, onward, homeward in zip(pairs, p, there, invert(there), strict=True):
-        yield Link(a, b, r, onward)
-        yield Link(b, a, r, homeward)
+    for k, (a, b) in enumerate(pairs):
+        surer = ahead.reachability[k] >= back.reachability[k]
+        there = Link(a, b, ahead.reachability[k], ahead.waypoints[k])
+        link = there if surer else Link(b, a, back.reachability[k], back.waypoints[k])
+        yield link
+        yield link.reversed()

@@ -1,8 +1,9 @@
 """ViNG (Shah et al. 2021) as the paper ran it: all images, directed edges weighted with predicted temporal distance.
 
 Owns its rules for edges and localisation, and what r means to it: its network says r = exp(-steps / TAU), where a step
-is from one image of a drive to the next. Driving teaches nothing. The pose estimator and the controller are those of
-all systems; only their thresholds of r are put into steps.
+is from one image of a drive to the next. Where the method asks the network both ways, an edge may be the way back of
+another, driven in reverse. Driving teaches nothing. The pose estimator and the controller are those of all systems; only
+their thresholds of r are put into steps.
 """
 
 import math
@@ -23,7 +24,7 @@ from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.graph.views import Views
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Prediction, Predictor
 
-TAU_STEPS = 10.0
+TAU_STEPS = 8.0
 """The temporal distance at which the network's r has fallen to 1 / e."""
 EDGE_STEPS = 8.0
 """Images that seem no farther apart than this are joined, and the robot is at a node no farther away."""
@@ -62,7 +63,7 @@ def _in_steps(method: Method) -> Method:
         departure_reachability=edge if method.driving.departure_reachability else 0.0,
         lost_reachability=closeness(2 * EDGE_STEPS),
     )
-    judging = replace(method.judging, success_reachability=edge, arrive_reachability=edge)
+    judging = replace(method.judging, success_reachability=edge, arrive_reachability=closeness(EDGE_STEPS / 2))
     # A failure should weigh as much against edges of several steps as it does against edges of a metre.
     penalty = method.planning.failure_penalty * EDGE_STEPS
     return replace(
@@ -98,12 +99,19 @@ def _build(
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
     check_trajectory(observations, goals)
     ordered, features = take_in(observations, views)
-    links = [
-        link
-        for k, found in enumerate(each_with_all(features, predictor, progress))
-        for link in _near(k, found, features, predictor)
-    ]
-    return tuple(nodes_and_edges(ordered, links, method.believing))
+    links: dict[tuple[int, int], Link] = {}
+    for k, found in enumerate(each_with_all(features, predictor, progress)):
+        for link in _near(k, found, features, predictor):
+            _keep_nearer(links, link)
+            if method.matching.both_directions:
+                _keep_nearer(links, link.reversed())
+    return tuple(nodes_and_edges(ordered, links.values(), method.believing))
+
+
+def _keep_nearer(links: dict[tuple[int, int], Link], link: Link) -> None:
+    ends = link.source, link.target
+    if ends not in links or links[ends].p < link.p:
+        links[ends] = link
 
 
 def _near(k: int, found: Prediction, features: Features, predictor: Predictor) -> Iterator[Link]:

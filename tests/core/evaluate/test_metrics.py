@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ltvn_core.evaluate.intervals import Estimate
 from ltvn_core.evaluate.metrics import Figures, difference, failures, figures, plain
-from ltvn_core.evaluate.resampling import Estimate
 from ltvn_core.evaluate.results import EpisodeResult, Failure, TrialResult
 from tests.core.evaluate.trials import random_trials, trial
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -146,9 +147,11 @@ def test_vings_edges_weigh_the_steps_between_their_images() -> None:
 
 def test_ving_joins_a_drive_where_the_network_sees_no_way() -> None:
     images = [look_at(np.array([0.6, 1.0, 0.0]), 0), look_at(np.array([4.0, 3.0, 3.0]), 1)]
-    graph, _, _ = mapped(ving(ROBUST), images, FlatPredictor(one_room()))
-    assert set(graph.edges) == {(0, 1)}
-    assert ving(ROBUST).edge_weight(graph.edges[0, 1].belief) == pytest.approx(1.0)
+    for both in (True, False):
+        system = ving(replace(ROBUST, matching=replace(ROBUST.matching, both_directions=both)))
+        graph, _, _ = mapped(system, images, FlatPredictor(one_room()))
+        assert set(graph.edges) == ({(0, 1), (1, 0)} if both else {(0, 1)})
+        assert system.edge_weight(graph.edges[0, 1].belief) == pytest.approx(1.0)
 
 
 def test_ving_is_where_the_temporal_distance_is_least_or_nowhere() -> None:

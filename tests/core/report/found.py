@@ -42,11 +42,19 @@ def an_episode(number: int, odds: float, rng: np.random.Generator) -> EpisodeRes
 
 def a_plan(nodes: int, spurious: int, rng: np.random.Generator) -> Floorplan:
     """A ring-shaped corridor with nodes along it."""
-    free = tuple("".join("." if 3 < x < 77 and 3 < y < 57 and not (20 < x < 60 and 20 < y < 40) else "#" for x in range(81)) for y in range(61))
+    free = tuple(
+        "".join("." if 3 < x < 77 and 3 < y < 57 and not (20 < x < 60 and 20 < y < 40) else "#" for x in range(81))
+        for y in range(61)
+    )
     way = np.linspace(0, 2 * np.pi, nodes, endpoint=False)
     x, y = 4 + 3 * np.cos(way) + rng.normal(0, 0.15, nodes), 3 + 2.2 * np.sin(way) + rng.normal(0, 0.15, nodes)
-    edges = [(i, (i + hop) % nodes, float(rng.beta(8, 1.5)), False) for i in range(nodes) for hop in (1, 2, -1) if nodes > 2]
-    bad = [(int(i), int(i + nodes // 2) % nodes, float(rng.uniform(0.2, 0.9)), True) for i in rng.integers(0, nodes, spurious)]
+    edges = [
+        (i, (i + hop) % nodes, float(rng.beta(8, 1.5)), False) for i in range(nodes) for hop in (1, 2, -1) if nodes > 2
+    ]
+    bad = [
+        (int(i), int(i + nodes // 2) % nodes, float(rng.uniform(0.2, 0.9)), True)
+        for i in rng.integers(0, nodes, spurious)
+    ]
     rows = tuple((i, float(x[i]), float(y[i]), float(way[i] + np.pi / 2)) for i in range(nodes))
     return Floorplan((0.0, 0.0), 0.1, free, rows, (*edges, *bad))
 
@@ -107,10 +115,14 @@ def a_lifelong(scene: str = "tune-1", seed: int = 0, *, points: int = 4, episode
 def _a_point(scene: str, seed: int, queries: int, episodes: int, rng: np.random.Generator) -> LifelongPoint:
     odds = 0.97 - 0.12 * np.exp(-queries / 150)
     nodes, spurious = 90 + queries // 50, int(12 * np.exp(-queries / 120))
-    trial = a_trial(scene, seed=seed, queries=queries, episodes=episodes, odds=float(odds), nodes=nodes, spurious=spurious)
+    trial = a_trial(
+        scene, seed=seed, queries=queries, episodes=episodes, odds=float(odds), nodes=nodes, spurious=spurious
+    )
     bins = np.linspace(0, 1, 6)
     cells = [
-        CalibrationCell(low, low + 0.2, int(10 ** (1 + 2 * low)), low + 0.12, min(1.0, low + float(rng.uniform(0, 0.2))))
+        CalibrationCell(
+            low, low + 0.2, int(10 ** (1 + 2 * low)), low + 0.12, min(1.0, low + float(rng.uniform(0, 0.2)))
+        )
         for low in bins[:-1]
     ]
     return LifelongPoint(queries, trial, tuple(cells))
@@ -134,6 +146,18 @@ def _a_query(number: int, rng: np.random.Generator) -> LifelongQuery:
         edges=273 + number // 10,
         spurious_edges=int(12 * fading),
     )
+
+
+def a_few() -> Results:
+    """Results of two methods in two scenes with two seeds, one without fine-tuning, and of two lifelong runs."""
+    trials = [
+        trial
+        for scene in ("tune-1", "tune-2")
+        for seed in (0, 1)
+        for trial in (a_trial(scene, seed=seed), a_trial(scene, "sptm", seed=seed, nodes=200))
+    ]
+    before = a_trial("tune-1", finetuned=False, without=("fine-tuning",))
+    return Results((*trials, before), (a_lifelong(seed=0, points=3), a_lifelong(seed=1, points=3)))
 
 
 def many_results(episodes: int = 60) -> Results:

@@ -29,6 +29,7 @@ from ltvn_core.verbs.measure import Measure
 from ltvn_core.verbs.navigate import Navigate
 from ltvn_core.verbs.pairs import Pairs
 from ltvn_core.verbs.report import Report
+from ltvn_core.verbs.rival import Rival
 from ltvn_core.verbs.train import Train
 from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
 from ltvn_core.verbs.view import View
@@ -47,6 +48,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Pairs, subcommand("pairs", prefix_name=False)]
     | Annotated[Train, subcommand("train", prefix_name=False)]
     | Annotated[Finetune, subcommand("finetune", prefix_name=False)]
+    | Annotated[Rival, subcommand("rival", prefix_name=False)]
     | Annotated[Measure, subcommand("measure", prefix_name=False)]
     | Annotated[Figures, subcommand("figures", prefix_name=False)]
     | Annotated[Report, subcommand("report", prefix_name=False)]

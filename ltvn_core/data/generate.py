@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -50,12 +51,28 @@ class DatasetRecipe:
         """Return the recipe as text, equal for equal recipes."""
         return json.dumps(asdict(self), sort_keys=True)
 
+    def make(self, world: World) -> Shard:
+        """Make the shard of one scene."""
+        return make_shard(world, self)
+
+
+class ShardRecipe(Protocol):
+    """Makes the shard of a scene; equal recipes have equal texts and make equal bytes."""
+
+    def text(self) -> str:
+        """Return all that decides the bytes."""
+        ...
+
+    def make(self, world: World) -> Shard:
+        """Make the shard of one scene."""
+        ...
+
 
 def generate(
     names: Sequence[str],
     open_world: OpenWorld,
     folder: Path,
-    recipe: DatasetRecipe,
+    recipe: ShardRecipe,
     *,
     processes: int = 1,
     on_made: Callable[[int, int], None] | None = None,
@@ -84,10 +101,10 @@ def generate(
     return paths
 
 
-def _make_and_write(name: str, open_world: OpenWorld, path: Path, recipe: DatasetRecipe) -> str:
-    shard = make_shard(open_world(name), recipe)
+def _make_and_write(name: str, open_world: OpenWorld, path: Path, recipe: ShardRecipe) -> str:
+    shard = recipe.make(open_world(name))
     write_shard(shard, path)
-    reachable = 100 * shard.reachable.mean()
+    reachable = 100 * shard.reachable.sum() / max(len(shard.reachable), 1)
     return f"{name}: {len(shard.rgb)} images, {len(shard.sources)} pairs, {reachable:.0f} % reachable"
 
 
@@ -126,9 +143,11 @@ def make_shard(world: World, recipe: DatasetRecipe) -> Shard:
     )
 
 
-def render_all(camera: Camera, poses: Pose) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
-    """Return rgb (N, H, W, 3) and depth in millimetres (N, H, W) seen from poses (N, 3)."""
-    size = Intrinsics()
+def render_all(
+    camera: Camera, poses: Pose, lens: Intrinsics | None = None
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+    """Return rgb (N, H, W, 3) and depth in millimetres (N, H, W) seen from poses (N, 3); no lens is the usual one."""
+    size = lens or Intrinsics()
     rgb = np.empty((len(poses), size.height, size.width, 3), np.uint8)
     depth_mm = np.empty((len(poses), size.height, size.width), np.uint16)
     for row, pose in enumerate(poses):

@@ -5,6 +5,7 @@ Owns the rule by which fine-tuning labels itself. Poses come from odometry and f
 
 from dataclasses import dataclass, field
 from math import radians
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,31 @@ _MOST_PAIRS = 80_000
 """Of a very long drive, a sample of the labelled pairs is enough."""
 _HELD_OUT_EVERY = 7
 """Each seventh stretch of the drive is kept out of learning."""
+
+
+class DriveRule(Protocol):
+    """How pairs of a drive are labelled."""
+
+    @property
+    def horizon(self) -> int:
+        """Images between the ends of the farthest pairs that are labelled one by one."""
+        ...
+
+    def labels(
+        self,
+        trajectory: Trajectory,
+        sources: NDArray[np.integer],
+        targets: NDArray[np.integer],
+        rng: np.random.Generator,
+    ) -> NDArray[np.int8]:
+        """Return the labels (P,) of pairs up to the horizon apart."""
+        ...
+
+    def far(
+        self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
+    ) -> NDArray[np.bool_]:
+        """Tell which pairs of rows, of any shape that broadcasts, are certainly not reachable."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +76,29 @@ class PairRule:
     metres_margin: float = 0.15
     """and this many metres."""
 
+    def labels(
+        self,
+        trajectory: Trajectory,
+        sources: NDArray[np.integer],
+        targets: NDArray[np.integer],
+        rng: np.random.Generator,
+    ) -> NDArray[np.int8]:
+        """Return the labels (P,) of pairs at most H images apart; nothing is drawn."""
+        return near_labels(trajectory, sources, targets, self)
+
+    def far(
+        self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
+    ) -> NDArray[np.bool_]:
+        """Tell which pairs of rows are certainly not reachable."""
+        return far_apart(trajectory, sources, targets, self)
+
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryPairs:
     """A drive and its labels, as training takes examples: by images, labelled pairs and what is certainly far."""
 
     trajectory: Trajectory
-    rule: PairRule
+    rule: DriveRule
     sources: NDArray[np.int32]
     """(P,) rows of pairs at most H images apart whose label is known."""
     targets: NDArray[np.int32]
@@ -101,10 +143,10 @@ class TrajectoryPairs:
 
     def far(self, sources: NDArray[np.integer], targets: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Return (S, T): which pairs of rows are certainly not reachable, however odometry may have drifted."""
-        return far_apart(self.trajectory, sources[:, None], targets[None, :], self.rule)
+        return self.rule.far(self.trajectory, sources[:, None], targets[None, :])
 
 
-def label_trajectory(trajectory: Trajectory, rule: PairRule, rng: np.random.Generator) -> TrajectoryPairs:
+def label_trajectory(trajectory: Trajectory, rule: DriveRule, rng: np.random.Generator) -> TrajectoryPairs:
     """Label all pairs of a drive that are at most H images apart, and leave out the unknown ones."""
     count, horizon = len(trajectory.poses), rule.horizon
     sources = np.repeat(np.arange(count), 2 * horizon + 1)
@@ -114,7 +156,7 @@ def label_trajectory(trajectory: Trajectory, rule: PairRule, rng: np.random.Gene
     if len(rows) > _MOST_PAIRS:
         rows = np.sort(rng.choice(rows, _MOST_PAIRS, replace=False))
     i, j = sources[rows], targets[rows]
-    labels = near_labels(trajectory, i, j, rule)
+    labels = rule.labels(trajectory, i, j, rng)
     known = labels != UNKNOWN
     return TrajectoryPairs(
         trajectory, rule, i[known].astype(np.int32), j[known].astype(np.int32), labels[known] == REACHABLE

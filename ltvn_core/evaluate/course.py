@@ -114,6 +114,7 @@ class Course:
             reached,
             ended.outcome.value,
             None if reached else witness.failure(ended, judged),
+            None if reached else witness.sightings.trigger,
             ended.steps,
             ended.collisions,
             ended.path_m,
@@ -125,7 +126,7 @@ class Course:
     def _without_goal(self, query: int, plan: EpisodePlan) -> EpisodeResult:
         judged = judge(query, np.array(plan.start_pose), np.array(plan.goal_pose))
         gap = judged.position_error_m, judged.yaw_error_rad
-        why = Outcome.NO_PATH.value, Failure.NO_PATH
+        why = Outcome.NO_PATH.value, Failure.NO_PATH, Failure.NO_PATH
         return EpisodeResult(query, plan.start, plan.goal, False, *why, 0, 0, 0.0, self._shortest(plan), *gap)
 
     def _shortest(self, plan: EpisodePlan) -> float:

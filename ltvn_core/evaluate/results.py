@@ -48,6 +48,8 @@ class EpisodeResult:
     """How the robot says it ended, see `nav.events.Outcome`."""
     failure: Failure | None
     """None where the goal was reached."""
+    trigger: Failure | None
+    """What went wrong first since all was last well; may differ from what cost most."""
     steps: int
     collisions: int
     path_m: float

@@ -73,13 +73,14 @@ class Confusion(NamedTuple):
 class ExamplePool:
     """All scenes' examples, ready to draw batches from."""
 
-    def __init__(self, scenes: Sequence[Examples]) -> None:
+    def __init__(self, scenes: Sequence[Examples], *, evened: bool = True) -> None:
         self.scenes = scenes
         within = [scene.group[scene.sources] == scene.group[scene.targets] for scene in scenes]
         self._pairs = [_pairs_by_group(scene, mask) for scene, mask in zip(scenes, within, strict=True)]
         self._strangers = [_pairs_by_group(scene, ~mask) for scene, mask in zip(scenes, within, strict=True)]
         self._images = [_rows_by_group(scene.group, scene) for scene in scenes]
-        self._weights = _pair_weights(scenes, within)
+        alike = [np.ones(len(scene.sources)) for scene in scenes]
+        self._weights = _pair_weights(scenes, within) if evened else alike
 
     def draw(
         self,

@@ -155,7 +155,7 @@ class _Course:
         self.data, self.plan, self.on_progress, self.cancelled = data, plan, on_progress, cancelled
         self.start, self.parent = load_weights(start), weights_fingerprint(start)
         _require_same_run(folder / "run.json", {"parent": self.parent, "drive": drive_fingerprint(data.drive)})
-        self.pool = MixedPool(data.drive, data.scenes, plan.learning.far)
+        self.pool = MixedPool(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
         self.learner = FineTuner(plan.learning, self.start)
         self.checkpoint = folder / "checkpoint.safetensors"
         self.spent = resume(self.learner, self.checkpoint) if self.checkpoint.exists() else 0.0

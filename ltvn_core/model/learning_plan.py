@@ -24,10 +24,14 @@ class LearningPlan:
     """Clusters of images per step and process."""
     pairs_per_group: int = 18
     """Labelled pairs per cluster."""
+    evened: bool = True
+    """Draw positives evenly over distance and as many negatives; False draws pairs as they come."""
     confusions: int = 2
     """Mined far pairs per step, each bringing both its clusters along."""
     hard: int = 40
     """Far pairs of the step's images that look most alike to the network's rough score, or any if it has none."""
+    hardness: float = 1.5
+    """How much those that look alike are preferred; 0 draws them at random."""
     random: int = 12
     """Far pairs drawn at random."""
     rate: float = 2e-3

@@ -58,7 +58,7 @@ class LearningStep(nn.Module):
     def _pairs(self, batch: Batch, rough: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """Return sources, targets and labels (P,) of the batch's pairs and of further far ones."""
         device, far = rough.device, self._far(batch)
-        hard = hardest(rough, far, self.plan.hard, generator)
+        hard = hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
         same_scene = to_tensor(batch.scene[:, None] == batch.scene[None, :], device)
         random = hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)
         sources = torch.cat([to_tensor(batch.sources, device), hard[0], random[0]])

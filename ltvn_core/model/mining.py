@@ -100,10 +100,15 @@ def _encode(network: Network[Kept], precision: Precision, scene: Examples, rows:
     return join(parts)
 
 
-def hardest(scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Return rows and columns of the `count` highest scores (B, B) among the allowed, shaken so that they vary."""
+def hardest(
+    scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator, hardness: float = 1.5
+) -> tuple[Tensor, Tensor]:
+    """Return rows and columns of the `count` highest scores (B, B) among the allowed, shaken so that they vary.
+
+    With a hardness of 0 all the allowed have the same chance.
+    """
     chance = torch.rand(scores.shape, generator=generator, device=scores.device)
     noise = -torch.log(-torch.log(chance.clamp(1e-9, 1 - 1e-7)))
-    shaken = (1.5 * scores + noise).masked_fill(~allowed, -torch.inf)
+    shaken = (hardness * scores + noise).masked_fill(~allowed, -torch.inf)
     best = shaken.flatten().topk(min(count, int(allowed.sum()))).indices
     return best // scores.shape[1], best % scores.shape[1]

@@ -31,12 +31,12 @@ class OwnDrive(Examples, Protocol):
 class MixedPool(ExamplePool):
     """A drive and simulated scenes; the drive counts as the scene after the last one."""
 
-    def __init__(self, drive: OwnDrive, scenes: Sequence[Examples], far: Far) -> None:
-        super().__init__(scenes)
+    def __init__(self, drive: OwnDrive, scenes: Sequence[Examples], far: Far, *, evened: bool = True) -> None:
+        super().__init__(scenes, evened=evened)
         self.drive, self.far = drive, far
         self.reach = int(np.abs(drive.targets - drive.sources).max(initial=1))
         self._pair_at = _pair_table(drive, self.reach)
-        self._weights_of_drive = _even_weights(drive)
+        self._weights_of_drive = _even_weights(drive) if evened else np.ones(len(drive.sources))
         self._held_out = drive.held_out
         self.learnable = np.flatnonzero(~self._held_out)
 

@@ -21,6 +21,7 @@ from ltvn_core.model.assessment import Drive, assess_drives, assess_pairs
 from ltvn_core.model.checkpoint import resume, save_checkpoint
 from ltvn_core.model.examples import ExamplePool, Examples
 from ltvn_core.model.figures import DriveFigures, PairFigures
+from ltvn_core.model.finetuner import FineTuner
 from ltvn_core.model.learner import Learner, StepReport, schedule
 from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.memory import keep_freed_memory
@@ -109,14 +110,17 @@ class TrainingData:
     """To count wormholes on, in scenes that are not learned from."""
 
 
-def train(data: TrainingData, plan: TrainingPlan, folder: Path, team: Team = ALONE) -> TrainingResult:
+def train(
+    data: TrainingData, plan: TrainingPlan, folder: Path, team: Team = ALONE, *, start: Path | None = None
+) -> TrainingResult:
     """Train, keep the best weights on the validation data in `folder`, and return their path.
 
-    A checkpoint in the folder is resumed. Raises WeightsError if that is of another plan.
+    Begins at random, or at trained weights (`start`, without a graphics card), whose architecture then counts. A
+    checkpoint in the folder is resumed. Raises WeightsError if that is of another plan, or if `start` cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
     keep_freed_memory()
-    return _Course(data, plan, folder, team).run()
+    return _Course(data, plan, folder, team, start).run()
 
 
 def train_together(
@@ -135,10 +139,10 @@ def _train_member(load: Callable[[], TrainingData], plan: TrainingPlan, folder: 
 class _Course:
     """The state of one training."""
 
-    def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, team: Team) -> None:
+    def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, team: Team, start: Path | None) -> None:
         self.data, self.plan, self.folder, self.team = data, plan, folder, team
-        self.pool = ExamplePool(data.scenes)
-        self.learner = Learner(plan.learning, plan.architecture, team.device)
+        self.pool = ExamplePool(data.scenes, evened=plan.learning.evened)
+        self.learner = _learner(plan, team, start)
         self.checkpoint, self.best_path = folder / "checkpoint.safetensors", folder / "best.safetensors"
         self.spent = resume(self.learner, self.checkpoint) if self.checkpoint.exists() else 0.0
         self.best = _read_best(folder)
@@ -256,6 +260,12 @@ class _Course:
             calibrate(network, [(scene, np.arange(len(scene.sources))) for scene in self.data.validation])
             save_weights(network, weights)
         return TrainingResult(weights, self.best, self.learner.steps, self.learner.pairs, self.spent)
+
+
+def _learner(plan: TrainingPlan, team: Team, start: Path | None) -> Learner:
+    if start is not None:
+        return FineTuner(plan.learning, load_weights(start))
+    return Learner(plan.learning, plan.architecture, team.device)
 
 
 def _due(before: float, after: float, times: int, *, begin: float) -> bool:

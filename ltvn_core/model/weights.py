@@ -27,6 +27,9 @@ SHIPPED = Path(__file__).parent / "weights" / "ltvn.safetensors"
 SHIPPED_STACKED = SHIPPED.with_name("stacked.safetensors")
 """and those of the plain network, for comparison only."""
 
+SHIPPED_RIVALS = {name: SHIPPED.with_name(f"{name}.safetensors") for name in ("sptm", "ving")}
+"""Weights that learned the labels of the rivals SPTM and ViNG, see `ltvn rival`."""
+
 SCHEMA = "ltvn-weights-1"
 """Name of the file format; another one is refused."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
-    from ltvn_core.data.trajectory_pairs import PairRule, TrajectoryPairs
+    from ltvn_core.data.trajectory_pairs import DriveRule, TrajectoryPairs
     from ltvn_core.model.assessment import Drive
     from ltvn_core.model.finetuning import FineTuningData
     from ltvn_core.types import Intrinsics, Observation
@@ -37,7 +37,7 @@ def read_drive(path: Path, *, horizon: int, gated: bool) -> "TrajectoryPairs":
 
 
 def label_drive(
-    observations: "Sequence[Observation]", name: str, *, camera: "Intrinsics", rule: "PairRule"
+    observations: "Sequence[Observation]", name: str, *, camera: "Intrinsics", rule: "DriveRule"
 ) -> "TrajectoryPairs":
     """Label the pairs of images at hand by a rule. Raises RecordingError if they are no drive."""
     import numpy as np

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from ltvn_core.errors import WeightsError
 from ltvn_core.types import Intrinsics, Observation
 from ltvn_core.verbs.lesson_card import LessonCard
-from ltvn_core.verbs.lesson_data import label_drive, render_simulation, with_simulation
+from ltvn_core.verbs.lesson_data import CHECKED, MIXED, label_drive, render_simulation, with_simulation
+from ltvn_core.verbs.rival import labelled_walks
 
 if TYPE_CHECKING:
+    from ltvn_core.data.trajectory_pairs import DriveRule, TrajectoryPairs
     from ltvn_core.model.finetuning import FineTuningData, FineTuningPlan
 
 System: TypeAlias = Literal["ltvn", "sptm", "ving"]
@@ -35,15 +37,19 @@ def finetune_for(
 ) -> Path:
     """Fine-tune weights on a drive by a system's own labels, and return where they lie.
 
+    The rivals learn by time alone, beside random walks that carry the same labels; no confusions are mined for them.
     Weights of the very same run are not made twice. `folder` holds the checkpoint meanwhile: a call that was killed
     goes on from there. `data` names a folder of simulated scenes; without one, they come from the user's cache, which
     `prepare_lessons` must have filled before several processes call this at once. Raises RecordingError, DatasetError
     and WeightsError.
     """
     from ltvn_core.model.finetuning import finetune
+    from ltvn_core.model.rival_plan import rival_finetuning
     from ltvn_core.model.weights import read_card
 
-    lessons = _lessons(system, observations, output.stem, camera or Intrinsics(), data, judged=plan.judge)
+    drive = label_drive(observations, output.stem, camera=camera or Intrinsics(), rule=_rule(system))
+    lessons = _with_lessons(system, drive, data, judged=plan.judge)
+    plan = plan if system == "ltvn" else rival_finetuning(system, plan)
     run = _run(system, lessons, start, plan)
     if _is_done(output, run):
         return output
@@ -54,23 +60,35 @@ def finetune_for(
     return output
 
 
-def prepare_lessons(system: System) -> None:
-    """Render the simulated pairs that a system learns beside a drive, once for all processes. Raises DatasetError."""
-    render_simulation()
+def prepare_lessons(system: System, data: Path | None = None) -> None:
+    """Render the simulated scenes that a system sees beside a drive, once for all processes. Raises DatasetError."""
+    if system != "ltvn":
+        labelled_walks(system, (*MIXED, *CHECKED), _walks(data))
+    elif data is None:
+        render_simulation()
 
 
-def _lessons(
-    system: System,
-    observations: Sequence[Observation],
-    name: str,
-    camera: Intrinsics,
-    data: Path | None,
-    *,
-    judged: bool,
-) -> "FineTuningData":
+def _rule(system: System) -> "DriveRule":
+    from ltvn_core.data.temporal_rules import RULES
     from ltvn_core.data.trajectory_pairs import PairRule
 
-    return with_simulation(label_drive(observations, name, camera=camera, rule=PairRule()), data, judged=judged)
+    return PairRule() if system == "ltvn" else RULES[system]
+
+
+def _with_lessons(system: System, drive: "TrajectoryPairs", data: Path | None, *, judged: bool) -> "FineTuningData":
+    """Add simulated pairs to a drive, labelled as the system does it."""
+    from ltvn_core.model.finetuning import FineTuningData
+
+    if system == "ltvn":
+        return with_simulation(drive, data, judged=judged)
+    walks = labelled_walks(system, (*MIXED, *CHECKED), _walks(data))
+    return FineTuningData(drive, walks[: len(MIXED)], walks[len(MIXED) :])
+
+
+def _walks(data: Path | None) -> Path:
+    from platformdirs import user_cache_path
+
+    return (data or user_cache_path("ltvn")) / "walks"
 
 
 def _run(system: System, lessons: "FineTuningData", start: Path, plan: "FineTuningPlan") -> dict[str, object]:

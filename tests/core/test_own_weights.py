@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from ltvn_core.data.generate import DatasetRecipe, make_shard
+from ltvn_core.data.random_walk import WalkRecipe
 from ltvn_core.data.sampling import ClusterSampling
 from ltvn_core.data.shards import shard_path, write_shard
 from ltvn_core.errors import WeightsError
@@ -14,7 +15,8 @@ from ltvn_core.model.finetuning import FineTuningPlan
 from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.weights import load_weights, read_card, save_weights, weights_fingerprint
-from ltvn_core.verbs.own_weights import finetune_for
+from ltvn_core.verbs.lesson_data import CHECKED, MIXED
+from ltvn_core.verbs.own_weights import System, finetune_for
 from tests.core.data.box_world import two_rooms
 from tests.core.data.own_drive import along, look
 from tests.core.model.examples import SMALL
@@ -40,6 +42,14 @@ def dataset(tmp_path: Path) -> Path:
     return tmp_path / "data"
 
 
+@pytest.fixture
+def walks(tmp_path: Path) -> Path:
+    for name in (*MIXED, *CHECKED):
+        walk = WalkRecipe(walks=1, images=48).make(two_rooms(name))
+        write_shard(replace(walk, recipe=WalkRecipe().text()), shard_path(tmp_path / "data" / "walks", name))
+    return tmp_path / "data"
+
+
 def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, start: Path, dataset: Path) -> None:
     output = tmp_path / "scene-0.safetensors"
     made = finetune_for("ltvn", look(WAY), start, PLAN, tmp_path / "work", output, data=dataset)
@@ -49,6 +59,17 @@ def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, star
     card = read_card(output)
     assert (card["parent"], card["steps"], card["before"]) == (weights_fingerprint(start), 2, None)
     assert not (tmp_path / "work").exists()
+
+
+@pytest.mark.parametrize("system", ["sptm", "ving"])
+def test_a_rival_learns_the_same_drive_by_time_alone(tmp_path: Path, start: Path, walks: Path, system: System) -> None:
+    output = tmp_path / f"scene-0-{system}.safetensors"
+    finetune_for(system, look(WAY), start, PLAN, tmp_path / "work", output, data=walks)
+    assert weights_fingerprint(output) != weights_fingerprint(start)
+    assert load_weights(output).size == SMALL
+    card = read_card(output)
+    assert (card["run"]["system"], card["run"]["simulated"]) == (system, list(MIXED))
+    assert card["plan"]["minings"] == 0
 
 
 def test_the_same_weights_are_not_made_twice_and_others_not_overwritten(

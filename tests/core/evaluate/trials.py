@@ -16,6 +16,7 @@ def episode(number: int, *, reached: bool, steps: int = 200, collisions: int = 0
         reached=reached,
         outcome="arrived" if reached else "step limit",
         failure=None if reached else Failure.SPURIOUS_EDGE,
+        trigger=None if reached else Failure.SPURIOUS_EDGE,
         steps=steps,
         collisions=collisions,
         path_m=5.0,

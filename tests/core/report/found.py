@@ -31,6 +31,7 @@ def an_episode(number: int, odds: float, rng: np.random.Generator) -> EpisodeRes
         reached=reached,
         outcome="arrived" if reached or failure is Failure.WRONG_ARRIVAL else "step limit",
         failure=failure,
+        trigger=failure,
         steps=int(rng.integers(60, 900)),
         collisions=int(rng.poisson(0.4 if reached else 4)),
         path_m=shortest * float(rng.uniform(1, 1.6)),

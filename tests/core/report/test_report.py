@@ -203,7 +203,7 @@ def test_a_picture_is_carried_in_its_address_and_anything_else_refused() -> None
 
 
 def test_a_failed_episode_shows_both_images_and_the_command_for_its_recording(tmp_path: Path) -> None:
-    episode = EpisodeResult(7, 0, 4, False, "arrived", Failure.WRONG_ARRIVAL, 90, 1, 2.0, 2.0, 1.5, 0.1)
+    episode = EpisodeResult(7, 0, 4, False, "arrived", Failure.WRONG_ARRIVAL, None, 90, 1, 2.0, 2.0, 1.5, 0.1)
     file = keep(tmp_path / "runs", replace(a_trial(), episodes=(episode,)), "ltvn-1.trial.json")
     scenario.write(file.parent / "drive.rrd")
     (file.parent / "ltvn").mkdir()

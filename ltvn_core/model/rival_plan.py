@@ -1,0 +1,35 @@
+"""How a network learns a rival's labels: as ours does, but without what ours knows from poses and maps.
+
+Owns what is switched off. A pair far apart in space is not certainly unreachable for a system that only knows time, so
+that nothing is mined and no pair of one scene counts as far because of its poses.
+"""
+
+from dataclasses import replace
+
+from ltvn_core.model.architecture import Architecture
+from ltvn_core.model.finetuning import FineTuningPlan
+from ltvn_core.model.learning_plan import LearningPlan
+from ltvn_core.model.mining import Far
+from ltvn_core.model.training import TrainingPlan
+
+_ONLY_OTHER_SCENES = Far(distance_m=1e6, yaw_rad=4.0)
+"""No two poses of one scene are so far apart."""
+
+
+def rival_learning(rival: str, learning: LearningPlan) -> LearningPlan:
+    """Return what of a plan suits a rival; ViNG's distances are learned from pairs as often as they occur."""
+    evened = rival != "ving" and learning.evened
+    return replace(learning, far=_ONLY_OTHER_SCENES, confusions=0, hardness=0.0, evened=evened)
+
+
+def rival_training(rival: str, *, minutes: float, seed: int) -> TrainingPlan:
+    """Return how a rival's network is trained from the shipped weights (all ours)."""
+    learning = LearningPlan(
+        seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=5e-4, warm_up=0.1, average=0.99
+    )
+    return TrainingPlan(rival_learning(rival, learning), Architecture(), minutes=minutes, validations=3, minings=0)
+
+
+def rival_finetuning(rival: str, plan: FineTuningPlan) -> FineTuningPlan:
+    """Return a plan of fine-tuning without what a rival does not know."""
+    return replace(plan, learning=rival_learning(rival, plan.learning), minings=0)

@@ -1,0 +1,143 @@
+"""`ltvn rival`: our network learns the labels of SPTM or ViNG on random walks, for a comparison under equal terms."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tyro.conf import Positional
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.dataset import FAMILIES, open_world
+from ltvn_core.verbs.unseen import VALIDATION
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.data.shards import Shard
+    from ltvn_core.model.rival_card import RivalCard
+    from ltvn_core.model.training import TrainingData, TrainingPlan, TrainingResult
+
+
+@dataclass(frozen=True)
+class RivalTrained:
+    """New weights, and how well they know the rival's labels in scenes that were not learned from."""
+
+    weights: Path
+    fingerprint: str
+    images: int
+    pairs: int
+    """Labelled pairs."""
+    steps: int
+    pairs_compared: int
+    minutes: float
+    before: dict[str, float]
+    """Figures of the weights it started from,"""
+    after: dict[str, float]
+    """and of the new ones, by the rival's labels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rival(Verb):
+    """Train a rival's network: the shipped weights learn its labels of time on random walks."""
+
+    rival: Positional[Literal["sptm", "ving"]]
+    """SPTM: close in time or not. ViNG: how long it takes to get there."""
+    output: Path
+    """The weights to write, with a card beside them; must not exist yet."""
+    data: Path = Path("data/walks")
+    """Where the walks lie, one file per scene; missing ones are made, the same for both rivals."""
+    work: Path | None = None
+    """Where checkpoints and curves go; a folder below the walks unless named."""
+    minutes: float = 8.0
+    """How long to train, in one process."""
+    processes: int = 2
+    """Scenes that are rendered at the same time."""
+    seed: int = 0
+    """Draws walks, pairs, batches and augmentation."""
+
+    def run(self) -> Summary:
+        """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
+        from ltvn_core.model.training import train
+        from ltvn_core.model.weights import SHIPPED, load_weights, save_weights
+
+        self._check_options()
+        data, plan = self._data(), self._plan()
+        work = self.work or self.data / self.rival
+        result = train(data, plan, work, start=SHIPPED)
+        card = self._card(data, plan, result)
+        fingerprint = save_weights(load_weights(result.weights), self.output, asdict(card))
+        size = (card.trained_on.images, card.trained_on.pairs)
+        figures = (asdict(card.before), asdict(card.after))
+        return RivalTrained(self.output, fingerprint, *size, card.steps, card.pairs_compared, card.minutes, *figures)
+
+    def _check_options(self) -> None:
+        if not self.minutes > 0:
+            raise OptionError(f"--minutes must be above 0, got {self.minutes:g}; 8 is a good start.")
+        if self.output.suffix != ".safetensors" or self.output.exists():
+            raise OptionError(f"--output must be a new file that ends in .safetensors, got {self.output}.")
+
+    def _data(self) -> "TrainingData":
+        from ltvn_core.model.training import TrainingData
+        from ltvn_core.sim.scenes import scene_names
+
+        names = [name for name in scene_names() if name.startswith(FAMILIES)]
+        shards = labelled_walks(self.rival, names, self.data, seed=self.seed, processes=self.processes)
+        learned = [shard for shard in shards if shard.name not in VALIDATION]
+        return TrainingData(learned, [shard for shard in shards if shard.name in VALIDATION])
+
+    def _plan(self) -> "TrainingPlan":
+        from ltvn_core.model.rival_plan import rival_training
+
+        return rival_training(self.rival, minutes=self.minutes, seed=self.seed)
+
+    def _card(self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult") -> "RivalCard":
+        from ltvn_core.data.shards import Shard
+        from ltvn_core.data.temporal_rules import RULES
+        from ltvn_core.model.card import TrainedOn
+        from ltvn_core.model.predictor import load_predictor
+        from ltvn_core.model.rival_card import RivalCard, assess_rival
+        from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
+
+        shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
+        return RivalCard(
+            self.rival,
+            weights_fingerprint(SHIPPED),
+            read_card(SHIPPED),
+            asdict(RULES[self.rival]),
+            TrainedOn(
+                tuple(shard.name for shard in shards),
+                VALIDATION,
+                sum(len(shard.rgb) for shard in shards),
+                sum(len(shard.sources) for shard in shards),
+                shards[0].recipe,
+            ),
+            plan,
+            result.steps,
+            result.pairs,
+            result.seconds / 60,
+            (f"ltvn rival {self.rival} --output {self.output.name} --minutes {self.minutes:g} --seed {self.seed}",),
+            assess_rival(load_predictor(SHIPPED), data.validation),
+            assess_rival(load_predictor(result.weights), data.validation),
+        )
+
+
+def labelled_walks(
+    rival: str, names: Sequence[str], folder: Path, *, seed: int = 0, processes: int = 1
+) -> "list[Shard]":
+    """Return random walks through scenes, labelled by a rival's rule; walks that do not lie in the folder are made.
+
+    Raises DatasetError and SceneError.
+    """
+    import numpy as np
+
+    from ltvn_core.data.generate import generate
+    from ltvn_core.data.random_walk import WalkRecipe
+    from ltvn_core.data.shards import read_shard
+    from ltvn_core.data.temporal_pairs import label_walks
+    from ltvn_core.data.temporal_rules import RULES
+
+    paths = generate(names, open_world, folder, WalkRecipe(seed=seed), processes=processes)
+    walks = [read_shard(path) for path in paths]
+    draws = [np.random.default_rng([seed, zlib.crc32(walk.name.encode()), 1]) for walk in walks]
+    return [label_walks(walk, RULES[rival], rng) for walk, rng in zip(walks, draws, strict=True)]

@@ -120,9 +120,9 @@ class TrialFiles:
         """Return the map after so many queries."""
         return self.folder / self.label / f"map-{queries:04d}.rrd"
 
-    def episodes(self, queries: int, first: int) -> Path:
-        """Return the results of some episodes with that map."""
-        return self.folder / self.label / f"episodes-{queries:04d}-{first:04d}.json"
+    def episodes(self, queries: int, first: int, until: int) -> Path:
+        """Return the results of the episodes from `first` up to `until` with that map."""
+        return self.folder / self.label / f"episodes-{queries:04d}-{first:04d}-{until:04d}.json"
 
     def stretch(self, first: int, until: int) -> Path:
         """Return what the queries from `first` up to `until` did to the map."""

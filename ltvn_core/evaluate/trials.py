@@ -27,7 +27,7 @@ from ltvn_core.sim.scenes import load_scene
 EPISODES_AT_ONCE = 25
 """Episodes in a piece: small enough to share work out evenly and to lose little, large enough to load a map for."""
 
-OnDone = Callable[[int], None]
+OnDone = Callable[[int], object]
 """Hears how many episodes were added."""
 
 
@@ -49,7 +49,7 @@ def open_course(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
 
 def run_piece(plan: TrialPlan, files: TrialFiles, queries: int, first: int, episodes: Sequence[EpisodePlan]) -> int:
     """Run episodes, numbered from `first`, with the map after so many queries; return how many there were."""
-    path = files.episodes(queries, first)
+    path = files.episodes(queries, first, first + len(episodes))
     if not path.exists():
         started, course = time.monotonic(), kept_course(plan, files, queries)
         done = tuple(
@@ -85,19 +85,34 @@ def run_trials(
         on_done(0)
     for done in parallel(piece for plan, files in tasks for piece in static_pieces(plan, files, 0, episodes)):
         on_done(done)
-    return list(parallel(delayed(finish_trial)(plan, files, 0, episodes, command) for plan, files in tasks))
+    for _ in parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in tasks):
+        on_done(0)
+    # Read back, because pieces of work come back in any order.
+    return [load_results(files.trial(episodes), TrialResult) for _, files in tasks]
 
 
 def static_pieces(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int) -> Iterator[Any]:
     """Yield the pieces of the static test with the map after so many queries, for `joblib.Parallel`."""
     drawn = prepare(plan, files).episodes(episodes, plan.seed)
-    for first in range(0, episodes, EPISODES_AT_ONCE):
-        yield delayed(run_piece)(plan, files, queries, first, drawn[first : first + EPISODES_AT_ONCE])
+    for first, until in _spans(episodes):
+        yield delayed(run_piece)(plan, files, queries, first, drawn[first:until])
+
+
+def _spans(episodes: int) -> list[tuple[int, int]]:
+    """Return the first episode of each piece, and the one after its last."""
+    return [(first, min(first + EPISODES_AT_ONCE, episodes)) for first in range(0, episodes, EPISODES_AT_ONCE)]
+
+
+def _finish(plan: TrialPlan, files: TrialFiles, episodes: int, command: str) -> None:
+    """Keep the result of the static test as a file."""
+    if not files.trial(episodes).exists():
+        save_results(files.trial(episodes), finish_trial(plan, files, 0, episodes, command))
 
 
 def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
-    """Put the pieces together and look at the map; the result is kept as a file."""
-    pieces = [load_results(files.episodes(queries, first), Piece) for first in range(0, episodes, EPISODES_AT_ONCE)]
+    """Put the pieces together and look at the map."""
+    paths = [files.episodes(queries, first, until) for first, until in _spans(episodes)]
+    pieces: list[Piece] = [load_results(path, Piece) for path in paths]
     course, sights = kept_course(plan, files, queries), prepare(plan, files)
     return TrialResult(
         scene=course.scene.name,
@@ -111,7 +126,7 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         fingerprint=course.fingerprint,
         map=map_facts(course.graph, course.truth, sights.goals),
         floorplan=floorplan(course.graph, course.truth),
-        episodes=tuple(episode for piece in pieces for episode in piece.episodes)[:episodes],
+        episodes=tuple(episode for piece in pieces for episode in piece.episodes),
         wall_s=sum(piece.wall_s for piece in pieces),
         version=version("ltvn"),
         command=command,

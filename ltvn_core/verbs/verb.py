@@ -1,7 +1,7 @@
 """What all verbs share: the `--json` option and the shape of a summary. Owns no job."""
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -50,4 +50,7 @@ def _shown(value: object) -> str:
         return f"{value:.3f}".rstrip("0").rstrip(".")
     if isinstance(value, dict):
         return ", ".join(f"{key} {_shown(part)}" for key, part in value.items()) or "-"
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = ((field.name.replace("_", " "), getattr(value, field.name)) for field in fields(value))
+        return "(" + ", ".join(f"{name} {_shown(part)}" for name, part in parts) + ")"
     return "-" if value is None else str(value)

@@ -5,14 +5,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from joblib import Parallel
 
 pytest.importorskip("embreex")
 pytest.importorskip("pybullet")
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluate.lifelong import Schedule, run_lifelong
-from ltvn_core.evaluate.lifelong_figures import life_of
+from ltvn_core.evaluate.lifelong import Schedule
 from ltvn_core.evaluate.lifetime import Stretch, run_stretch, stretches
 from ltvn_core.evaluate.plans import TrialFiles, TrialPlan
 from ltvn_core.evaluate.preparation import prepare
@@ -28,6 +26,7 @@ from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.recording.maps import load_map, save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.sim.scenes import load_scene
+from ltvn_core.verbs.lifelong import Lifelong, Lived
 from tests.core.sim.box_house import box_house, save
 
 WALL_X = 3.0
@@ -152,24 +151,38 @@ def test_an_edge_that_a_robot_drives_well_is_not_bad(mapped: Path) -> None:
 def test_a_lifelong_test_has_a_static_test_at_each_point_and_is_only_read_the_second_time(
     mapped: Path, tmp_path: Path
 ) -> None:
-    folder, schedule = copied(mapped, tmp_path), Schedule(queries=3, every=2, episodes=2)
-    result, done = live(folder, schedule)
+    folder = copied(mapped, tmp_path)
+    lived, result = live(folder)
     assert [point.queries for point in result.points] == [0, 2, 3]
     assert [len(point.trial.episodes) for point in result.points] == [2, 2, 2]
     assert [point.trial.map.edges for point in result.points] == [len(graph(folder, k).edges) for k in (0, 2, 3)]
     assert [query.query for query in result.queries] == [0, 1, 2]
-    assert done == schedule.work == 9
-    life = life_of([result])
+    life = lived.by_scene["house"]
+    assert (life.before.queries, life.after.queries, life.queries) == (0, 3, 3)
     assert life.before.edges - life.pruned + life.added_edges == life.after.edges
-    assert live(folder, schedule)[0] == result
+    assert life.pruned_bad_share == 1
+    again, same = live(folder)
+    assert same == result
+    assert again.by_scene == lived.by_scene
 
 
-def live(folder: Path, schedule: Schedule) -> tuple[LifelongResult, int]:
-    done: list[int] = []
-    parallel = Parallel(n_jobs=1, return_as="generator_unordered")
-    where = folder / "runs"
-    results = run_lifelong([plan(folder)], where, schedule, command="", parallel=parallel, on_done=done.append)
-    return results[0], sum(done)
+def live(folder: Path) -> tuple[Lived, LifelongResult]:
+    """Run the whole test as a user would."""
+    verb = Lifelong(
+        scene=(str(folder / "house.glb"),),
+        predictor="oracle",
+        loops=1,
+        goals=3,
+        step_limit=300,
+        queries=3,
+        every=2,
+        episodes=2,
+        folder=folder / "runs",
+        workers=1,
+    )
+    lived = verb.run()
+    assert isinstance(lived, Lived)
+    return lived, load_results(files(folder).lifelong(3, 2, 2), LifelongResult)
 
 
 def test_a_schedule_tests_before_in_between_and_after() -> None:

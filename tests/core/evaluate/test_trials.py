@@ -45,17 +45,21 @@ def trial(folder: Path) -> TrialResult:
 
 
 def test_an_episode_goes_the_same_way_when_it_is_run_again_alone(trial: TrialResult, folder: Path) -> None:
-    files = TrialFiles.of(_plan(folder), folder)
-    files.episodes(0, 0).unlink()
-
     again = _run(_plan(folder), folder, episodes=2)
 
     assert again.episodes == trial.episodes[:2]
 
 
+def test_more_episodes_begin_with_the_same_ones(trial: TrialResult, folder: Path) -> None:
+    more = _run(_plan(folder), folder, episodes=EPISODES + 1)
+
+    assert more.episodes[:EPISODES] == trial.episodes
+    assert len(more.episodes) == EPISODES + 1
+
+
 def test_what_is_done_is_not_done_again(trial: TrialResult, folder: Path) -> None:
     files = TrialFiles.of(_plan(folder), folder)
-    made = {path: path.stat().st_mtime_ns for path in (files.drive, files.map())}
+    made = {path: path.stat().st_mtime_ns for path in (files.drive, files.map(), files.trial(EPISODES))}
 
     _run(_plan(folder), folder)
 

@@ -44,11 +44,9 @@ class Stretch:
     pruned: float
     pruned_bad: float
     """Of the pruned edges, those that nobody can drive or the robot could not drive."""
-    added_nodes: float
     added_edges: float
     added_spurious: float
-    collisions: float
-    """For each query."""
+    """Of the added edges, those that nobody can drive."""
 
 
 def courses_of(results: Iterable[LifelongResult]) -> tuple[Course, ...]:
@@ -99,8 +97,7 @@ def _stretch(until: int, queries: Sequence[LifelongQuery], runs: int) -> Stretch
     def mean(name: str) -> float:
         return sum(getattr(query, name) for query in queries) / runs
 
-    changes = [mean(name) for name in ("pruned", "pruned_bad", "added_nodes", "added_edges", "added_spurious")]
-    return Stretch(until, *changes, sum(query.collisions for query in queries) / len(queries))
+    return Stretch(until, mean("pruned"), mean("pruned_bad"), mean("added_edges"), mean("added_spurious"))
 
 
 def _added_up(cells: Sequence[CalibrationCell]) -> CalibrationCell:

@@ -49,7 +49,7 @@ class Reader(HTMLParser):
         given = dict(attrs)
         self.asked += [value for name in ("src", "srcset", "poster", "data") if (value := given.get(name))]
         self.links += [value for name in ("href", "xlink:href") if (value := given.get(name))]
-        self.ids.update([given["id"]] if given.get("id") else [])
+        self.ids[given.get("id") or f"nameless {len(self.ids)}"] += 1
         if tag not in VOID:
             self.open.append(tag)
 

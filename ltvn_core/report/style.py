@@ -82,7 +82,7 @@ def save(figure: Figure, path: Path) -> Path:
 def _smaller(png: bytes) -> bytes:
     """Take away colours, and then points, until the picture is small enough."""
     whole = Image.open(io.BytesIO(png)).convert("RGB")
-    for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64, 32, 16)):
+    for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
         if len(png) <= MOST_BYTES:
             break
         buffer, size = io.BytesIO(), (round(whole.width * scale), round(whole.height * scale))

@@ -78,7 +78,7 @@ def folder(results: Results, tmp_path_factory: pytest.TempPathFactory) -> Path:
         label = trial.method + ("" if trial.finetuned else "-no-fine-tuning")
         keep(runs, trial, f"{label}-20.trial.json")
     for run in results.lifelong:
-        keep(runs, run, "ltvn-200-20.lifelong.json")
+        keep(runs, run, "ltvn-200-every-100-20.lifelong.json")
     return runs
 
 

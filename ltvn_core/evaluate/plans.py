@@ -43,7 +43,7 @@ class TrialPlan:
     predictor: PredictorName = "network"
     weights: Path | None = None
     """Weights to start from instead of the shipped ones of the system."""
-    finetune_steps: int = 60
+    finetune_steps: int = 40
     """Steps of fine-tuning on the mapping drive."""
     protocol: Protocol = field(default_factory=Protocol)
 
@@ -151,7 +151,8 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
 
     weights = plan.weights or shipped_weights(plan.system)
     steps = plan.finetune_steps if plan.finetuned else 0
-    settings = {**asdict(plan), "finetune_steps": steps, "version": version("ltvn"), "weights": weights_fingerprint(weights)}
+    settings = {**asdict(plan), "finetune_steps": steps, "version": version("ltvn")}
+    settings["weights"] = weights_fingerprint(weights)
     made_by = json.loads(json.dumps(settings, default=str))
     del made_by["protocol"]["episodes"]
     if not path.exists():

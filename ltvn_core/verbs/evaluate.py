@@ -66,7 +66,7 @@ class ProtocolOptions(Verb):
     """What compares images: the trained network, or the simulator's own geometry."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones."""
-    finetune_steps: int = 60
+    finetune_steps: int = 40
     """Steps of fine-tuning on the mapping drive."""
     loops: int = 3
     """Rounds of the mapping drive."""

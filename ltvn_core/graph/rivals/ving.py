@@ -25,7 +25,7 @@ from ltvn_core.graph.views import Views
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Prediction, Predictor
 
 TAU_STEPS = 8.0
-"""The temporal distance at which the network's r has fallen to 1 / e."""
+"""The temporal distance at which the network's r has fallen to 1 / e; its labels are drawn with the same."""
 EDGE_STEPS = 8.0
 """Images that seem no farther apart than this are joined, and the robot is at a node no farther away."""
 _LEAST_P = 1e-6
@@ -76,7 +76,8 @@ def _in_steps(method: Method) -> Method:
 
 
 def _weight(belief: Belief) -> float:
-    return temporal_distance(belief.p)
+    # Nothing was ever labelled nearer than a step; where the network exaggerates, a detour would cost nothing.
+    return max(1.0, temporal_distance(belief.p))
 
 
 def _localise(image: Features, graph: TopologicalGraph, plan: Sequence[NodeId], matcher: Matcher) -> Fix:

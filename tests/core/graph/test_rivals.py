@@ -10,6 +10,7 @@ import pytest
 
 from ltvn_core.composition import open_simulation, open_system
 from ltvn_core.config import PAPER, ROBUST
+from ltvn_core.data import temporal_rules
 from ltvn_core.errors import MapError
 from ltvn_core.graph.expansion import reachable
 from ltvn_core.graph.localizer import GLOBAL, LOCAL
@@ -163,6 +164,10 @@ def test_ving_is_where_the_temporal_distance_is_least_or_nowhere() -> None:
     assert fix.margin == pytest.approx(0.8, abs=0.01)
     nowhere = predictor.encode([look_at(np.array([2.6, 3.0, 0.0]), 99)])
     assert system.localise(nowhere, graph, (), matcher).node is None
+
+
+def test_the_labels_and_the_map_mean_the_same_by_a_step() -> None:
+    assert ving_rules.TAU_STEPS == temporal_rules.TAU_STEPS
 
 
 def test_steps_and_closeness_are_inverse_and_the_navigator_asks_in_steps() -> None:

@@ -150,7 +150,8 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     from ltvn_core.model.weights import weights_fingerprint
 
     weights = plan.weights or shipped_weights(plan.system)
-    settings = {**asdict(plan), "version": version("ltvn"), "weights": weights_fingerprint(weights)}
+    steps = plan.finetune_steps if plan.finetuned else 0
+    settings = {**asdict(plan), "finetune_steps": steps, "version": version("ltvn"), "weights": weights_fingerprint(weights)}
     made_by = json.loads(json.dumps(settings, default=str))
     del made_by["protocol"]["episodes"]
     if not path.exists():

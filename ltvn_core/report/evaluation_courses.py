@@ -5,12 +5,10 @@ Owns which results belong together, and sums over stretches of queries. Draws an
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
-from ltvn_core.evaluate.results import CalibrationCell, LifelongPoint, LifelongQuery, LifelongResult
+from ltvn_core.evaluate.results import CalibrationCell, LifelongPoint, LifelongResult
 from ltvn_core.report.evaluation_rows import Row, setup_of
-
-STRETCH = 100
-"""Queries whose changes of the map are summed up."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +35,17 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """What the queries of one stretch did to the map, mean of the runs."""
+    """What the queries between two tests did to the map, mean of the runs."""
 
+    first: int
     until: int
-    """Number of the queries at its end."""
+    """Number of queries at the test before and at the one after."""
     pruned: float
     pruned_bad: float
     """Of the pruned edges, those that nobody can drive or the robot could not drive."""
-    added_nodes: float
     added_edges: float
     added_spurious: float
-    collisions: float
-    """For each query."""
+    """Of the added edges, those that nobody can drive."""
 
 
 def courses_of(results: Iterable[LifelongResult]) -> tuple[Course, ...]:
@@ -63,15 +60,10 @@ def courses_of(results: Iterable[LifelongResult]) -> tuple[Course, ...]:
     )
 
 
-def stretches(course: Course, length: int = STRETCH) -> tuple[Stretch, ...]:
-    """Sum up what maintenance did in each stretch of queries."""
-    found: dict[int, list[LifelongQuery]] = {}
-    for run in course.runs:
-        for number, query in enumerate(run.queries):
-            found.setdefault(number // length, []).append(query)
-    return tuple(
-        _stretch((number + 1) * length, queries, len(course.runs)) for number, queries in sorted(found.items())
-    )
+def stretches(course: Course) -> tuple[Stretch, ...]:
+    """Sum up what maintenance did from each test to the next."""
+    tests = sorted({point.queries for run in course.runs for point in run.points})
+    return tuple(_stretch(course, first, until) for first, until in pairwise(tests))
 
 
 def ends(courses: Sequence[Course], *, last: bool) -> list[LifelongPoint]:
@@ -95,12 +87,13 @@ def calibration_error(cells: Sequence[CalibrationCell]) -> float:
     return gaps / total if total else float("nan")
 
 
-def _stretch(until: int, queries: Sequence[LifelongQuery], runs: int) -> Stretch:
-    def mean(name: str) -> float:
-        return sum(getattr(query, name) for query in queries) / runs
+def _stretch(course: Course, first: int, until: int) -> Stretch:
+    queries = [query for run in course.runs for query in run.queries[first:until]]
 
-    changes = [mean(name) for name in ("pruned", "pruned_bad", "added_nodes", "added_edges", "added_spurious")]
-    return Stretch(until, *changes, sum(query.collisions for query in queries) / len(queries))
+    def mean(name: str) -> float:
+        return sum(getattr(query, name) for query in queries) / len(course.runs)
+
+    return Stretch(first, until, mean("pruned"), mean("pruned_bad"), mean("added_edges"), mean("added_spurious"))
 
 
 def _added_up(cells: Sequence[CalibrationCell]) -> CalibrationCell:

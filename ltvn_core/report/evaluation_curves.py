@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ltvn_core.evaluate.results import CalibrationCell, LifelongQuery
-from ltvn_core.report.evaluation_courses import STRETCH, Course, calibration_error, calibration_of, ends, stretches
+from ltvn_core.report.evaluation_courses import Course, calibration_error, calibration_of, ends, stretches
 from ltvn_core.report.evaluation_style import WIDTH_IN, in_counts, in_percent
 from ltvn_core.report.style import Colour, Ink
 
@@ -80,15 +80,15 @@ def _success(axes: Axes, course: Course, ink: Ink) -> None:
 def _changes(axes: Axes, course: Course, ink: Ink) -> None:
     """Draw bars of added edges upwards and of pruned ones downwards, the bad part of either darker."""
     for stretch in stretches(course):
-        middle, width = stretch.until - STRETCH / 2, 0.36 * STRETCH
-        axes.bar(middle, stretch.added_edges, width=2 * width, color=ink.first, alpha=0.75)
-        axes.bar(middle, stretch.added_spurious, width=2 * width, color=_BAD)
-        axes.bar(middle, -stretch.pruned, width=2 * width, color=ink.second, alpha=0.75)
-        axes.bar(middle, -stretch.pruned_bad, width=2 * width, color=_BAD)
+        middle, width = (stretch.first + stretch.until) / 2, 0.72 * (stretch.until - stretch.first)
+        axes.bar(middle, stretch.added_edges, width=width, color=ink.first, alpha=0.75)
+        axes.bar(middle, stretch.added_spurious, width=width, color=_BAD)
+        axes.bar(middle, -stretch.pruned, width=width, color=ink.second, alpha=0.75)
+        axes.bar(middle, -stretch.pruned_bad, width=width, color=_BAD)
     axes.axhline(0, color=ink.grey, linewidth=1)
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, symmetric=True))
     axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):.0f}")
-    axes.set_title(f"edges added ▲ and pruned ▼ in {STRETCH}")
+    axes.set_title("edges added ▲ and pruned ▼ between tests")
 
 
 def _followed(axes: Axes, course: Course, count: Callable[[LifelongQuery], int], colour: Colour) -> None:

@@ -84,7 +84,7 @@ def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
 
 def _plan(path: Path) -> tuple[Path, str]:
     """Return folder and label of a result, whose name ends in how long it is."""
-    return path.parent, re.sub(r"[-\d]*\.(trial|lifelong)\.json$", "", path.name)
+    return path.parent, re.sub(r"(-(\d+|every))*\.(trial|lifelong)\.json$", "", path.name)
 
 
 def _key(result: TrialResult | LifelongResult) -> object:

@@ -50,6 +50,12 @@ class GalleryRow:
         return self.episode.failure.value if self.episode.failure else "unknown"
 
     @property
+    def beginning(self) -> str | None:
+        """What went wrong first, where that is not the cause."""
+        first = self.episode.trigger
+        return None if first is None or first is self.episode.failure else first.value
+
+    @property
     def command(self) -> str | None:
         """The command that shows the moment in the app, None without a recording."""
         if self.recording is None:

@@ -7,6 +7,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -79,10 +80,13 @@ def save(figure: Figure, path: Path) -> Path:
 
 
 def _smaller(png: bytes) -> bytes:
-    colours = 256
+    """Take away colours, and then points, until the picture is small enough."""
     whole = Image.open(io.BytesIO(png)).convert("RGB")
-    while len(png) > MOST_BYTES and colours >= 16:
-        buffer = io.BytesIO()
-        whole.quantize(colours, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
-        png, colours = buffer.getvalue(), colours // 2
+    for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
+        if len(png) <= MOST_BYTES:
+            break
+        buffer, size = io.BytesIO(), (round(whole.width * scale), round(whole.height * scale))
+        scaled = whole if scale == 1 else whole.resize(size, Image.Resampling.LANCZOS)
+        scaled.quantize(colours, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+        png = buffer.getvalue()
     return png

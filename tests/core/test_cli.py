@@ -40,6 +40,7 @@ def test_help_names_every_verb() -> None:
         "dataset",
         "train",
         "replay",
+        "report",
         "view",
         "info",
     ):

@@ -2,8 +2,8 @@
 
 Owns its rules for edges and localisation, and what r means to it: its network says r = exp(-steps / TAU), where a step
 is from one image of a drive to the next. Where the method asks the network both ways, an edge may be the way back of
-another, driven in reverse. Driving teaches nothing. The pose estimator and the controller are those of all systems; only
-their thresholds of r are put into steps.
+another, driven in reverse. Driving teaches nothing. The pose estimator and the controller are those of all systems;
+only their thresholds of r are put into steps.
 """
 
 import math

@@ -49,7 +49,7 @@ class Reader(HTMLParser):
         given = dict(attrs)
         self.asked += [value for name in ("src", "srcset", "poster", "data") if (value := given.get(name))]
         self.links += [value for name in ("href", "xlink:href") if (value := given.get(name))]
-        self.ids.update([given["id"]] if given.get("id") else [])
+        self.ids[given.get("id") or f"nameless {len(self.ids)}"] += 1
         if tag not in VOID:
             self.open.append(tag)
 
@@ -78,7 +78,7 @@ def folder(results: Results, tmp_path_factory: pytest.TempPathFactory) -> Path:
         label = trial.method + ("" if trial.finetuned else "-no-fine-tuning")
         keep(runs, trial, f"{label}-20.trial.json")
     for run in results.lifelong:
-        keep(runs, run, "ltvn-200-20.lifelong.json")
+        keep(runs, run, "ltvn-200-every-100-20.lifelong.json")
     return runs
 
 

@@ -1,6 +1,7 @@
 """`ltvn report --page` writes tables and pictures between the marks of docs/results.md and leaves the rest alone."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,15 +48,15 @@ def test_a_part_of_a_page_has_marks_and_pictures_of_its_own(tmp_path: Path) -> N
             for name in ("main", "house-main", "house-causes-pictures")
         )
     )
-    options = {"folder": tmp_path, "output": tmp_path / "report.html", "page": page_file, "images": tmp_path}
-    made = Report(**options, section="house").run()
+    house = Report(folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="house")
+    made = house.run()
     assert isinstance(made, Reported)
     assert [path.name for path in made.pictures] == ["house-causes.png"]
     first, second = page_file.read_text().split("<!-- main: end -->")
     assert "tune-1" not in first
     assert "tune-1" in second
     with pytest.raises(OptionError, match="flat-main"):
-        Report(**options, section="flat").run()
+        replace(house, section="flat").run()
 
 
 def test_the_page_in_the_repository_has_every_block() -> None:

@@ -6,8 +6,9 @@ so that it makes no difference where a run was interrupted.
 """
 
 import time
-from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,11 +17,10 @@ from ltvn_core.evaluate.plans import TrialFiles, TrialPlan
 from ltvn_core.evaluate.preparation import Sights, prepare
 from ltvn_core.evaluate.protocol import EpisodePlan
 from ltvn_core.evaluate.refuted import bad_edges
-from ltvn_core.evaluate.results import EpisodeResult, LifelongQuery, load_results, save_results
+from ltvn_core.evaluate.results import LifelongQuery, load_results, save_results
 from ltvn_core.evaluate.trials import open_course
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.topograph import EdgeKey
 from ltvn_core.nav.episode import judge
 from ltvn_core.recording.maps import save_map
 from ltvn_core.types import FrameId
@@ -37,39 +37,12 @@ class Stretch:
     wall_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Driven:
-    """One query and what it did to the map."""
+class _Driven(NamedTuple):
+    """One query, before anybody has tried which of the edges that left were bad."""
 
-    result: EpisodeResult
+    query: LifelongQuery
     pruned: tuple[Edge, ...]
     """As they were before the query."""
-    added_nodes: int
-    added_edges: int
-    added_spurious: int
-    nodes: int
-    edges: int
-    spurious_edges: int
-
-    def told(self, bad: Collection[EdgeKey], spurious: Collection[EdgeKey]) -> LifelongQuery:
-        """Return what is kept of it, once it is known which pruned edges were bad."""
-        gone = [(edge.source, edge.target) for edge in self.pruned]
-        return LifelongQuery(
-            query=self.result.episode,
-            reached=self.result.reached,
-            outcome=self.result.outcome,
-            steps=self.result.steps,
-            collisions=self.result.collisions,
-            pruned=len(gone),
-            pruned_bad=sum(key in bad for key in gone),
-            pruned_spurious=sum(key in spurious for key in gone),
-            added_nodes=self.added_nodes,
-            added_edges=self.added_edges,
-            added_spurious=self.added_spurious,
-            nodes=self.nodes,
-            edges=self.edges,
-            spurious_edges=self.spurious_edges,
-        )
 
 
 def run_until(plan: TrialPlan, files: TrialFiles, first: int, until: int) -> int:
@@ -111,21 +84,28 @@ def run_stretch(plan: TrialPlan, files: TrialFiles, first: int, count: int) -> i
 def _drive(plan: TrialPlan, course: Course, sights: Sights, query: int) -> _Driven:
     """Drive one query from a random image of the mapping drive to a random node."""
     rng = np.random.default_rng([plan.seed, 5, query])
-    before, known = dict(course.graph.edges), set(course.graph.nodes)
+    known, before = set(course.graph.nodes), dict(course.graph.edges)
     episode, frame = _draw(course, sights, rng), _first_frame(plan, course, sights, query)
     result = course.run(query, episode, rng, first_frame=frame)
     graph, spurious = course.graph, course.truth.spurious(course.graph)
-    added = graph.edges.keys() - before.keys()
-    return _Driven(
-        result,
-        tuple(edge for key, edge in before.items() if key not in graph.edges),
-        len(graph.nodes.keys() - known),
-        len(added),
-        len(added & spurious),
-        len(graph.nodes),
-        len(graph.edges),
-        len(spurious),
+    pruned, added = before.keys() - graph.edges.keys(), graph.edges.keys() - before.keys()
+    told = LifelongQuery(
+        query=query,
+        reached=result.reached,
+        outcome=result.outcome,
+        steps=result.steps,
+        collisions=result.collisions,
+        pruned=len(pruned),
+        pruned_bad=0,
+        pruned_spurious=sum(course.truth.is_spurious(edge) for edge in pruned),
+        added_nodes=len(graph.nodes.keys() - known),
+        added_edges=len(added),
+        added_spurious=len(added & spurious),
+        nodes=len(graph.nodes),
+        edges=len(graph.edges),
+        spurious_edges=len(spurious),
     )
+    return _Driven(told, tuple(before[edge] for edge in pruned))
 
 
 def _draw(course: Course, sights: Sights, rng: np.random.Generator) -> EpisodePlan:
@@ -155,8 +135,8 @@ def _save(plan: TrialPlan, files: TrialFiles, course: Course, first: int, until:
     )
 
 
-def _told(course: Course, driven: list[_Driven], seed: int) -> tuple[LifelongQuery, ...]:
-    pruned = [edge for each in driven for edge in each.pruned]
-    spurious = {key for edge in pruned if course.truth.is_spurious(key := (edge.source, edge.target))}
-    bad = bad_edges(course, pruned, seed)
-    return tuple(each.told(bad, spurious) for each in driven)
+def _told(course: Course, driven: Sequence[_Driven], seed: int) -> tuple[LifelongQuery, ...]:
+    """Try the edges that left, and count the bad ones with the query in which they left."""
+    bad = bad_edges(course, [edge for each in driven for edge in each.pruned], seed)
+    counts = (sum((edge.source, edge.target) in bad for edge in each.pruned) for each in driven)
+    return tuple(replace(each.query, pruned_bad=count) for each, count in zip(driven, counts, strict=True))

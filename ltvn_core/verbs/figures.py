@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.dataset import open_world
-from ltvn_core.verbs.unseen import UNSEEN, drives
+from ltvn_core.lessons.unseen import UNSEEN, drives
+from ltvn_core.lessons.worlds import open_world
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:

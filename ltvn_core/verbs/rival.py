@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.dataset import FAMILIES, open_world
-from ltvn_core.verbs.unseen import VALIDATION
+from ltvn_core.lessons.unseen import VALIDATION
+from ltvn_core.lessons.worlds import open_world
+from ltvn_core.verbs.dataset import FAMILIES
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:

@@ -5,10 +5,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from ltvn_core.lessons.unseen import UNSEEN, drives
 from ltvn_core.model.assessment import Drive, assess_drives, encode_images
 from ltvn_core.model.predictor import load_predictor
 from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
-from ltvn_core.verbs.unseen import UNSEEN, drives
 
 pytest.importorskip("embreex")
 

@@ -11,9 +11,9 @@ from shutil import rmtree
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.lessons.card import LessonCard
+from ltvn_core.lessons.data import CHECKED, MIXED, label_drive, render_simulation, with_simulation
 from ltvn_core.types import Intrinsics, Observation
-from ltvn_core.verbs.lesson_card import LessonCard
-from ltvn_core.verbs.lesson_data import CHECKED, MIXED, label_drive, render_simulation, with_simulation
 from ltvn_core.verbs.rival import labelled_walks
 
 if TYPE_CHECKING:

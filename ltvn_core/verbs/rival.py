@@ -50,7 +50,9 @@ class Rival(Verb):
     work: Path | None = None
     """Where checkpoints and curves go; a folder below the walks unless named."""
     minutes: float = 8.0
-    """How long to train, in one process."""
+    """How long to train, in one process,"""
+    steps: int | None = None
+    """or for how many steps of about 200 pairs, which gives the same weights on a slower machine."""
     processes: int = 2
     """Scenes that are rendered at the same time."""
     seed: int = 0
@@ -72,10 +74,13 @@ class Rival(Verb):
         return RivalTrained(self.output, fingerprint, *size, card.steps, card.pairs_compared, card.minutes, *figures)
 
     def _check_options(self) -> None:
-        if not self.minutes > 0:
-            raise OptionError(f"--minutes must be above 0, got {self.minutes:g}; 8 is a good start.")
+        if not (self.minutes > 0 and (self.steps is None or self.steps > 0)):
+            raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
         if self.output.suffix != ".safetensors" or self.output.exists():
             raise OptionError(f"--output must be a new file that ends in .safetensors, got {self.output}.")
+
+    def _length(self) -> str:
+        return f"--minutes {self.minutes:g}" if self.steps is None else f"--steps {self.steps}"
 
     def _data(self) -> "TrainingData":
         from ltvn_core.model.training import TrainingData
@@ -89,7 +94,7 @@ class Rival(Verb):
     def _plan(self) -> "TrainingPlan":
         from ltvn_core.model.rival_plan import rival_training
 
-        return rival_training(self.rival, minutes=self.minutes, seed=self.seed)
+        return rival_training(self.rival, minutes=self.minutes, steps=self.steps, seed=self.seed)
 
     def _card(self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult") -> "RivalCard":
         from ltvn_core.data.shards import Shard
@@ -116,7 +121,7 @@ class Rival(Verb):
             result.steps,
             result.pairs,
             result.seconds / 60,
-            (f"ltvn rival {self.rival} --output {self.output.name} --minutes {self.minutes:g} --seed {self.seed}",),
+            (f"ltvn rival {self.rival} --output {self.output.name} {self._length()} --seed {self.seed}",),
             assess_rival(load_predictor(SHIPPED), data.validation),
             assess_rival(load_predictor(result.weights), data.validation),
         )

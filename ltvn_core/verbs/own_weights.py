@@ -40,8 +40,8 @@ def finetune_for(
     The rivals learn by time alone, beside random walks that carry the same labels; no confusions are mined for them.
     Weights of the very same run are not made twice. `folder` holds the checkpoint meanwhile: a call that was killed
     goes on from there. `data` names a folder of simulated scenes; without one, they come from the user's cache, which
-    `prepare_lessons` must have filled before several processes call this at once. Raises RecordingError, DatasetError
-    and WeightsError.
+    `prepare_lessons` fills beforehand, so that several processes need not all render them. Raises RecordingError,
+    DatasetError and WeightsError.
     """
     from ltvn_core.model.finetuning import finetune
     from ltvn_core.model.rival_plan import rival_finetuning

@@ -4,9 +4,9 @@ Owns what a part's absence means in thresholds. Fine-tuning is a part too, but o
 """
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
+from dataclasses import fields, replace
 
-from ltvn_core.config import Method
+from ltvn_core.config import PAPER, Method
 from ltvn_core.errors import OptionError
 
 
@@ -34,9 +34,25 @@ def _without_expansion(method: Method) -> Method:
     return replace(method, expanding=replace(method.expanding, novel_after_looks=0, search_reserve=False))
 
 
+def _as_in_paper(group: str) -> Callable[[Method], Method]:
+    """Return what sets one group of thresholds to the paper's; limits and measured constants are nobody's departure."""
+
+    def plain(method: Method) -> Method:
+        own, paper = getattr(method, group), getattr(PAPER, group)
+        kept = {field.name: getattr(own, field.name) for field in fields(own) if field.name in _NO_DEPARTURES}
+        return replace(method, **{group: replace(paper, **kept)})
+
+    return plain
+
+
+_NO_DEPARTURES = frozenset(
+    {"step_limit", "collision_limit", "p_success_if_reachable", "p_success_if_not", "sigma2", "search_reserve"}
+)
+
 PARTS: dict[str, Callable[[Method], Method]] = {
     "merging": _without_merging,
     "pruning": _without_pruning,
     "expansion": _without_expansion,
+    **{f"our-{field.name}": _as_in_paper(field.name) for field in fields(Method) if field.name != "maintain"},
 }
-"""What can be left out, by the names the command line knows."""
+"""What can be left out, by the names the command line knows; `our-driving` leaves out our departures in driving."""

@@ -61,7 +61,9 @@ class ProtocolOptions(Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The navigator's settings: robust is ours, paper is the literal method."""
     without: tuple[str, ...] = ()
-    """Parts to switch off: merging, pruning, expansion, fine-tuning."""
+    """Parts to switch off: merging, pruning, expansion, fine-tuning; or our departures from the paper in one respect:
+    our-matching, our-building, our-localising, our-planning, our-driving, our-judging, our-believing, our-expanding,
+    our-recovering."""
     predictor: Literal["network", "oracle"] = "network"
     """What compares images: the trained network, or the simulator's own geometry."""
     weights: Path | None = None

@@ -184,3 +184,12 @@ def test_leaving_out_nothing_changes_nothing_and_an_unknown_part_is_refused() ->
     assert without(ROBUST, list(PARTS)) == without(without(ROBUST, ["expansion", "merging"]), ["pruning"])
     with pytest.raises(OptionError, match=r"'wheels'.*merging, pruning, expansion"):
         without(ROBUST, ["wheels"])
+
+
+def test_without_all_our_departures_the_method_is_the_papers_but_for_limits_and_measured_constants() -> None:
+    ours = replace(ROBUST, recovering=replace(ROBUST.recovering, step_limit=77))
+
+    plain = without(ours, [part for part in PARTS if part.startswith("our-")])
+
+    assert plain.recovering.step_limit == 77
+    assert replace(plain, recovering=replace(plain.recovering, step_limit=PAPER.recovering.step_limit)) == PAPER

@@ -1,0 +1,162 @@
+"""The one pass over the events that everything else in the analysis looks things up in.
+
+Owns how events are put together into queries, plans, attempts and changes, and what is done about a list that is cut or
+in disorder. Each step of the pass takes constant time.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from ltvn_core.analysis.epochs import Epochs
+from ltvn_core.analysis.marks import mark_of
+from ltvn_core.analysis.records import Attempt, Change, Instant, Mark, MarkKind, Plan, Query
+from ltvn_core.nav.events import (
+    Collided,
+    Event,
+    GraphChanged,
+    Judged,
+    LegEnded,
+    LegStarted,
+    Localised,
+    Planned,
+    QueryEnded,
+    QueryStarted,
+    Stamped,
+)
+
+
+@dataclass(slots=True)
+class _Open:
+    """A query under way."""
+
+    started: QueryStarted
+    epoch: int
+    first: int
+    begin: Instant
+    attempts: list[Attempt] = field(default_factory=list)
+    plans: list[Plan] = field(default_factory=list)
+    localised: Localised | None = None
+
+
+class Index:
+    """What the pass has put together so far."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.queries: list[Query] = []
+        self.attempts: list[Attempt] = []
+        self.plans: list[Plan] = []
+        self.changes: list[Change] = []
+        self.marks: list[Mark] = []
+        self.epochs: list[int] = []
+        """Where in `changes` each map begins."""
+        self.notes: list[str] = []
+        """What was wrong with the list, in words."""
+        self._epochs = Epochs()
+        self._query: _Open | None = None
+        self._leg: Attempt | None = None
+
+    def take(self, index: int, stamped: Stamped) -> None:
+        """Take in the next event, which is number `index`."""
+        event, instant = stamped.event, Instant(int(stamped.step), float(stamped.stamp))
+        last_plan = self._query.plans[-1].planned.nodes if self._query and self._query.plans else None
+        mark = mark_of(index, instant, event, last_plan)
+        if mark is not None:
+            self.marks.append(mark)
+        match event:
+            case GraphChanged():
+                self._changed(index, instant, event)
+            case QueryStarted():
+                self._close_query(index - 1)
+                self._query = _Open(event, self._epochs.current, index, instant)
+            case QueryEnded():
+                self._ended(index, instant, event)
+            case Judged():
+                self._judged(instant, event)
+            case _:
+                self._in_query(index, instant, event)
+
+    def finish(self, count: int) -> None:
+        """Close what is still open after `count` events."""
+        if self._query is not None:
+            self.notes.append(f"Query {self._query.started.query} is cut: the events end before it does.")
+        self._close_query(count - 1)
+
+    def _in_query(self, index: int, instant: Instant, event: Event) -> None:
+        match event:
+            case Localised() if self._query is not None:
+                self._query.localised = event
+            case Planned():
+                self._planned(index, instant, event)
+            case LegStarted():
+                self._close_leg()
+                plan = self._query.plans[-1] if self._query and self._query.plans else None
+                self._leg = Attempt(index, instant, event, plan, None, None, 0)
+            case Collided() if self._leg is not None:
+                self._leg = replace(self._leg, collisions=self._leg.collisions + 1)
+            case LegEnded():
+                self._leg_ended(instant, event)
+            case _:
+                return
+
+    def _changed(self, index: int, instant: Instant, event: GraphChanged) -> None:
+        fresh = self._epochs.take(event.delta)
+        if fresh or not self.epochs:
+            self.epochs.append(len(self.changes))
+        if fresh:
+            text = f"map {self._epochs.current + 1} comes in ({event.delta.cause.value})"
+            self.marks.append(Mark(MarkKind.MAP, instant, index, (), text))
+        moment = index, instant, self._epochs.current, self._epochs.version
+        self.changes.append(Change(*moment, event.delta, event.query, event.attempt))
+
+    def _planned(self, index: int, instant: Instant, event: Planned) -> None:
+        plan = Plan(index, instant, event, self._query.localised if self._query else None)
+        self.plans.append(plan)
+        if self._query is not None:
+            self._query.plans.append(plan)
+
+    def _leg_ended(self, instant: Instant, event: LegEnded) -> None:
+        leg = self._leg
+        if leg is None or (leg.started.attempt, leg.started.query) != (event.attempt, event.query):
+            self.notes.append(f"Attempt {event.attempt} ends in step {instant.step} without its start; it is left out.")
+            return
+        self._leg = replace(leg, end=instant, ended=event)
+        self._close_leg()
+
+    def _close_leg(self) -> None:
+        if self._leg is None:
+            return
+        self.attempts.append(self._leg)
+        if self._query is not None:
+            self._query.attempts.append(self._leg)
+        self._leg = None
+
+    def _ended(self, index: int, instant: Instant, event: QueryEnded) -> None:
+        if self._query is None or self._query.started.query != event.query:
+            self.notes.append(f"Query {event.query} ends in step {instant.step} without its start; it is left out.")
+            return
+        self._close_query(index, instant, event)
+
+    def _close_query(self, last: int, end: Instant | None = None, ended: QueryEnded | None = None) -> None:
+        self._close_leg()
+        if (query := self._query) is None:
+            return
+        rows = tuple(query.attempts), tuple(query.plans)
+        span = query.epoch, query.first, last, query.begin, end
+        self.queries.append(Query(query.started.query, query.started.goal, *span, ended, None, *rows))
+        self._query = None
+
+    def _judged(self, instant: Instant, event: Judged) -> None:
+        if self._query is None and self.queries and self.queries[-1].id == event.query:
+            self.queries[-1] = replace(self.queries[-1], judged=event)
+        else:
+            self.notes.append(f"The verdict on query {event.query} in step {instant.step} has no query; left out.")
+
+
+def index_of(events: Sequence[Stamped]) -> Index:
+    """Index events that are in order; linear in events."""
+    index = Index()
+    for number, stamped in enumerate(events):
+        index.take(number, stamped)
+    index.finish(len(events))
+    return index

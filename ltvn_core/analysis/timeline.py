@@ -1,0 +1,177 @@
+"""The run as a whole: one pass over its events, and where in it to find things.
+
+Owns order and look-up; what the rows hold is `analysis.records`, how they are put together `analysis.indexing`. Works
+the same on a recording's events and on those of a run that is still going on.
+"""
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Self
+
+from ltvn_core.analysis.folding import folded
+from ltvn_core.analysis.indexing import index_of
+from ltvn_core.analysis.records import Attempt, Change, Instant, Mark, MarkKind, Plan, Query
+from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, GraphDelta, NodeAdded, NodeDropped
+from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
+from ltvn_core.nav.events import Stamped
+from ltvn_core.types import FrameId, NodeId
+
+__all__ = ["Attempt", "Change", "Instant", "Mark", "MarkKind", "Plan", "Query", "Timeline"]
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """A run, indexed. Positions called `event` are indices of `events`; a cursor is the step of an `Instant`."""
+
+    events: Sequence[Stamped]
+    """In order of their steps."""
+    queries: tuple[Query, ...]
+    attempts: tuple[Attempt, ...]
+    """All legs, those outside a query too."""
+    plans: tuple[Plan, ...]
+    changes: tuple[Change, ...]
+    marks: tuple[Mark, ...]
+    epochs: tuple[int, ...]
+    """Where in `changes` each map of the recording begins."""
+    notes: tuple[str, ...]
+    """What is wrong with the events, for a person to read; empty if all is well."""
+
+    @classmethod
+    def of(cls, events: Iterable[Stamped]) -> Self:
+        """Index events; linear in them.
+
+        Events in disorder are put in order by their steps, those of one step as they stand. Never raises for events
+        that are cut, incomplete or in disorder: `notes` tells.
+        """
+        ordered = list(events)
+        late = sum(after.step < before.step for before, after in pairwise(ordered))
+        if late:
+            ordered.sort(key=lambda stamped: stamped.step)
+        index = index_of(ordered)
+        disorder = [f"{late} events come after a later one; all are put in order by their steps."] if late else []
+        rows = index.queries, index.attempts, index.plans, index.changes, index.marks, index.epochs
+        return cls(ordered, *(tuple(row) for row in rows), (*disorder, *index.notes))
+
+    @cached_property
+    def _steps(self) -> list[FrameId]:
+        return [stamped.step for stamped in self.events]
+
+    @cached_property
+    def _mark_steps(self) -> list[FrameId]:
+        return [mark.instant.step for mark in self.marks]
+
+    @cached_property
+    def _change_events(self) -> list[int]:
+        return [change.event for change in self.changes]
+
+    def instant(self, event: int) -> Instant:
+        """Return the moment of event number `event`."""
+        return Instant(int(self.events[event].step), float(self.events[event].stamp))
+
+    def count_until(self, instant: Instant | None) -> int:
+        """Return how many events happened up to and in a step; all without an instant. Logarithmic."""
+        return len(self.events) if instant is None else bisect_right(self._steps, instant.step)
+
+    def changes_until(self, instant: Instant | None = None) -> tuple[Change, ...]:
+        """Return the changes of all maps up to and in a step."""
+        return self.changes_before(self.count_until(instant))
+
+    def changes_before(self, event: int) -> tuple[Change, ...]:
+        """Return the changes of all maps before event number `event`."""
+        return self.changes[: bisect_left(self._change_events, event)]
+
+    def graph_at(self, instant: Instant | None = None) -> TopologicalGraph:
+        """Return the map after everything up to and in a step, at the end without one; linear in its changes."""
+        return self._graph_of(self.changes_until(instant))
+
+    def graph_before(self, event: int) -> TopologicalGraph:
+        """Return the map as it was just before event number `event`; linear in its changes."""
+        return self._graph_of(self.changes_before(event))
+
+    def query_at(self, event: int) -> Query | None:
+        """Return the query that event number `event` belongs to. Logarithmic."""
+        place = bisect_right(self.queries, event, key=lambda query: query.first) - 1
+        return self.queries[place] if place >= 0 and event <= self.queries[place].last else None
+
+    def next_event(self, at: Instant) -> Instant | None:
+        """Return the next moment at which anything happens; None at the end. Logarithmic."""
+        place = bisect_right(self._steps, at.step)
+        return self.instant(place) if place < len(self.events) else None
+
+    def previous_event(self, at: Instant) -> Instant | None:
+        """Return the last moment before at which anything happened; None at the beginning. Logarithmic."""
+        place = bisect_left(self._steps, at.step) - 1
+        return self.instant(place) if place >= 0 else None
+
+    def next_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
+        """Return the first mark in a later step, of one kind if that is given; linear in the marks skipped."""
+        later = range(bisect_right(self._mark_steps, at.step), len(self.marks))
+        return next((self.marks[k] for k in later if kind in (None, self.marks[k].kind)), None)
+
+    def previous_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
+        """Return the last mark in an earlier step, of one kind if that is given; linear in the marks skipped."""
+        earlier = range(bisect_left(self._mark_steps, at.step) - 1, -1, -1)
+        return next((self.marks[k] for k in earlier if kind in (None, self.marks[k].kind)), None)
+
+    def next_query(self, at: Instant) -> Query | None:
+        """Return the first query that begins in a later step. Logarithmic."""
+        place = bisect_right(self.queries, at.step, key=lambda query: query.begin.step)
+        return self.queries[place] if place < len(self.queries) else None
+
+    def previous_query(self, at: Instant) -> Query | None:
+        """Return the last query that began in an earlier step. Logarithmic."""
+        place = bisect_left(self.queries, at.step, key=lambda query: query.begin.step) - 1
+        return self.queries[place] if place >= 0 else None
+
+    def changes_of_edge(self, source: NodeId, target: NodeId) -> tuple[Change, ...]:
+        """Return all changes of an edge in order; none for an edge that never was. Linear in the events once."""
+        return tuple(self._by_edge.get((source, target), ()))
+
+    def changes_of_node(self, node: NodeId) -> tuple[Change, ...]:
+        """Return all arrivals and departures of a node in order. Linear in the events once."""
+        return tuple(self._by_node.get(node, ()))
+
+    def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[Attempt, ...]:
+        """Return all legs along an edge in order, those too that drove past its end. Linear in the events once."""
+        return tuple(self._attempts_by_edge.get((source, target), ()))
+
+    @cached_property
+    def _by_edge(self) -> Mapping[EdgeKey, list[Change]]:
+        found: dict[EdgeKey, list[Change]] = {}
+        for change in self.changes:
+            if (edge := _edge_of(change.delta)) is not None:
+                found.setdefault(edge, []).append(change)
+        return found
+
+    @cached_property
+    def _by_node(self) -> Mapping[NodeId, list[Change]]:
+        found: dict[NodeId, list[Change]] = {}
+        for change in self.changes:
+            if isinstance(change.delta, NodeAdded):
+                found.setdefault(change.delta.node.id, []).append(change)
+            elif isinstance(change.delta, NodeDropped):
+                found.setdefault(change.delta.node, []).append(change)
+        return found
+
+    @cached_property
+    def _attempts_by_edge(self) -> Mapping[EdgeKey, list[Attempt]]:
+        found: dict[EdgeKey, list[Attempt]] = {}
+        for attempt in self.attempts:
+            for edge in attempt.edges:
+                found.setdefault(edge, []).append(attempt)
+        return found
+
+    def _graph_of(self, changes: tuple[Change, ...]) -> TopologicalGraph:
+        return folded(changes[self.epochs[changes[-1].epoch] :] if changes else ())
+
+
+def _edge_of(delta: GraphDelta) -> EdgeKey | None:
+    match delta:
+        case EdgeAdded():
+            return delta.edge.source, delta.edge.target
+        case BeliefUpdated() | EdgePruned():
+            return delta.source, delta.target
+    return None

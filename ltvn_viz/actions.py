@@ -39,6 +39,8 @@ def command_for(action: Action, target: int | None) -> c.Command | None:
         return c.Learn(target)
     if action is Action.SELECT and target is not None:
         return c.Select(target)
+    if action is Action.FOLLOW and target is not None:
+        return c.Follow(target)
     make = PLAIN.get(action)
     return make() if make is not None else None
 

@@ -7,6 +7,7 @@ is not among them: the held keys are polled from the driver's seat, so that they
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.types import NodeId, Rgb
 
 
@@ -157,7 +158,7 @@ class CloseRecording(Command):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seek(Command):
-    """Show the replay as it was so many seconds after its beginning."""
+    """Show the recording, or the live run, as it was so many seconds after its beginning."""
 
     label: ClassVar[str] = "seek"
     time_s: float
@@ -168,6 +169,44 @@ class SeekBy(Command):
     """Show the replay so many seconds later, or earlier."""
 
     seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChooseTool(Command):
+    """Show a tool of the debugger, by the name that the page calls it; an unknown one shows none."""
+
+    label: ClassVar[str] = "ask why"
+    name: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Follow(Command):
+    """Follow a link in what the tool shows."""
+
+    link: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tell(Command):
+    """Hand what a person typed to the tool."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointAt(Command):
+    """Select a node, or an edge from `node` to `target`, for the tool."""
+
+    node: NodeId
+    target: NodeId | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChangeMap(Command):
+    """Change the live map by hand."""
+
+    label: ClassVar[str] = "change the map by hand"
+    deltas: tuple[GraphDelta, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

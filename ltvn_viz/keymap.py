@@ -42,6 +42,8 @@ class Action(StrEnum):
     HELP = "help"
     SELECT = "select"
     """A click on a picture: look at it. Carries the picture's id."""
+    FOLLOW = "follow"
+    """A click on a link in what a tool shows. Carries the link's number."""
 
 
 FOR_EVERYBODY = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE, Action.HELP, Action.SELECT})

@@ -40,6 +40,17 @@ class Mapping:
         """Name of the weights in use."""
         return self._predictor.fingerprint
 
+    @property
+    def predictor(self) -> Predictor:
+        """The network in use."""
+        return self._predictor
+
+    def change(self, deltas: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
+        """Change the map by hand; returns the deltas. Raises MapError for one that does not fit."""
+        for delta in deltas:
+            self.graph.apply(delta)
+        return deltas
+
     def load(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> Sequence[GraphDelta]:
         """Take a map with its pictures in place of the present one and return the deltas that make it up."""
         self.views = Views(self._predictor)

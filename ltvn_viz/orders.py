@@ -6,7 +6,8 @@ Owns the meaning of each command. Whether it is legal now is `modes`; runs in th
 from collections.abc import Sequence
 
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.nav.events import Severity
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.nav.events import GraphChanged, Severity
 from ltvn_core.types import FrameId, NodeId, Rgb
 from ltvn_viz import commands as c
 from ltvn_viz.building import Building
@@ -17,6 +18,7 @@ from ltvn_viz.navigation import Navigation
 from ltvn_viz.replay import Replay
 from ltvn_viz.snapshot import Work
 from ltvn_viz.stage import Stage
+from ltvn_viz.why.tool import ToolName
 
 
 def obey(stage: Stage, command: c.Command) -> None:
@@ -52,6 +54,10 @@ def _carry_out(stage: Stage, command: c.Command) -> None:
             stage.goals.selected = node
         case c.Pick(node):
             _pick(stage, node)
+        case c.ChooseTool() | c.Follow() | c.Tell() | c.PointAt():
+            _inspect(stage, command)
+        case c.ChangeMap(deltas):
+            _change(stage, deltas)
         case c.NavigateTo(node):
             _navigate(stage, node)
         case c.NavigateToPicture(rgb):
@@ -79,8 +85,8 @@ def _play(stage: Stage, command: c.Command) -> None:
             navigation.resume() if navigation.mode is Mode.PAUSED else navigation.pause()
         case c.StepOnce(), Navigation() as navigation:
             navigation.step()
-        case c.Seek(time_s), Replay() as replay:
-            replay.seek(time_s)
+        case c.Seek(time_s), _:
+            _seek(stage, time_s)
         case c.SeekBy(seconds), Replay() as replay:
             replay.seek(replay.time_s + seconds)
         case c.OpenRecording(name, at_s), _:
@@ -89,10 +95,45 @@ def _play(stage: Stage, command: c.Command) -> None:
             stage.activity = stage.teleop
 
 
+def _inspect(stage: Stage, command: c.Command) -> None:
+    inspector = stage.inspector
+    match command:
+        case c.ChooseTool(name):
+            inspector.choose(next((tool for tool in inspector.offered if tool == name), ToolName.NONE))
+        case c.PointAt(node, target):
+            inspector.point_at(node, target)
+        case c.Tell(text):
+            inspector.told(text)
+        case c.Follow(number):
+            asked = inspector.link(number)
+            if asked is not None:
+                obey(stage, asked)
+
+
+def _change(stage: Stage, deltas: Sequence[GraphDelta]) -> None:
+    def show(changed: Sequence[GraphDelta]) -> None:
+        for delta in changed:
+            stage.live.emit(GraphChanged(delta))
+        stage.inspector.again()
+
+    stage.worker.submit(lambda: stage.mapping.change(deltas), show)
+
+
+def _seek(stage: Stage, time_s: float) -> None:
+    """Show another moment: of the recording, or of the live run so far."""
+    if isinstance(stage.activity, Replay):
+        stage.activity.seek(time_s)
+        return
+    stamp = stage.live.timeline.start_s + time_s
+    stage.look_back = stamp if stamp < stage.live.timeline.end_s else None
+
+
 def _pick(stage: Stage, node: NodeId) -> None:
-    if stage.activity is stage.teleop:
+    if stage.inspector.is_on:
+        stage.inspector.point_at(node)
+    elif stage.activity is stage.teleop:
         _navigate(stage, node)
-    else:
+    elif not isinstance(stage.activity, Replay):
         stage.goals.selected = node
 
 

@@ -33,6 +33,8 @@ class Portrait:
         self._meter.count()
         activity = stage.activity
         snapshot = _replayed(activity) if isinstance(activity, Replay) else _live(stage)
+        if stage.inspector.is_on:
+            stage.inspector.refresh(stage.cases.of(stage, snapshot.moment))
         snapshot = replace(
             snapshot,
             mode=activity.mode,
@@ -41,6 +43,7 @@ class Portrait:
             recordings=self._recordings(stage),
             message=stage.message,
             learning=_learning(stage),
+            inspection=stage.inspector.shown,
             weights=stage.mapping.fingerprint,
             work=activity.work if isinstance(activity, Building) else stage.work,
         )
@@ -60,7 +63,8 @@ def _learning(stage: Stage) -> LearningStatus:
 
 def _live(stage: Stage) -> Snapshot:
     robot = stage.live.robot
-    moment, pose = stage.live.timeline.at(robot.stamp), robot.exact_pose
+    shown = robot.stamp if stage.look_back is None else stage.look_back
+    moment, pose = stage.live.timeline.at(shown), robot.exact_pose
     moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     stage.goals.refresh(moment.graph)
     picture = stage.feed.look(pose)

@@ -32,7 +32,7 @@ class Replay:
     def __init__(self, name: str, scene: str, timeline: Timeline, pictures: Pictures) -> None:
         """Show the recording `name`, made in `scene`, from its beginning."""
         self.name, self.scene = name, scene
-        self._timeline, self._pictures = timeline, pictures
+        self.timeline, self._pictures = timeline, pictures
         self._start_s = timeline.start_s
         self.length_s = max(0.0, timeline.end_s - self._start_s)
         self.time_s = 0.0
@@ -62,7 +62,7 @@ class Replay:
 
     def moment(self) -> Moment:
         """Return the world at the present place in time."""
-        return self._timeline.at(self._start_s + self.time_s)
+        return self.timeline.at(self._start_s + self.time_s)
 
     def camera(self, frame: FrameId | None) -> CameraView | None:
         """Return the picture of a frame; None when it cannot be read."""

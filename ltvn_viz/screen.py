@@ -19,6 +19,7 @@ from ltvn_viz.layers.intent import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot import RobotLayer
 from ltvn_viz.layers.scene import SceneLayer
 from ltvn_viz.layers.trajectory import TrajectoryLayer
+from ltvn_viz.layers.why import WhyLayer
 from ltvn_viz.painter import Showing
 from ltvn_viz.panels.camera import CameraPanel
 from ltvn_viz.panels.drive import DrivePanel
@@ -27,6 +28,7 @@ from ltvn_viz.panels.learn import LearnPanel
 from ltvn_viz.panels.notices import Notices
 from ltvn_viz.panels.replay import ReplayPanel
 from ltvn_viz.panels.status import StatusPanel
+from ltvn_viz.panels.why import WhyPanel
 
 PANEL_PX = 380
 CAMERA_PX = 520
@@ -75,12 +77,14 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
         go = GoPanel(gui, send)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui, send)
+    with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
+        why = WhyPanel(gui, send)
     gui.add_html(palette.legend_html())
     window = gui.add_panel()
     with window.add_tab("Camera and depth", viser.Icon.CAMERA):
         camera = CameraPanel(gui)
     window.float(x=-16, y=-16, width=CAMERA_PX)
-    return [status, camera, drive, learn, follow, go, replay, Notices(clients)]
+    return [status, camera, drive, learn, follow, go, replay, why, Notices(clients)]
 
 
 def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: Assets) -> list[Showing]:
@@ -96,4 +100,5 @@ def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: Asse
         ChangesLayer(scene),
         TrajectoryLayer(scene),
         EdgesLayer(scene),
+        WhyLayer(scene),
     ]

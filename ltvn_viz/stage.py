@@ -22,6 +22,10 @@ from ltvn_viz.navigation import Navigation
 from ltvn_viz.replay import Replay
 from ltvn_viz.snapshot import Message, Work
 from ltvn_viz.teleop import Teleop
+from ltvn_viz.why.cases import Cases
+from ltvn_viz.why.inspector import Inspector
+from ltvn_viz.why.later import Later
+from ltvn_viz.why.tools import tools
 from ltvn_viz.worker import Worker
 
 Activity: TypeAlias = Teleop | Navigation | Building | Replay
@@ -58,10 +62,14 @@ class Stage:
     work: Work | None = None
     """A job that the page should wait for, beside what an activity says itself."""
     queries: int = 0
+    look_back: float | None = None
+    """A stamp of the live run that the page shows instead of now."""
 
     def __post_init__(self) -> None:
         """Begin with a person driving."""
         self.activity: Activity = self.teleop
+        self.inspector = Inspector(tools())
+        self.cases = Cases(Later(self.worker, self.inspector.again))
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Show a message in the page."""

@@ -74,6 +74,17 @@ class Timeline:
         """The last moment, seconds on the robot's clock."""
         return max([*self._frames["stamp"][-1:].tolist(), *self._stamps[-1:]], default=0.0)
 
+    def step_at(self, stamp: float) -> FrameId:
+        """Return the newest step at `stamp` seconds: of an image or of an event, -1 before the first."""
+        frames = int(np.searchsorted(self._frames["stamp"], stamp, "right"))
+        known = bisect_right(self._stamps, stamp)
+        last_frame = int(self._frames["step"][frames - 1]) if frames else -1
+        return max(last_frame, self.events[known - 1].step if known else -1)
+
+    def pose(self, frame: FrameId) -> Pose | None:
+        """Return where an image was taken, (3,); None if nobody said."""
+        return self._poses.get(frame)
+
     def place(self, frame: FrameId, pose: Pose) -> None:
         """Say where an image was taken (3,), for an image that is not part of this run's trajectory."""
         self._poses[frame] = pose

@@ -47,6 +47,17 @@ STYLE = f"""<style>
 .lt-table div {{ display: flex; flex-direction: column; }}
 .lt-table b {{ font-size: 1.15em; color: #f1f3f5; font-weight: 600; font-variant-numeric: tabular-nums; }}
 .lt-table span {{ color: #909296; font-size: .9em; }}
+.lt-why > div {{ margin: .25em 0; color: #ced4da; }}
+.lt-link {{ color: #74b0ff; cursor: pointer; text-decoration: underline; }}
+.lt-pair {{ display: flex; gap: .4em; }}
+.lt-why figure {{ flex: 1; margin: 0; }}
+.lt-why figure img, .lt-none {{ width: 100%; aspect-ratio: 4/3; border-radius: .35em; display: block; }}
+.lt-none {{ background: #2c2e33; color: #868e96; text-align: center; }}
+.lt-why figcaption {{ color: #909296; font-size: .9em; }}
+.lt-curve {{ width: 100%; background: rgba(255,255,255,.04); border-radius: .35em; }}
+.lt-rows {{ width: 100%; border-collapse: collapse; font-variant-numeric: tabular-nums; }}
+.lt-rows th {{ text-align: left; color: #909296; font-weight: 400; }}
+.lt-rows td {{ padding: .1em .3em .1em 0; border-top: 1px solid rgba(255,255,255,.07); vertical-align: top; }}
 </style>"""
 
 

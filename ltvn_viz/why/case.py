@@ -1,0 +1,68 @@
+"""What a tool may look at: everything that happened, with the pictures and the network.
+
+Owns how the live run and an open recording are made to look the same. Computes nothing but what it keeps.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from ltvn_core.analysis.records import Instant
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.config import Method
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
+from ltvn_viz.timeline import Moment
+from ltvn_viz.why.later import Later
+
+if TYPE_CHECKING:
+    from ltvn_viz.mapping import Mapping
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A run and a moment in it."""
+
+    name: str
+    """Of the recording; empty for the live run."""
+    scene: str
+    start_s: float
+    """The stamp at which the run began; seconds on the page count from there."""
+    moment: Moment
+    """What the page shows."""
+    step: FrameId
+    """The newest step that counts."""
+    timeline: Timeline
+    """All events that are known, also those after the moment, indexed."""
+    pose: Callable[[NodeId], Pose | None]
+    """Where a node is drawn, (3,)."""
+    picture: Callable[[FrameId], Observation | None]
+    """An image by its frame; None when it is not at hand. Touch it in this thread alone."""
+    method: Method
+    """The thresholds in use."""
+    predictor: Predictor
+    """The network in use; a recording may have been made with another."""
+    mapping: "Mapping | None"
+    """The live map and its images, to be touched within `later` alone; None in replay."""
+    later: Later
+    """Computes slowly, elsewhere."""
+
+    @property
+    def instant(self) -> Instant:
+        """The moment."""
+        return Instant(self.step, self.moment.stamp)
+
+    @property
+    def is_live(self) -> bool:
+        """Tell whether the robot itself is on show."""
+        return self.mapping is not None
+
+    @cached_property
+    def graph(self) -> TopologicalGraph:
+        """The map at the moment; linear in its changes when it is asked first."""
+        return self.timeline.graph_at(self.instant)
+
+    def seconds(self, instant: Instant) -> float:
+        """Return a moment as the page counts it."""
+        return max(0.0, instant.stamp - self.start_s)

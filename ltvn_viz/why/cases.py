@@ -1,0 +1,72 @@
+"""Makes the case that tools look at, of the live run or of an open recording.
+
+Owns the index of each run's events, and how often that of a growing run is made anew.
+"""
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ltvn_core.analysis.timeline import Timeline as Index
+from ltvn_core.errors import LtvnError
+from ltvn_core.types import FrameId, Observation
+from ltvn_viz.replay import Replay
+from ltvn_viz.timeline import Moment, Timeline
+from ltvn_viz.why.case import Case
+from ltvn_viz.why.later import Later
+
+if TYPE_CHECKING:
+    from ltvn_viz.stage import Stage
+
+_ANEW_EVERY_S = 1.0
+"""Indexing is linear in the events, so a run that goes on is indexed once a second at most."""
+
+
+class Cases:
+    """Remembers the index of the run that tools look at."""
+
+    def __init__(self, later: Later, clock: Callable[[], float] = time.monotonic) -> None:
+        """Let tools compute slowly by `later`."""
+        self._later, self._clock = later, clock
+        self._indexed: tuple[Timeline | None, int, Index] = (None, 0, Index.of(()))
+        self._indexed_at = float("-inf")
+
+    def of(self, stage: "Stage", moment: Moment) -> Case:
+        """Return the case of what the page shows."""
+        activity = stage.activity
+        replay = activity if isinstance(activity, Replay) else None
+        run = stage.live.timeline if replay is None else replay.timeline
+        index = self._index(run)
+        return Case(
+            name="" if replay is None else replay.name,
+            scene=stage.scene if replay is None else replay.scene,
+            start_s=run.start_s,
+            moment=moment,
+            step=run.step_at(moment.stamp),
+            timeline=index,
+            pose=run.pose,
+            picture=_live_picture(stage) if replay is None else replay.picture,
+            method=stage.mapping.method,
+            predictor=stage.mapping.predictor,
+            mapping=stage.mapping if replay is None else None,
+            later=self._later,
+        )
+
+    def _index(self, run: Timeline) -> Index:
+        known, count, index = self._indexed
+        grown = len(run.events) != count
+        if run is not known or (grown and self._clock() - self._indexed_at > _ANEW_EVERY_S):
+            self._indexed_at = self._clock()
+            self._indexed = run, len(run.events), Index.of(run.events)
+            return self._indexed[2]
+        return index
+
+
+def _live_picture(stage: "Stage") -> Callable[[FrameId], Observation | None]:
+    def picture(frame: FrameId) -> Observation | None:
+        try:
+            return stage.mapping.views.observation(frame)
+        except LtvnError:
+            return None
+
+    return picture

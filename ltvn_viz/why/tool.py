@@ -1,0 +1,103 @@
+"""What a tool of the debugger is: it looks at a case and says something, with links to follow.
+
+Owns the interface. Tools live one to a module and know neither the page nor the session's thread.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from html import escape
+from typing import Protocol, TypeAlias
+
+from ltvn_core.types import NodeId
+from ltvn_viz.commands import Command
+from ltvn_viz.why.case import Case
+from ltvn_viz.why.overlay import NOTHING, Overlay
+
+EdgeKey: TypeAlias = tuple[NodeId, NodeId]
+
+
+class ToolName(StrEnum):
+    """The tools, in the order of the list; the value is what the page calls them."""
+
+    NONE = "choose a question …"
+    EDGE = "What about this edge?"
+    BLAME = "Why is it so?"
+    TIME = "What happened when?"
+    WHAT_IF = "What if?"
+    WHERE = "Where am I?"
+    BREAK = "Stop when …"
+    COMPARE = "What is different?"
+    TRUTH = "What is true?"
+    FAILURES = "What failed?"
+    COACH = "Where to drive next?"
+    HAND = "Change by hand"
+    SHARE = "Show somebody"
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What a person pointed at."""
+
+    node: NodeId | None = None
+    edge: EdgeKey | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ToolView:
+    """What a tool shows."""
+
+    html: str
+    """Foreign parts escaped."""
+    overlay: Overlay = NOTHING
+    links: tuple[Command, ...] = ()
+    """What the links in `html` ask for, by number."""
+    asks: str = ""
+    """What a person may type, as a hint in the empty field; empty hides the field."""
+
+
+@dataclass(slots=True)
+class Page:
+    """Collects lines of a view and the links in them."""
+
+    parts: list[str] = field(default_factory=list)
+    links: list[Command] = field(default_factory=list)
+
+    def line(self, text: str) -> None:
+        """Add a line of plain text."""
+        self.parts.append(f"<div>{escape(text)}</div>")
+
+    def html(self, markup: str) -> None:
+        """Add markup whose foreign parts are escaped."""
+        self.parts.append(markup)
+
+    def link(self, label: str, command: Command) -> str:
+        """Return a link to be put into `html`."""
+        self.links.append(command)
+        number = len(self.links) - 1
+        return f'<a class="lt-link" data-ltvn-action="follow" data-id="link-{number}">{escape(label)}</a>'
+
+    def table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        """Add a table of cells that are markup already."""
+        cells = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+        heads = "".join(f"<th>{escape(each)}</th>" for each in head)
+        self.parts.append(f'<table class="lt-rows"><thead><tr>{heads}</tr></thead><tbody>{cells}</tbody></table>')
+
+    def view(self, overlay: Overlay = NOTHING, asks: str = "") -> ToolView:
+        """Return what was collected."""
+        return ToolView(f'<div class="lt lt-why">{"".join(self.parts)}</div>', overlay, tuple(self.links), asks)
+
+
+class Tool(Protocol):
+    """Answers one kind of question."""
+
+    about: str
+    """What it shows, in one line."""
+
+    def look(self, case: Case, selection: Selection) -> ToolView:
+        """Return what there is to see now; called when case or selection changed, in the session's thread."""
+        ...
+
+    def told(self, case: Case, text: str) -> None:
+        """Take in what a person typed; raises OptionError, whose words the page shows."""
+        ...

@@ -7,23 +7,16 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 from ltvn_core.ablation import PARTS, without
-from ltvn_core.composition import PredictorName, open_method
+from ltvn_core.composition import PredictorName, SystemName, open_method
+from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluate.protocol import Protocol
-from ltvn_core.graph.ltvn import ltvn
-from ltvn_core.graph.rivals.sptm import sptm
-from ltvn_core.graph.rivals.ving import ving
 from ltvn_core.graph.system import System
 from ltvn_core.recording.whole import written_whole
 from ltvn_core.sim.scene import Scene
 
-SystemName: TypeAlias = Literal["ltvn", "sptm", "ving"]
-"""A topological navigation system."""
-
-_SYSTEMS = {"ltvn": ltvn, "sptm": sptm, "ving": ving}
 _FINE_TUNING = "fine-tuning"
 
 
@@ -84,7 +77,7 @@ def open_system(plan: TrialPlan, weights: Path | None, scene: Scene, *, maintain
     method = open_method(plan.preset, plan.predictor, weights)
     limits = {"step_limit": plan.protocol.steps_in(scene), "collision_limit": plan.protocol.collision_limit}
     method = replace(method, maintain=maintain, recovering=replace(method.recovering, **limits))
-    return _SYSTEMS[plan.system](without(method, set(plan.parts_off) - {_FINE_TUNING}))
+    return open_named_system(plan.system, without(method, set(plan.parts_off) - {_FINE_TUNING}))
 
 
 @dataclass(frozen=True, slots=True)

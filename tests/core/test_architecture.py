@@ -14,6 +14,7 @@ HOMES = {
     "pybullet": ("ltvn_core/sim",),
     "torch": ("ltvn_core/model",),
     "rerun": ("ltvn_core/recording",),
+    "jinja2": ("ltvn_core/report",),
     "matplotlib": ("ltvn_core/report",),
 }
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.lessons.data import Tell
 from ltvn_core.verbs.finetune import FineTunedWeights
-from ltvn_core.verbs.lesson_data import Tell
 from ltvn_core.verbs.tuning import DriveAtHand, Lesson
 from ltvn_viz.learning_words import false_links_grew, result_lines
 from ltvn_viz.snapshot import LearningStatus, Phase

@@ -63,7 +63,8 @@ def shard_path(folder: Path, name: str) -> Path:
 
 def write_shard(shard: Shard, path: Path) -> None:
     """Write a shard so that the file is either whole or not there. Raises DatasetError if the disk will not take it."""
-    partial = path.with_suffix(".partial")
+    # Two processes that make the same shard at once both end with a whole one.
+    partial = path.with_suffix(f".{os.getpid()}.partial")
     # One entry only: safetensors writes several in random order, and the bytes must not vary.
     metadata = {"ltvn": json.dumps({"schema": SCHEMA, "name": shard.name, "recipe": shard.recipe})}
     arrays = {name: np.ascontiguousarray(getattr(shard, name)) for name in _ARRAYS}

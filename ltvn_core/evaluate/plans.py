@@ -67,9 +67,9 @@ def parts() -> tuple[str, ...]:
 
 def shipped_weights(system: SystemName) -> Path:
     """Return the weights that come with the program for a system."""
-    from ltvn_core.model.weights import SHIPPED
+    from ltvn_core.model.weights import SHIPPED, SHIPPED_RIVALS
 
-    return SHIPPED if system == "ltvn" else SHIPPED.with_stem(system)
+    return SHIPPED_RIVALS.get(system, SHIPPED)
 
 
 def open_system(plan: TrialPlan, weights: Path | None, scene: Scene, *, maintain: bool) -> System:

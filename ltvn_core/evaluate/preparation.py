@@ -62,8 +62,8 @@ def tuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Obs
         return start
     if not files.weights.exists():
         # Only here, because learning takes long to load and a map that is there already needs none.
+        from ltvn_core.lessons.own_weights import finetune_for
         from ltvn_core.model.finetuning import FineTuningPlan
-        from ltvn_core.verbs.own_weights import finetune_for
 
         steps = FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)
         finetune_for(plan.system, observations, start, steps, files.weights.with_suffix(".part"), files.weights)

@@ -22,12 +22,13 @@ def rival_learning(rival: str, learning: LearningPlan) -> LearningPlan:
     return replace(learning, far=_ONLY_OTHER_SCENES, confusions=0, hardness=0.0, evened=evened)
 
 
-def rival_training(rival: str, *, minutes: float, seed: int) -> TrainingPlan:
-    """Return how a rival's network is trained from the shipped weights (all ours)."""
+def rival_training(rival: str, *, minutes: float, steps: int | None, seed: int) -> TrainingPlan:
+    """Return how a rival's network is trained from the shipped weights (all ours): for steps, or else for minutes."""
     learning = LearningPlan(
         seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=5e-4, warm_up=0.1, average=0.99
     )
-    return TrainingPlan(rival_learning(rival, learning), Architecture(), minutes=minutes, validations=3, minings=0)
+    plan = TrainingPlan(rival_learning(rival, learning), Architecture(), minutes=minutes, validations=3, minings=0)
+    return plan if steps is None else replace(plan, minutes=None, steps=steps)
 
 
 def rival_finetuning(rival: str, plan: FineTuningPlan) -> FineTuningPlan:

@@ -2,6 +2,7 @@
 
 NAMES = {
     "pairs": "pairs",
+    "accuracy": "labels that a cut of r at 0.5 gets right",
     "auc": "AUC of reachability",
     "ece": "calibration error of r (ECE)",
     "position_median_m": "position error, median (m)",

@@ -2,12 +2,8 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ltvn_core.verbs.verb import Summary, Verb
-
-if TYPE_CHECKING:
-    from ltvn_core.data.worlds import World
 
 FAMILIES = ("train-", "tune-0", "tune-1", "tune-2")
 """Scenes that a dataset holds unless others are named: to train on, and to choose the best weights by."""
@@ -44,6 +40,7 @@ class Dataset(Verb):
         """Make the missing shards; raises SceneError and DatasetError."""
         from ltvn_core.data.generate import DatasetRecipe, generate
         from ltvn_core.data.shards import read_shard
+        from ltvn_core.lessons.worlds import open_world
         from ltvn_core.sim.scenes import scene_names
 
         names = self.scenes or tuple(name for name in scene_names() if name.startswith(FAMILIES))
@@ -55,13 +52,3 @@ class Dataset(Verb):
             images, pairs = images + len(shard.rgb), pairs + len(shard.sources)
             reachable += int(shard.reachable.sum())
         return DatasetMade(self.folder, len(paths), images, pairs, reachable / max(pairs, 1))
-
-
-def open_world(name: str) -> "World":
-    """Open a simulated scene for data generation. Raises SceneError."""
-    from ltvn_core.data.worlds import World
-    from ltvn_core.sim.camera import open_camera
-    from ltvn_core.sim.scenes import load_scene
-
-    scene = load_scene(name)
-    return World(scene.name, scene.clearance, open_camera(scene))

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.dataset import open_world
-from ltvn_core.verbs.unseen import UNSEEN, drives
+from ltvn_core.lessons.unseen import UNSEEN, drives
+from ltvn_core.lessons.worlds import open_world
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -50,12 +50,14 @@ class Figures(Verb):
 
     def run(self) -> Summary:
         """Draw and write; raises OptionError, WeightsError, SceneError and DatasetError."""
-        from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
+        from ltvn_core.model.weights import SHIPPED, SHIPPED_RIVALS, read_card, weights_fingerprint
         from ltvn_core.report.comparison import comparisons
         from ltvn_core.report.tables import blocks, fill
+        from ltvn_core.report.temporal_table import temporal_blocks
 
         weights = self.weights or SHIPPED
-        tables = blocks(read_card(weights))
+        rivals = {name: read_card(path) for name, path in SHIPPED_RIVALS.items()}
+        tables = {**blocks(read_card(weights)), **temporal_blocks(rivals)}
         pictures, pairs = ((), 0) if self.tables_only else self._draw(weights)
         if self.page is not None:
             fill(self.page, {**tables, **comparisons(self.measurements)})

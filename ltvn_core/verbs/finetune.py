@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.verbs.lesson_card import LessonCard
-from ltvn_core.verbs.lesson_data import read_drive, with_simulation
+from ltvn_core.lessons.card import LessonCard
+from ltvn_core.lessons.data import read_drive, with_simulation
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.verbs.unseen import UNSEEN
+from ltvn_core.lessons.unseen import UNSEEN
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:

@@ -1,7 +1,5 @@
 """`ltvn rival`: our network learns the labels of SPTM or ViNG on random walks, for a comparison under equal terms."""
 
-import zlib
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -9,12 +7,12 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.dataset import FAMILIES, open_world
-from ltvn_core.verbs.unseen import VALIDATION
+from ltvn_core.lessons.unseen import VALIDATION
+from ltvn_core.lessons.walks import labelled_walks
+from ltvn_core.verbs.dataset import FAMILIES
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.data.shards import Shard
     from ltvn_core.model.rival_card import RivalCard
     from ltvn_core.model.training import TrainingData, TrainingPlan, TrainingResult
 
@@ -50,7 +48,9 @@ class Rival(Verb):
     work: Path | None = None
     """Where checkpoints and curves go; a folder below the walks unless named."""
     minutes: float = 8.0
-    """How long to train, in one process."""
+    """How long to train, in one process,"""
+    steps: int | None = None
+    """or for how many steps of about 200 pairs, which gives the same weights on a slower machine."""
     processes: int = 2
     """Scenes that are rendered at the same time."""
     seed: int = 0
@@ -72,10 +72,13 @@ class Rival(Verb):
         return RivalTrained(self.output, fingerprint, *size, card.steps, card.pairs_compared, card.minutes, *figures)
 
     def _check_options(self) -> None:
-        if not self.minutes > 0:
-            raise OptionError(f"--minutes must be above 0, got {self.minutes:g}; 8 is a good start.")
+        if not (self.minutes > 0 and (self.steps is None or self.steps > 0)):
+            raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
         if self.output.suffix != ".safetensors" or self.output.exists():
             raise OptionError(f"--output must be a new file that ends in .safetensors, got {self.output}.")
+
+    def _length(self) -> str:
+        return f"--minutes {self.minutes:g}" if self.steps is None else f"--steps {self.steps}"
 
     def _data(self) -> "TrainingData":
         from ltvn_core.model.training import TrainingData
@@ -89,7 +92,7 @@ class Rival(Verb):
     def _plan(self) -> "TrainingPlan":
         from ltvn_core.model.rival_plan import rival_training
 
-        return rival_training(self.rival, minutes=self.minutes, seed=self.seed)
+        return rival_training(self.rival, minutes=self.minutes, steps=self.steps, seed=self.seed)
 
     def _card(self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult") -> "RivalCard":
         from ltvn_core.data.shards import Shard
@@ -116,28 +119,7 @@ class Rival(Verb):
             result.steps,
             result.pairs,
             result.seconds / 60,
-            (f"ltvn rival {self.rival} --output {self.output.name} --minutes {self.minutes:g} --seed {self.seed}",),
+            (f"ltvn rival {self.rival} --output {self.output.name} {self._length()} --seed {self.seed}",),
             assess_rival(load_predictor(SHIPPED), data.validation),
             assess_rival(load_predictor(result.weights), data.validation),
         )
-
-
-def labelled_walks(
-    rival: str, names: Sequence[str], folder: Path, *, seed: int = 0, processes: int = 1
-) -> "list[Shard]":
-    """Return random walks through scenes, labelled by a rival's rule; walks that do not lie in the folder are made.
-
-    Raises DatasetError and SceneError.
-    """
-    import numpy as np
-
-    from ltvn_core.data.generate import generate
-    from ltvn_core.data.random_walk import WalkRecipe
-    from ltvn_core.data.shards import read_shard
-    from ltvn_core.data.temporal_pairs import label_walks
-    from ltvn_core.data.temporal_rules import RULES
-
-    paths = generate(names, open_world, folder, WalkRecipe(seed=seed), processes=processes)
-    walks = [read_shard(path) for path in paths]
-    draws = [np.random.default_rng([seed, zlib.crc32(walk.name.encode()), 1]) for walk in walks]
-    return [label_walks(walk, RULES[rival], rng) for walk, rng in zip(walks, draws, strict=True)]

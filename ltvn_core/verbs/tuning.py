@@ -11,9 +11,9 @@ from threading import Event
 from typing import TYPE_CHECKING, TypeAlias
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.lessons.data import Tell, label_drive, read_drive, with_simulation
 from ltvn_core.types import Intrinsics, Observation
 from ltvn_core.verbs.finetune import Finetune, FineTunedWeights
-from ltvn_core.verbs.lesson_data import Tell, label_drive, read_drive, with_simulation
 
 if TYPE_CHECKING:
     from ltvn_core.data.trajectory_pairs import TrajectoryPairs

@@ -18,7 +18,7 @@ HOMES = {
     "matplotlib": ("ltvn_core/report",),
 }
 
-COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluate", "ltvn_core/verbs", "ltvn_viz")
+COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluate", "ltvn_core/lessons", "ltvn_core/verbs", "ltvn_viz")
 SIBLINGS = ("sim", "data", "model", "recording")
 FOUNDATION = ("types", "geometry", "config", "errors", "intake")
 
@@ -104,3 +104,10 @@ def test_the_method_never_reads_the_truth() -> None:
         )
     ]
     assert readers == []
+
+
+def test_only_the_command_line_and_the_page_import_verbs() -> None:
+    outer = ("ltvn_core/cli.py", "ltvn_core/verbs", "ltvn_viz")
+    inner = [path for path in MODULES if not relative(path).startswith(outer)]
+
+    assert [relative(path) for path in inner if "verbs" in core_parts(path)] == []

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import DatasetError, OptionError, RecordingError, WeightsError
+from ltvn_core.lessons.data import read_drive, with_simulation
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Observation, Pose
 from ltvn_core.verbs.finetune import Finetune
-from ltvn_core.verbs.lesson_data import read_drive, with_simulation
 from tests.core.data.own_drive import along, look
 
 WAY = along((1.0, 1.0), (3.2, 1.0), (3.2, 3.3))

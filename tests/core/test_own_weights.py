@@ -11,12 +11,12 @@ from ltvn_core.data.random_walk import WalkRecipe
 from ltvn_core.data.sampling import ClusterSampling
 from ltvn_core.data.shards import shard_path, write_shard
 from ltvn_core.errors import WeightsError
+from ltvn_core.lessons.data import CHECKED, MIXED
+from ltvn_core.lessons.own_weights import System, finetune_for
 from ltvn_core.model.finetuning import FineTuningPlan
 from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.weights import load_weights, read_card, save_weights, weights_fingerprint
-from ltvn_core.verbs.lesson_data import CHECKED, MIXED
-from ltvn_core.verbs.own_weights import System, finetune_for
 from tests.core.data.box_world import two_rooms
 from tests.core.data.own_drive import along, look
 from tests.core.model.examples import SMALL

@@ -8,13 +8,13 @@ import torch
 
 from ltvn_core.data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.lessons.data import Tell
 from ltvn_core.model.finetuning import FineTuningData, FineTuningPlan
 from ltvn_core.model.learner import LearningPlan
 from ltvn_core.model.network import PairNetwork
 from ltvn_core.model.weights import save_weights
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Observation
-from ltvn_core.verbs.lesson_data import Tell
 from ltvn_core.verbs.tuning import Tuner
 from tests.core.data.own_drive import along, look
 from tests.core.model.examples import SMALL, tiny_drive, tiny_shard

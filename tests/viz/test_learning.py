@@ -12,12 +12,12 @@ import pytest
 
 from ltvn_core.data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.errors import WeightsError
+from ltvn_core.lessons.data import Tell
 from ltvn_core.model.finetuning import FineTuningData
 from ltvn_core.model.weights import read_card, weights_fingerprint
 from ltvn_core.nav.events import Severity
 from ltvn_core.types import STILL, Twist
 from ltvn_core.verbs.finetune import FineTunedWeights
-from ltvn_core.verbs.lesson_data import Tell
 from ltvn_core.verbs.tuning import DriveAtHand, Lesson, Tuner
 from ltvn_viz import commands as c
 from ltvn_viz.keymap import FOR_EVERYBODY, Action

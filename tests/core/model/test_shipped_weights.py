@@ -5,10 +5,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from ltvn_core.lessons.unseen import UNSEEN, drives
 from ltvn_core.model.assessment import Drive, assess_drives, encode_images
 from ltvn_core.model.predictor import load_predictor
-from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
-from ltvn_core.verbs.unseen import UNSEEN, drives
+from ltvn_core.model.weights import SHIPPED, SHIPPED_RIVALS, read_card, weights_fingerprint
 
 pytest.importorskip("embreex")
 
@@ -40,3 +40,12 @@ def test_the_prefilter_keeps_nearly_all_that_full_comparison_ranks_first() -> No
         assert filtered[first[:2]] == pytest.approx(everything[first[:2]], abs=1e-4)
         kept.extend(np.isclose(filtered[first], everything[first], atol=1e-4))
     assert np.mean(kept) > 0.9
+
+
+@pytest.mark.parametrize("rival", ["sptm", "ving"])
+def test_a_rivals_card_belongs_to_its_weights_and_names_its_start(rival: str) -> None:
+    card = read_card(SHIPPED_RIVALS[rival])
+    assert card["fingerprint"] == weights_fingerprint(SHIPPED_RIVALS[rival])
+    assert card["parent"] == weights_fingerprint(SHIPPED)
+    assert card["after"]["auc"] > card["before"]["auc"]
+    assert not [name for name in card["trained_on"]["scenes"] if not name.startswith("train-")]

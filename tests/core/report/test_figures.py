@@ -8,11 +8,12 @@ from PIL import Image
 
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.model.figures import calibration_error
-from ltvn_core.model.weights import SHIPPED, read_card
+from ltvn_core.model.weights import SHIPPED, SHIPPED_RIVALS, read_card
 from ltvn_core.report.comparison import comparisons
 from ltvn_core.report.curves import band, reliability
 from ltvn_core.report.style import MOST_BYTES
 from ltvn_core.report.tables import blocks, fill
+from ltvn_core.report.temporal_table import temporal_blocks
 from ltvn_core.report.wording import NAMES, shown
 from ltvn_core.verbs.figures import Figures, FiguresMade
 
@@ -57,7 +58,8 @@ def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) 
 def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path: Path) -> None:
     page = tmp_path / "network.md"
     page.write_text(PAGE.read_text())
-    fill(page, {**blocks(read_card(SHIPPED)), **comparisons(PAGE.parent / "measurements")})
+    rivals = temporal_blocks({name: read_card(path) for name, path in SHIPPED_RIVALS.items()})
+    fill(page, {**blocks(read_card(SHIPPED)), **rivals, **comparisons(PAGE.parent / "measurements")})
     assert page.read_text() == PAGE.read_text(), "run `ltvn figures` after exchanging the weights"
 
 

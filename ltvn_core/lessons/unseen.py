@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ltvn_core.verbs.dataset import open_world
+from ltvn_core.lessons.worlds import open_world
 
 if TYPE_CHECKING:
     from ltvn_core.model.assessment import Drive

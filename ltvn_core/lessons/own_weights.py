@@ -11,10 +11,10 @@ from shutil import rmtree
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.lessons.card import LessonCard
+from ltvn_core.lessons.data import CHECKED, MIXED, label_drive, render_simulation, with_simulation
+from ltvn_core.lessons.walks import labelled_walks
 from ltvn_core.types import Intrinsics, Observation
-from ltvn_core.verbs.lesson_card import LessonCard
-from ltvn_core.verbs.lesson_data import CHECKED, MIXED, label_drive, render_simulation, with_simulation
-from ltvn_core.verbs.rival import labelled_walks
 
 if TYPE_CHECKING:
     from ltvn_core.data.trajectory_pairs import DriveRule, TrajectoryPairs
@@ -40,8 +40,8 @@ def finetune_for(
     The rivals learn by time alone, beside random walks that carry the same labels; no confusions are mined for them.
     Weights of the very same run are not made twice. `folder` holds the checkpoint meanwhile: a call that was killed
     goes on from there. `data` names a folder of simulated scenes; without one, they come from the user's cache, which
-    `prepare_lessons` must have filled before several processes call this at once. Raises RecordingError, DatasetError
-    and WeightsError.
+    `prepare_lessons` fills beforehand, so that several processes need not all render them. Raises RecordingError,
+    DatasetError and WeightsError.
     """
     from ltvn_core.model.finetuning import finetune
     from ltvn_core.model.rival_plan import rival_finetuning

@@ -73,7 +73,7 @@ def with_simulation(
 
 @cache
 def _drive_through(name: str) -> "Drive":
-    from ltvn_core.verbs.unseen import drives
+    from ltvn_core.lessons.unseen import drives
 
     return drives([name], images=150)[0]
 
@@ -83,7 +83,7 @@ def render_simulation(tell: Tell | None = None) -> tuple[list[Path], list[Path]]
     from platformdirs import user_cache_path
 
     from ltvn_core.data.generate import DatasetRecipe, generate
-    from ltvn_core.verbs.dataset import open_world
+    from ltvn_core.lessons.worlds import open_world
 
     def made(count: int, of: int) -> None:
         (tell or _untold)(

@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluate.lifetime import queries_between, run_until
@@ -20,6 +20,7 @@ from ltvn_core.evaluate.preparation import prepare
 from ltvn_core.evaluate.results import LifelongPoint, LifelongResult, load_results, save_results
 from ltvn_core.evaluate.trials import OnDone, finish_trial, kept_course, static_pieces
 from ltvn_core.evaluate.truth import calibration
+from ltvn_core.evaluate.workers import Workers
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ class Schedule:
 
 
 def run_lifelong(
-    plans: Sequence[TrialPlan], folder: Path, schedule: Schedule, *, command: str, parallel: Parallel, on_done: OnDone
+    plans: Sequence[TrialPlan], folder: Path, schedule: Schedule, *, command: str, parallel: Workers, on_done: OnDone
 ) -> list[LifelongResult]:
     """Run the lifelong test of several plans, with one scene and seed each; what is done already is only read.
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from ltvn_core.composition import open_predictor
 from ltvn_core.evaluate.course import Course
@@ -22,6 +22,7 @@ from ltvn_core.evaluate.preparation import prepare, tuned_weights
 from ltvn_core.evaluate.protocol import EpisodePlan
 from ltvn_core.evaluate.results import EpisodeResult, TrialResult, load_results, save_results
 from ltvn_core.evaluate.truth import floorplan, map_facts
+from ltvn_core.evaluate.workers import Workers
 from ltvn_core.sim.scenes import load_scene
 
 EPISODES_AT_ONCE = 25
@@ -72,7 +73,7 @@ def kept_course(plan: TrialPlan, files: TrialFiles, queries: int) -> Course:
 
 
 def run_trials(
-    plans: Sequence[TrialPlan], folder: Path, *, episodes: int, command: str, parallel: Parallel, on_done: OnDone
+    plans: Sequence[TrialPlan], folder: Path, *, episodes: int, command: str, parallel: Workers, on_done: OnDone
 ) -> list[TrialResult]:
     """Run the static test of several plans, with one scene and seed each; what is done already is only read.
 

@@ -4,16 +4,20 @@ Owns how joblib is told about it. Files are the only thing that pieces of work s
 evaluation must be one that all machines see, at the same path.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any, TypeAlias
 
 from joblib import Parallel, cpu_count, parallel_config
 
 from ltvn_core.errors import OptionError
 
+Workers: TypeAlias = Callable[[Iterable[Any]], Iterable[Any]]
+"""Runs joblib's delayed calls, and hands their results back as they come, in any order."""
+
 
 @contextmanager
-def workers(processes: int | None, cluster: str | None) -> Iterator[Parallel]:
+def workers(processes: int | None, cluster: str | None) -> Iterator[Workers]:
     """Yield something that runs joblib's delayed calls, and hands their results back as they come.
 
     `processes` None takes all cores. `cluster` is `ray://HOST:PORT` (Ray) or `tcp://HOST:PORT` (Dask). Raises
@@ -37,15 +41,15 @@ def _on_cluster(address: str) -> Iterator[None]:
     scheme = address.partition("://")[0]
     try:
         if scheme == "ray":
-            import ray
-            from ray.util.joblib import register_ray
+            import ray  # pyright: ignore[reportMissingImports]
+            from ray.util.joblib import register_ray  # pyright: ignore[reportMissingImports]
 
             ray.init(address)
             register_ray()
             with parallel_config(backend="ray"):
                 yield
         elif scheme in ("tcp", "tls"):
-            from dask.distributed import Client
+            from dask.distributed import Client  # pyright: ignore[reportMissingImports]
 
             with Client(address), parallel_config(backend="dask"):
                 yield

@@ -99,7 +99,7 @@ def _inspect(stage: Stage, command: c.Command) -> None:
     inspector = stage.inspector
     match command:
         case c.ChooseTool(name):
-            inspector.choose(next((tool for tool in inspector.offered if tool == name), ToolName.NONE))
+            inspector.choose(next((tool for tool in inspector.shown.offered if tool == name), ToolName.NONE))
         case c.PointAt(node, target):
             inspector.point_at(node, target)
         case c.Tell(text):

@@ -11,7 +11,7 @@ from ltvn_core.nav.events import Severity
 from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.modes import Mode
 from ltvn_viz.timeline import Moment
-from ltvn_viz.why.inspector import Inspection
+from ltvn_viz.why.inspector import NOT_INSPECTING, Inspection
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +128,7 @@ class Snapshot:
     learning: LearningStatus = LearningStatus()
     weights: str = ""
     """Fingerprint of the weights in use."""
-    inspection: Inspection = Inspection()
+    inspection: Inspection = NOT_INSPECTING
     """What the debugger shows."""
     hint: str = ""
     """What to do next."""

@@ -12,7 +12,7 @@ from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.types import NodeId
 from ltvn_viz.commands import Command
 from ltvn_viz.why.case import Case
-from ltvn_viz.why.tool import Selection, Tool, ToolName, ToolView
+from ltvn_viz.why.tool import NO_VIEW, NOWHERE, Selection, Tool, ToolName, ToolView
 
 _LINKS = 1000
 """A link is asked for by its number plus so many times the number of the view, so that an old page asks for nothing."""
@@ -25,16 +25,19 @@ class Inspection:
 
     tool: ToolName = ToolName.NONE
     about: str = ""
-    view: ToolView = ToolView("")
+    view: ToolView = NO_VIEW
     serial: int = 0
     """Counts views; part of every link."""
-    selection: Selection = Selection()
+    selection: Selection = NOWHERE
     offered: tuple[ToolName, ...] = (ToolName.NONE,)
 
     @property
     def html(self) -> str:
         """The view's markup, with links that carry its number."""
         return _LINK.sub(lambda found: f'data-id="{self.serial * _LINKS + int(found[1])}"', self.view.html)
+
+
+NOT_INSPECTING = Inspection()
 
 
 class Inspector:
@@ -55,7 +58,7 @@ class Inspector:
     def choose(self, tool: ToolName) -> None:
         """Show a tool, or none."""
         about = self._tools[tool].about if tool in self._tools else ""
-        self.shown = replace(self.shown, tool=tool, about=about, view=ToolView(""), serial=self.shown.serial + 1)
+        self.shown = replace(self.shown, tool=tool, about=about, view=NO_VIEW, serial=self.shown.serial + 1)
         self._key = None
 
     def point_at(self, node: NodeId, target: NodeId | None = None) -> None:

@@ -56,6 +56,10 @@ class ToolView:
     """What a person may type, as a hint in the empty field; empty hides the field."""
 
 
+NOWHERE = Selection()
+NO_VIEW = ToolView("")
+
+
 @dataclass(slots=True)
 class Page:
     """Collects lines of a view and the links in them."""

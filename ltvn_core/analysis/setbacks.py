@@ -4,6 +4,7 @@ Owns that rule: a robot has recovered as soon as a plan shows it nearer to its g
 A leg that succeeds is not enough, for a robot in a jam drives to and fro, and half of its legs succeed.
 """
 
+from collections import Counter
 from math import inf
 from typing import NamedTuple
 
@@ -32,6 +33,7 @@ class _Watch:
     """Follows a query."""
 
     def __init__(self) -> None:
+        self.touches: list[Setback] = []
         self.setback: Setback | None = None
         """The first one that was not recovered from, as yet."""
         self._cheapest = inf
@@ -48,9 +50,13 @@ class _Watch:
             self._edge = None if event.source is None else (event.source, event.target)
         elif isinstance(event, Planned) and event.nodes:
             self._nearer(event.cost)
-        if text and self.setback is None:
-            self.setback = Setback(index, text, self._edge, self._node)
-            self._cheapest_before = self._cheapest
+        if not text:
+            return
+        setback = Setback(index, text, self._edge, self._node)
+        if isinstance(event, Collided):
+            self.touches.append(setback)
+        if self.setback is None:
+            self.setback, self._cheapest_before = setback, self._cheapest
 
     def _nearer(self, cost: float) -> None:
         if self.setback is not None and cost < self._cheapest_before - _NEARER:
@@ -60,10 +66,24 @@ class _Watch:
 
 def first_setback(timeline: Timeline, query: Query) -> Setback | None:
     """Return the first thing in a query that it never recovered from, None if all was well; linear in its events."""
+    return _watched(timeline, query).setback
+
+
+def worst_touch(timeline: Timeline, query: Query) -> Setback | None:
+    """Return the first touch at the node where a query touched things most often; None without touches.
+
+    Touches add up whether or not the robot recovers from each. Linear in its events.
+    """
+    touches = _watched(timeline, query).touches
+    counts = Counter(touch.node for touch in touches)
+    return max(touches, key=lambda touch: counts[touch.node], default=None)
+
+
+def _watched(timeline: Timeline, query: Query) -> _Watch:
     watch = _Watch()
     for index in range(query.first, query.last + 1):
         watch.take(index, timeline.events[index].event)
-    return watch.setback
+    return watch
 
 
 def _wrong(event: Event) -> str:

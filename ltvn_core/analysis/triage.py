@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import hypot
 
-from ltvn_core.analysis.setbacks import Setback, first_setback
+from ltvn_core.analysis.setbacks import Setback, first_setback, worst_touch
 from ltvn_core.analysis.timeline import Instant, Query, Timeline
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topograph import EdgeKey
@@ -64,7 +64,7 @@ class Place:
     """Failures that began near each other."""
 
     nodes: tuple[NodeId, ...]
-    """None if the robot never knew where it was."""
+    """Empty if the robot never knew where it was."""
     pose: PoseRow | None
     """Of the first failure's node."""
     failures: tuple[FailedQuery, ...]
@@ -100,10 +100,21 @@ def by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) -> tuple
 
 
 def _failed(timeline: Timeline, query: Query) -> FailedQuery:
-    setback = None if query.outcome is Outcome.ARRIVED else first_setback(timeline, query)
-    setback = setback or Setback(query.last, f"The query ended: {query.outcome}.", None, _last_node(timeline, query))
+    setback = _setback(timeline, query) or Setback(query.last, _ending(query), None, _last_node(timeline, query))
     before, pose = _second_before(timeline, query, setback.event), _pose_of(timeline, query, setback.node)
     return FailedQuery(query, _trouble(timeline, query), before, *setback, pose)
+
+
+def _setback(timeline: Timeline, query: Query) -> Setback | None:
+    if query.outcome is Outcome.ARRIVED:
+        return None  # It thought that all was well.
+    touched = worst_touch(timeline, query) if query.outcome is Outcome.COLLISION_LIMIT else None
+    return touched or first_setback(timeline, query)
+
+
+def _ending(query: Query) -> str:
+    off = f", {query.judged.position_error_m:.2f} m from the goal" if query.judged else ""
+    return f"The query ended: {query.outcome}{off}."
 
 
 def _trouble(timeline: Timeline, query: Query) -> Trouble:

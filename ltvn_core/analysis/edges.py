@@ -37,6 +37,8 @@ class EdgeEnd:
     """The node with which it went; None if the edge itself was pruned, or the whole map was replaced."""
     attempt: int | None
     """The leg after which it was pruned."""
+    whole_map: bool = False
+    """It went because another map came in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,17 +115,19 @@ class EdgeStory:
         return self.lives[-1].history[-1].belief if self.lives else None
 
 
-def edge_story(timeline: Timeline, source: NodeId, target: NodeId) -> EdgeStory:
-    """Tell the life of an edge; linear in plans and in what happened to it, once per timeline linear in events.
+def edge_story(timeline: Timeline, source: NodeId, target: NodeId, until: Instant | None = None) -> EdgeStory:
+    """Tell the life of an edge up to an instant; linear in plans and in what happened to it.
 
-    An edge that never was gives an empty story.
+    Once per timeline linear in events. An edge that never was gives an empty story.
     """
+    count = timeline.count_until(until)
     changes = timeline.changes_of_edge(source, target)
     taught = {(change.query, change.attempt) for change in changes if isinstance(change.delta, BeliefUpdated)}
-    attempts = timeline.attempts_of_edge(source, target)
-    rows = tuple(_row(attempt, (source, target), taught) for attempt in attempts)
-    planned = tuple(plan.instant for plan in timeline.plans if (source, target) in plan.edges)
-    return EdgeStory(source, target, _lives(timeline, source, target), rows, planned)
+    attempts = [leg for leg in timeline.attempts_of_edge(source, target) if leg.event < count]
+    rows = tuple(_row(leg, (source, target), taught) for leg in attempts)
+    plans = [plan for plan in timeline.plans if plan.event < count and (source, target) in plan.edges]
+    lives = _lives(timeline, source, target, count)
+    return EdgeStory(source, target, lives, rows, tuple(plan.instant for plan in plans))
 
 
 @dataclass(slots=True)
@@ -141,12 +145,13 @@ class _Life:
         return EdgeLife(*fixed, tuple(self.history), self.end)
 
 
-def _lives(timeline: Timeline, source: NodeId, target: NodeId) -> tuple[EdgeLife, ...]:
+def _lives(timeline: Timeline, source: NodeId, target: NodeId, count: int) -> tuple[EdgeLife, ...]:
     lives: list[_Life] = []
     for change in _concerning(timeline, source, target):
-        _end_with_its_map(lives, timeline, change.epoch)
-        _live_on(lives, change)
-    _end_with_its_map(lives, timeline, len(timeline.epochs) - 1)
+        if change.event < count:
+            _end_with_its_map(lives, timeline, change.epoch)
+            _live_on(lives, change)
+    _end_with_its_map(lives, timeline, max((change.epoch for change in timeline.changes_before(count)[-1:]), default=0))
     return tuple(life.told() for life in lives)
 
 
@@ -179,7 +184,7 @@ def _end_with_its_map(lives: list[_Life], timeline: Timeline, epoch: int) -> Non
     """End an edge that went when another map came in."""
     if lives and lives[-1].end is None and lives[-1].birth.epoch < epoch:
         first = timeline.changes[timeline.epochs[lives[-1].birth.epoch + 1]]
-        lives[-1].end = EdgeEnd(first.instant, first.delta.cause, None, None)
+        lives[-1].end = EdgeEnd(first.instant, first.delta.cause, None, None, whole_map=True)
 
 
 def _row(attempt: Attempt, edge: EdgeKey, taught: Collection[tuple[int | None, int | None]]) -> AttemptRow:

@@ -56,9 +56,7 @@ def cut_edge(graph: TopologicalGraph, source: NodeId, target: NodeId) -> d.EdgeP
     return d.EdgePruned(source, target, d.Cause.HAND)
 
 
-def protect_edge(
-    graph: TopologicalGraph, source: NodeId, target: NodeId, *, protected: bool = True
-) -> d.EdgeProtected:
+def protect_edge(graph: TopologicalGraph, source: NodeId, target: NodeId, *, protected: bool = True) -> d.EdgeProtected:
     """Return the delta that keeps maintenance from pruning an edge, or allows it again.
 
     Raises MapError where there is no such edge.

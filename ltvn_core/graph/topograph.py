@@ -1,8 +1,8 @@
 """The map: nodes, directed edges with beliefs, and the reserve T'. Changed only by `apply`.
 
 Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node or in the
-reserve but never both, and a name belongs to one node. Does not own images or features (`graph.views`) nor decisions (`graph.builder`,
-`graph.maintenance`).
+reserve but never both, and a name belongs to one node. Does not own images or features (`graph.views`) nor decisions
+(`graph.builder`, `graph.maintenance`).
 """
 
 import math

@@ -59,6 +59,10 @@ class Node:
     id: NodeId
     odometry: PoseRow
     """Where odometry put the robot when the image was taken; for drawing and as evidence, never for planning."""
+    name: str = ""
+    """What a person calls the place; empty when nobody named it, else unique in the map."""
+    goal: bool = False
+    """A person marked the place as somewhere to go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +128,26 @@ class EdgePruned:
 
 
 @dataclass(frozen=True, slots=True)
+class EdgeProtected:
+    """An edge came under a person's protection, or left it."""
+
+    source: NodeId
+    target: NodeId
+    protected: bool
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class NodeNamed:
+    """A node got this name, which may be empty, and is a goal or not."""
+
+    node: NodeId
+    name: str
+    goal: bool
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
 class FramesReserved:
     """Images joined T', the reserve from which the map can be expanded."""
 
@@ -140,5 +164,13 @@ class FramesReleased:
 
 
 GraphDelta: TypeAlias = (
-    NodeAdded | NodeDropped | EdgeAdded | BeliefUpdated | EdgePruned | FramesReserved | FramesReleased
+    NodeAdded
+    | NodeDropped
+    | EdgeAdded
+    | BeliefUpdated
+    | EdgePruned
+    | EdgeProtected
+    | NodeNamed
+    | FramesReserved
+    | FramesReleased
 )

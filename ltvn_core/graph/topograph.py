@@ -1,8 +1,8 @@
 """The map: nodes, directed edges with beliefs, and the reserve T'. Changed only by `apply`.
 
 Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node or in the
-reserve but never both. Does not own images or features (`graph.views`) nor decisions (`graph.builder`,
-`graph.maintenance`).
+reserve but never both, and a name belongs to one node. Does not own images or features (`graph.views`) nor decisions
+(`graph.builder`, `graph.maintenance`).
 """
 
 import math
@@ -18,6 +18,7 @@ from ltvn_core.graph.deltas import (
     Cause,
     Edge,
     EdgeAdded,
+    EdgeProtected,
     EdgePruned,
     FramesReleased,
     FramesReserved,
@@ -25,6 +26,7 @@ from ltvn_core.graph.deltas import (
     Node,
     NodeAdded,
     NodeDropped,
+    NodeNamed,
 )
 from ltvn_core.types import FrameId, NodeId
 
@@ -40,6 +42,7 @@ class TopologicalGraph:
         self._nodes: dict[NodeId, Node] = {}
         self._edges: dict[EdgeKey, Edge] = {}
         self._reserve: dict[FrameId, None] = {}
+        self._names: dict[str, NodeId] = {}
         self._successors: dict[NodeId, dict[NodeId, None]] = {}
         self._predecessors: dict[NodeId, dict[NodeId, None]] = {}
         self._version = 0
@@ -60,6 +63,11 @@ class TopologicalGraph:
     def reserve(self) -> KeysView[FrameId]:
         """T': frames that are no nodes but may become some."""
         return self._reserve.keys()
+
+    @property
+    def names(self) -> Mapping[str, NodeId]:
+        """Nodes that a person named, by name; read only."""
+        return MappingProxyType(self._names)
 
     @property
     def version(self) -> int:
@@ -105,6 +113,7 @@ class TopologicalGraph:
         frame = delta.node.id
         _require(frame not in self._nodes, f"Node {frame} is in the map already.")
         _require(frame not in self._reserve, f"Frame {frame} is in the reserve; release it before it becomes a node.")
+        self._give_name(frame, delta.node.name)
         self._nodes[frame] = delta.node
         self._successors[frame] = {}
         self._predecessors[frame] = {}
@@ -115,6 +124,7 @@ class TopologicalGraph:
         touching += [(other, delta.node) for other in self._predecessors[delta.node]]
         for source, target in touching:
             self._remove_edge(source, target)
+        self._names.pop(self._nodes[delta.node].name, None)
         del self._nodes[delta.node], self._successors[delta.node], self._predecessors[delta.node]
 
     def _add_edge(self, delta: EdgeAdded) -> None:
@@ -140,6 +150,24 @@ class TopologicalGraph:
         by_hand = delta.cause in (Cause.HAND, Cause.LOAD)
         _require(by_hand or not edge.protected, f"{_name(edge)} is protected; only a person may prune it.")
         self._remove_edge(delta.source, delta.target)
+
+    def _protect_edge(self, delta: EdgeProtected) -> None:
+        edge = self._existing(delta.source, delta.target)
+        self._edges[delta.source, delta.target] = replace(edge, protected=delta.protected)
+
+    def _name_node(self, delta: NodeNamed) -> None:
+        self._require_node(delta.node)
+        node = self._nodes[delta.node]
+        self._give_name(delta.node, delta.name)
+        if node.name != delta.name:
+            self._names.pop(node.name, None)
+        self._nodes[delta.node] = replace(node, name=delta.name, goal=delta.goal)
+
+    def _give_name(self, node: NodeId, name: str) -> None:
+        if name:
+            holder = self._names.get(name, node)
+            _require(holder == node, f"Node {holder} is called {name!r} already; a name belongs to one node.")
+            self._names[name] = node
 
     def _remove_edge(self, source: NodeId, target: NodeId) -> None:
         del self._edges[source, target]
@@ -192,6 +220,8 @@ _CHANGES: dict[type, Callable[[TopologicalGraph, Any], None]] = {
     EdgeAdded: TopologicalGraph._add_edge,
     BeliefUpdated: TopologicalGraph._update_belief,
     EdgePruned: TopologicalGraph._prune_edge,
+    EdgeProtected: TopologicalGraph._protect_edge,
+    NodeNamed: TopologicalGraph._name_node,
     FramesReserved: TopologicalGraph._add_reserve,
     FramesReleased: TopologicalGraph._release,
 }

@@ -70,6 +70,10 @@ def _changed(delta: dl.GraphDelta) -> str:
             return f"edge {_edge(source, target)}: p {belief.p:.2f}, {successes} of {attempts} attempts"
         case dl.EdgePruned(source=source, target=target, cause=cause):
             return f"edge {_edge(source, target)} pruned ({cause})"
+        case dl.EdgeProtected(source=source, target=target, protected=protected):
+            return f"edge {_edge(source, target)} {'protected' if protected else 'no longer protected'}"
+        case dl.NodeNamed(node=node, name=name, goal=goal):
+            return f"node {node} {f'named {name!r}' if name else 'has no name now'}{', a goal' if goal else ''}"
         case dl.FramesReserved(frames=frames):
             return f"{len(frames)} images joined the reserve"
         case dl.FramesReleased(frames=frames):

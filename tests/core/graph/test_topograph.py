@@ -12,6 +12,7 @@ from ltvn_core.graph.deltas import (
     Cause,
     Edge,
     EdgeAdded,
+    EdgeProtected,
     EdgePruned,
     FramesReleased,
     FramesReserved,
@@ -19,6 +20,7 @@ from ltvn_core.graph.deltas import (
     Node,
     NodeAdded,
     NodeDropped,
+    NodeNamed,
     PoseRow,
 )
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -52,7 +54,7 @@ def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta 
     frame = int(rng.integers(25))
     nodes, edges, reserve = list(graph.nodes), list(graph.edges), list(graph.reserve)
     free = frame not in graph.nodes and frame not in graph.reserve
-    kind = rng.choice(["node", "edge", "edge", "belief", "prune", "drop", "reserve", "release"])
+    kind = rng.choice(["node", "edge", "edge", "belief", "prune", "drop", "reserve", "release", "protect", "name"])
     if kind == "node" and free:
         return node(frame)
     if kind == "edge" and len(nodes) > 1:
@@ -63,7 +65,13 @@ def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta 
         belief = Belief(float(rng.random()), float(rng.random()), 0.01)
         return BeliefUpdated(source, target, belief, 3, int(rng.integers(4)), Cause.ATTEMPT)
     if kind == "prune" and edges:
-        return EdgePruned(*edges[rng.integers(len(edges))], Cause.ATTEMPT)
+        return EdgePruned(*edges[rng.integers(len(edges))], Cause.HAND)
+    if kind == "protect" and edges:
+        return EdgeProtected(*edges[rng.integers(len(edges))], bool(rng.random() < 0.5), Cause.HAND)
+    if kind == "name" and nodes:
+        chosen, name = int(rng.choice(nodes)), str(rng.choice(["", "kitchen", "door"]))
+        taken = graph.names.get(name, chosen) != chosen
+        return None if taken else NodeNamed(chosen, name, bool(rng.random() < 0.5), Cause.HAND)
     if kind == "drop" and nodes:
         return NodeDropped(int(rng.choice(nodes)), Cause.HAND)
     if kind == "reserve" and free:
@@ -132,6 +140,9 @@ def test_a_dropped_node_takes_its_edges_along() -> None:
         (edge(2, 1, belief=Belief(0.5, 1.0, 0.0)), "sigma2 = 0.0; it must be positive"),
         (EdgePruned(2, 1, Cause.ATTEMPT), "Edge 2 -> 1 is not in the map"),
         (BeliefUpdated(1, 2, SURE, 1, 2, Cause.ATTEMPT), "counts 2 successes in 1 attempts"),
+        (EdgeProtected(2, 1, True, Cause.HAND), "Edge 2 -> 1 is not in the map"),
+        (NodeNamed(5, "kitchen", False, Cause.HAND), "Node 5 is not in the map"),
+        (NodeNamed(2, "door", False, Cause.HAND), "Node 1 is called 'door' already"),
         (FramesReserved((1,), Cause.BUILD), "Frame 1 is a node"),
         (FramesReserved((9,), Cause.BUILD), "Frame 9 is in the reserve already"),
         (FramesReleased((8, 9), Cause.EXPAND), "Frame 8 is not in the reserve"),
@@ -139,6 +150,7 @@ def test_a_dropped_node_takes_its_edges_along() -> None:
 )
 def test_a_delta_that_does_not_fit_is_refused_and_changes_nothing(delta: GraphDelta, message: str) -> None:
     graph = TopologicalGraph([node(1), node(2), edge(1, 2), FramesReserved((9,), Cause.BUILD)])
+    graph.apply(NodeNamed(1, "door", False, Cause.HAND))
     before = graph.copy()
     with pytest.raises(MapError, match=message):
         graph.apply(delta)

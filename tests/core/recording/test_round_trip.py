@@ -16,6 +16,7 @@ from ltvn_core.graph.deltas import (
     Cause,
     Edge,
     EdgeAdded,
+    EdgeProtected,
     EdgePruned,
     FramesReleased,
     FramesReserved,
@@ -23,6 +24,7 @@ from ltvn_core.graph.deltas import (
     Node,
     NodeAdded,
     NodeDropped,
+    NodeNamed,
     PoseRow,
 )
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -56,11 +58,13 @@ ids = st.integers(0, 10**9)
 beliefs = st.builds(Belief, numbers, numbers, numbers)
 frames = st.lists(ids, max_size=4).map(tuple)
 deltas: st.SearchStrategy[GraphDelta] = st.one_of(
-    st.builds(NodeAdded, st.builds(Node, ids, poses), causes),
+    st.builds(NodeAdded, st.builds(Node, ids, poses, st.text(max_size=8), st.booleans()), causes),
     st.builds(NodeDropped, ids, causes),
     st.builds(EdgeAdded, st.builds(Edge, ids, ids, poses, beliefs, ids, ids, st.booleans()), causes),
     st.builds(BeliefUpdated, ids, ids, beliefs, ids, ids, causes),
     st.builds(EdgePruned, ids, ids, causes),
+    st.builds(EdgeProtected, ids, ids, st.booleans(), causes),
+    st.builds(NodeNamed, ids, st.text(max_size=8), st.booleans(), causes),
     st.builds(FramesReserved, frames, causes),
     st.builds(FramesReleased, frames, causes),
 )

@@ -1,0 +1,85 @@
+"""Moments worth stopping at, as data.
+
+Owns the kinds of breakpoints. How one is typed is `analysis.breakpoint_text`, when one is met `analysis.breakpoints`.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+from ltvn_core.graph.topograph import EdgeKey
+from ltvn_core.types import NodeId
+
+
+class Happening(StrEnum):
+    """What can happen, in the words one types."""
+
+    PRUNE = "prune"
+    EXPANSION = "expand"
+    COLLISION = "collision"
+    REPLAN = "replan"
+    FAILED_LEG = "failed leg"
+    LOST = "lost"
+    NO_PATH = "no path"
+    HAND = "by hand"
+
+
+class Quantity(StrEnum):
+    """Numbers that a condition can be about."""
+
+    MARGIN = "margin"
+    DISTANCE = "distance"
+    REACHABILITY = "r"
+    P = "p"
+    MU = "mu"
+
+
+@dataclass(frozen=True, slots=True)
+class On:
+    """Stop when this happens."""
+
+    happening: Happening
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """Stop when the p of any edge crosses a level, either way."""
+
+    level: float
+
+
+@dataclass(frozen=True, slots=True)
+class LookCondition:
+    """Stop at each look whose margin, distance or reachability is so."""
+
+    quantity: Quantity
+    less: bool
+    """Below the value; else above it."""
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeCondition:
+    """Stop when p or mu of one edge becomes so; not again until it was otherwise."""
+
+    quantity: Quantity
+    edge: EdgeKey
+    less: bool
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class AtEdge:
+    """Stop whenever an edge is driven or changed."""
+
+    edge: EdgeKey
+
+
+@dataclass(frozen=True, slots=True)
+class AtNode:
+    """Stop whenever the robot is at a node, heads for it, or the node changes."""
+
+    node: NodeId
+
+
+Breakpoint: TypeAlias = On | Crossing | LookCondition | EdgeCondition | AtEdge | AtNode

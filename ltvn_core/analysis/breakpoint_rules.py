@@ -1,0 +1,246 @@
+"""When a breakpoint is met: one event, what was believed and planned before it, and a reason in words.
+
+Owns these rules and the memory they need, which is one belief per edge and the last plan.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from ltvn_core.analysis.breakpoint_kinds import (
+    AtEdge,
+    AtNode,
+    Breakpoint,
+    Crossing,
+    EdgeCondition,
+    Happening,
+    LookCondition,
+    On,
+    Quantity,
+)
+from ltvn_core.graph import deltas as d
+from ltvn_core.graph.topograph import EdgeKey
+from ltvn_core.nav import events as e
+from ltvn_core.types import NodeId
+
+_BULK = (d.Cause.BUILD, d.Cause.LOAD)
+"""A map that is built or loaded is no news."""
+
+
+@dataclass(slots=True)
+class Change:
+    """One event, beside what held before it."""
+
+    event: e.Event
+    plan: tuple[NodeId, ...] | None
+    """The plan before, None when the query had none yet."""
+    known: Mapping[EdgeKey, d.Belief]
+    """Beliefs by edge."""
+    key: EdgeKey | None = None
+    """The edge whose belief the event changed."""
+    before: d.Belief | None = None
+    after: d.Belief | None = None
+
+    @property
+    def delta(self) -> d.GraphDelta | None:
+        """The change of the map that the event tells, bulk ones left out."""
+        news = isinstance(self.event, e.GraphChanged) and self.event.delta.cause not in _BULK
+        return self.event.delta if news else None
+
+
+@dataclass(slots=True)
+class Memory:
+    """What conditions look back at: beliefs and the plan."""
+
+    beliefs: dict[EdgeKey, d.Belief] = field(default_factory=dict)
+    plan: tuple[NodeId, ...] | None = None
+
+    def take(self, event: e.Event) -> Change:
+        """Remember an event and return it beside what held before."""
+        change = Change(event, self.plan, self.beliefs)
+        match event:
+            case e.QueryStarted():
+                self.plan = None
+            case e.Planned(nodes=nodes):
+                self.plan = nodes
+            case e.GraphChanged(delta=delta):
+                self._believe(delta, change)
+        return change
+
+    def _believe(self, delta: d.GraphDelta, change: Change) -> None:
+        match delta:
+            case d.EdgeAdded(edge=edge):
+                change.key, change.after = (edge.source, edge.target), edge.belief
+            case d.BeliefUpdated(source=source, target=target, belief=belief):
+                change.key, change.after = (source, target), belief
+                change.before = self.beliefs.get(change.key)
+            case d.EdgePruned(source=source, target=target):
+                self.beliefs.pop((source, target), None)
+        if change.key is not None and change.after is not None:
+            self.beliefs[change.key] = change.after
+
+
+def met(breakpoint_: Breakpoint, change: Change) -> str | None:
+    """Say why a breakpoint is met, None if it is not."""
+    match breakpoint_:
+        case On(happening):
+            return _HAPPENED[happening](change)
+        case Crossing(level):
+            return _crossed(change, level)
+        case LookCondition(quantity, less, value):
+            return _looked(change.event, quantity, value, less=less)
+        case EdgeCondition():
+            return _became(breakpoint_, change)
+        case AtEdge(edge):
+            return _at_edge(change, edge)
+        case AtNode(node):
+            return _at_node(change, node)
+
+
+def _pruned(change: Change) -> str | None:
+    match change.delta:
+        case d.EdgePruned(source=source, target=target):
+            return f"{_arrow((source, target))} was pruned"
+    return None
+
+
+def _expanded(change: Change) -> str | None:
+    match change.delta:
+        case d.NodeAdded(node=node, cause=d.Cause.EXPAND | d.Cause.NOVEL as cause):
+            return f"node {node.id} came into the map ({cause})"
+    return None
+
+
+def _collided(change: Change) -> str | None:
+    return f"collision {change.event.count}" if isinstance(change.event, e.Collided) else None
+
+
+def _replanned(change: Change) -> str | None:
+    before = change.plan
+    if before is None or not isinstance(change.event, e.Planned):
+        return None
+    nodes = change.event.nodes
+    if nodes and nodes != before[len(before) - len(nodes) :]:  # The end of the same plan is no other plan.
+        return f"another plan: {len(nodes)} nodes instead of {len(before)}"
+    return "the plan is gone" if before and not nodes else None
+
+
+def _leg_failed(change: Change) -> str | None:
+    match change.event:
+        case e.LegEnded(attempt=attempt, source=source, target=target, succeeded=False, reason=reason):
+            return f"leg {attempt} from {'here' if source is None else source} to {target} failed: {reason}"
+    return None
+
+
+def _lost(change: Change) -> str | None:
+    match change.event:
+        case e.Localised(node=None, distance=distance):
+            return f"lost: the best node is {distance:.2f} away"
+    return None
+
+
+def _without_path(change: Change) -> str | None:
+    match change.event:
+        case e.Planned(nodes=()):
+            return "no path to the goal"
+    return None
+
+
+def _by_hand(change: Change) -> str | None:
+    if change.delta is not None and change.delta.cause is d.Cause.HAND:
+        return f"a person changed the map ({type(change.delta).__name__})"
+    return None
+
+
+_HAPPENED: dict[Happening, Callable[[Change], str | None]] = {
+    Happening.PRUNE: _pruned,
+    Happening.EXPANSION: _expanded,
+    Happening.COLLISION: _collided,
+    Happening.REPLAN: _replanned,
+    Happening.FAILED_LEG: _leg_failed,
+    Happening.LOST: _lost,
+    Happening.NO_PATH: _without_path,
+    Happening.HAND: _by_hand,
+}
+
+
+def _crossed(change: Change, level: float) -> str | None:
+    before, after = change.before, change.after
+    if change.key is None or before is None or after is None or (before.p < level) == (after.p < level):
+        return None
+    return f"p of {_arrow(change.key)} {'fell' if after.p < level else 'rose'} from {before.p:.2f} to {after.p:.2f}"
+
+
+def _looked(event: e.Event, quantity: Quantity, value: float, *, less: bool) -> str | None:
+    if not isinstance(event, e.Localised) or (event.node is None and quantity is Quantity.MARGIN):
+        return None
+    seen = {
+        Quantity.MARGIN: event.margin,
+        Quantity.DISTANCE: event.distance,
+        Quantity.REACHABILITY: event.reachability,
+    }[quantity]
+    if not _holds(seen, value, less=less):
+        return None
+    where = "lost" if event.node is None else f"at {event.node}"
+    return f"{quantity} {seen:.2f}, {where}, second best {event.runner_up}"
+
+
+def _became(condition: EdgeCondition, change: Change) -> str | None:
+    if change.key != condition.edge or change.after is None or change.delta is None:
+        return None
+    now, then = (_of(belief, condition.quantity) for belief in (change.after, change.before))
+    held = then is not None and _holds(then, condition.value, less=condition.less)
+    if now is None or held or not _holds(now, condition.value, less=condition.less):
+        return None
+    return f"{condition.quantity} of {_arrow(condition.edge)} is {now:.2f}"
+
+
+def _of(belief: d.Belief | None, quantity: Quantity) -> float | None:
+    if belief is None:
+        return None
+    return belief.p if quantity is Quantity.P else belief.mu
+
+
+def _holds(number: float, value: float, *, less: bool) -> bool:
+    return number < value if less else number > value
+
+
+def _at_edge(change: Change, edge: EdgeKey) -> str | None:
+    match change.event:
+        case e.LegStarted(source=source, target=target) if (source, target) == edge:
+            return f"sets off along {_arrow(edge)}"
+        case e.LegEnded(source=source, target=target, succeeded=succeeded) if (source, target) == edge:
+            return f"{_arrow(edge)} {'succeeded' if succeeded else 'failed'}"
+    match change.delta:
+        case d.EdgeAdded(edge=added) if (added.source, added.target) == edge:
+            return f"{_arrow(edge)} came into the map"
+        case d.EdgePruned(source=source, target=target) if (source, target) == edge:
+            return f"{_arrow(edge)} was pruned"
+        case d.BeliefUpdated(source=source, target=target, belief=belief) if (source, target) == edge:
+            return f"p of {_arrow(edge)} is {belief.p:.2f}"
+        case d.EdgeProtected(source=source, target=target) if (source, target) == edge:
+            return f"{_arrow(edge)} changed its protection"
+        case d.NodeDropped(node=node) if node in edge and edge in change.known:
+            return f"{_arrow(edge)} left with node {node}"
+    return None
+
+
+def _at_node(change: Change, node: NodeId) -> str | None:
+    match change.event:
+        case e.Localised(node=here) if here == node:
+            return f"at node {node}"
+        case e.LegStarted(target=target) if target == node:
+            return f"sets off to node {node}"
+        case e.QueryStarted(goal=goal) if goal == node:
+            return f"node {node} is the goal"
+    match change.delta:
+        case d.NodeAdded(node=added) if added.id == node:
+            return f"node {node} came into the map"
+        case d.NodeDropped(node=dropped) if dropped == node:
+            return f"node {node} left the map"
+        case d.NodeNamed(node=named, name=name) if named == node:
+            return f"node {node} is called {name!r}"
+    return None
+
+
+def _arrow(edge: EdgeKey) -> str:
+    return f"edge {edge[0]}->{edge[1]}"

@@ -1,0 +1,93 @@
+"""Breakpoints as a person types them: "prune", "edge 12->40", "margin < 0.2", "p(12->40) < 0.5".
+
+Owns the short text form, both ways.
+"""
+
+import math
+import re
+
+from ltvn_core.analysis.breakpoint_kinds import (
+    AtEdge,
+    AtNode,
+    Breakpoint,
+    Crossing,
+    EdgeCondition,
+    Happening,
+    LookCondition,
+    On,
+    Quantity,
+)
+from ltvn_core.config import ROBUST, Believing
+from ltvn_core.errors import OptionError
+
+EXAMPLES = (
+    *(happening.value for happening in Happening),
+    "p crosses R_p",
+    "p crosses 0.5",
+    "margin < 0.2",
+    "distance > 1",
+    "r < 0.6",
+    "edge 12->40",
+    "node 12",
+    "p(12->40) < 0.5",
+    "mu(12->40) > 1.5",
+)
+"""One of each form, for help texts."""
+
+_HAPPENINGS = frozenset(happening.value for happening in Happening)
+_EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"
+_COMPARED = r"\s*([<>])\s*(\S+)"
+_LOOK = re.compile(rf"(margin|distance|r){_COMPARED}", re.IGNORECASE)
+_ON_EDGE = re.compile(rf"(p|mu)\s*\(\s*{_EDGE}\s*\){_COMPARED}", re.IGNORECASE)
+_AT_EDGE = re.compile(rf"edge\s+{_EDGE}", re.IGNORECASE)
+_AT_NODE = re.compile(r"node\s+(\d+)", re.IGNORECASE)
+_CROSSING = re.compile(r"p\s+crosses\s+(\S+)", re.IGNORECASE)
+
+
+def parse_breakpoint(text: str, config: Believing = ROBUST.believing) -> Breakpoint:
+    """Read a breakpoint; "R_p" is the threshold of `config`.
+
+    Raises OptionError, which lists the valid forms, for anything else.
+    """
+    words = " ".join(text.split())
+    if found := _LOOK.fullmatch(words):
+        return LookCondition(Quantity(found[1].lower()), found[2] == "<", _number(found[3], text))
+    if found := _ON_EDGE.fullmatch(words):
+        edge = int(found[2]), int(found[3])
+        return EdgeCondition(Quantity(found[1].lower()), edge, found[4] == "<", _number(found[5], text))
+    if found := _AT_EDGE.fullmatch(words):
+        return AtEdge((int(found[1]), int(found[2])))
+    if found := _AT_NODE.fullmatch(words):
+        return AtNode(int(found[1]))
+    if found := _CROSSING.fullmatch(words):
+        return Crossing(config.prune_below if found[1].lower() == "r_p" else _number(found[1], text))
+    if words.lower() in _HAPPENINGS:
+        return On(Happening(words.lower()))
+    raise OptionError(f"{text[:60]!r} is no breakpoint; write one of: {', '.join(EXAMPLES)}.")
+
+
+def breakpoint_text(breakpoint_: Breakpoint) -> str:
+    """Return what one types for a breakpoint; parsing it gives the same breakpoint."""
+    match breakpoint_:
+        case On(happening):
+            return happening.value
+        case Crossing(level):
+            return f"p crosses {level!r}"
+        case LookCondition(quantity, less, value):
+            return f"{quantity} {'<' if less else '>'} {value!r}"
+        case EdgeCondition(quantity, edge, less, value):
+            return f"{quantity}({edge[0]}->{edge[1]}) {'<' if less else '>'} {value!r}"
+        case AtEdge(edge):
+            return f"edge {edge[0]}->{edge[1]}"
+        case AtNode(node):
+            return f"node {node}"
+
+
+def _number(word: str, text: str) -> float:
+    try:
+        number = float(word)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise OptionError(f"{text[:60]!r} is no breakpoint: {word[:20]!r} is not a number; write for instance 0.5.")
+    return number

@@ -3,13 +3,14 @@
 Owns the text. What it asserts is what happened, right or wrong: whoever saves it says what should have happened.
 """
 
+import textwrap
 from collections.abc import Sequence
 
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
 from ltvn_core.nav.events import GraphChanged, LegEnded, Planned, QueryEnded, Stamped
-from ltvn_core.recording.excerpt import Excerpt
+from ltvn_core.types import NodeId
 
-_HEAD = '''"""What happened from {from_s:.1f} s to {to_s:.1f} s of {origin}.
+_HEAD = '''"""What happened in {about}.
 
 Each test says what did happen. Change what should have happened differently, and keep the rest.
 """
@@ -22,7 +23,7 @@ from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.nav.events import {names}
 from ltvn_core.recording.reader import Recording
 
-RECORDING = Path(__file__).parent / {file!r}
+RECORDING = Path(__file__).parent / "{file}"
 
 
 @pytest.fixture(scope="module")
@@ -30,23 +31,33 @@ def moment() -> Recording:
     return Recording.open(RECORDING)
 '''
 
-_LEG = """
+_LEGS = """
 
-def test_leg_{attempt}_from_{start}_to_node_{target}_{verdict}(moment: Recording) -> None:
+@pytest.mark.parametrize(
+    ("attempt", "source", "target", "end", "succeeded"),
+    [
+{rows}
+    ],
+)
+def test_legs_end_as_they_did(
+    moment: Recording, attempt: int, source: int | None, target: int, end: LegEnd, succeeded: bool
+) -> None:
     legs = {{stamped.event.attempt: stamped.event for stamped in moment.events if isinstance(stamped.event, LegEnded)}}
-    leg = legs[{attempt}]
-    assert (leg.source, leg.target) == ({source}, {target})
-    assert leg.end is LegEnd.{end}  # {reason}
-    assert leg.succeeded is {succeeded}
+    leg = legs[attempt]
+    assert (leg.source, leg.target, leg.end, leg.succeeded) == (source, target, end, succeeded)
 """
 
 _PLANS = """
 
-def test_the_paths_taken(moment: Recording) -> None:
+def test_it_planned_as_it_did(moment: Recording) -> None:
     plans = [stamped.event.nodes for stamped in moment.events if isinstance(stamped.event, Planned)]
-    assert plans == [
-{rows}
-    ]
+    assert len(plans) == {count}
+    assert plans[0] == (
+{first}
+    )
+    assert plans[-1] == (
+{last}
+    )
 """
 
 _OUTCOME = """
@@ -65,40 +76,39 @@ def test_the_map_afterwards(moment: Recording) -> None:
 """
 
 
-def skeleton(excerpt: Excerpt, events: Sequence[Stamped]) -> str:
-    """Return a pytest module that lies beside the excerpt and asserts what its events (of the moment) say."""
+def skeleton(events: Sequence[Stamped], *, file: str, about: str) -> str:
+    """Return a pytest module that opens the recording `file`, as seen from its own folder, and asserts what it tells.
+
+    `events` are those of the moment, without what made the map at its start; `about` names the moment in a few words.
+    """
     happened = [stamped.event for stamped in events]
     legs = [event for event in happened if isinstance(event, LegEnded)]
     plans = [event.nodes for event in happened if isinstance(event, Planned)]
     ends = [event for event in happened if isinstance(event, QueryEnded)]
-    parts = [_leg(leg) for leg in legs]
+    parts = [_LEGS.format(rows="\n".join(map(_leg, legs)))] if legs else []
     if plans:
-        parts.append(_PLANS.format(rows="\n".join(f"        {tuple(nodes)!r}," for nodes in plans)))
+        parts.append(_PLANS.format(count=len(plans), first=_wrapped(plans[0]), last=_wrapped(plans[-1])))
     parts += [_OUTCOME.format(query=e.query, outcome=e.outcome.name, collisions=e.collisions) for e in ends]
     changes = _changes(events)
     if changes or not parts:
         parts.append(_MAP.format(rows="\n".join(f"    {row}" for row in changes or ["assert graph.nodes"])))
-    return _head(excerpt, legs=bool(legs), plans=bool(plans), ends=bool(ends)) + "".join(parts)
+    return _head(file, about, legs=bool(legs), plans=bool(plans), ends=bool(ends)) + "".join(parts)
 
 
-def _head(excerpt: Excerpt, *, legs: bool, plans: bool, ends: bool) -> str:
+def _head(file: str, about: str, *, legs: bool, plans: bool, ends: bool) -> str:
     names = ["LegEnd", "LegEnded"] * legs + ["Outcome"] * ends + ["Planned"] * plans + ["QueryEnded"] * ends
-    times = {"from_s": excerpt.from_s, "to_s": excerpt.to_s}
-    head = _HEAD.format(**times, origin=excerpt.recording.name, names=", ".join(names), file=excerpt.output.name)
+    head = _HEAD.format(about=about, names=", ".join(names), file=file)
     return head if names else head.replace("from ltvn_core.nav.events import \n", "")
 
 
 def _leg(leg: LegEnded) -> str:
-    return _LEG.format(
-        attempt=leg.attempt,
-        source=leg.source,
-        start="its_place" if leg.source is None else f"node_{leg.source}",
-        target=leg.target,
-        verdict="succeeds" if leg.succeeded else "fails",
-        end=leg.end.name,
-        reason=leg.reason,
-        succeeded=leg.succeeded,
-    )
+    ends = f"{leg.attempt}, {leg.source}, {leg.target}, LegEnd.{leg.end.name}, {leg.succeeded}"
+    return f"        ({ends}),  # {leg.reason}"
+
+
+def _wrapped(nodes: Sequence[NodeId]) -> str:
+    text = "".join(f"{node}, " for node in nodes)
+    return textwrap.fill(text, 118, initial_indent=" " * 8, subsequent_indent=" " * 8)
 
 
 def _changes(events: Sequence[Stamped]) -> list[str]:

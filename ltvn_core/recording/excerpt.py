@@ -71,14 +71,22 @@ def moment(events: Sequence[Stamped], from_s: float, to_s: float) -> Moment:
     return Moment(graph, _opened(events[:first]), tuple(events[first:last]))
 
 
-def cut(path: Path | str, output: Path | str, *, from_s: float, to_s: float, named_only: bool = False) -> Excerpt:
+def span(recording: Recording) -> tuple[float, float]:
+    """Return the first and the last instant of a recording, in seconds on the robot's clock. Raises RecordingError."""
+    stamps = [*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events)]
+    if not stamps:
+        raise RecordingError(f"{recording.path} holds no frames and no events, so no moment can be cut out of it.")
+    return min(stamps), max(stamps)
+
+
+def cut(recording: Recording, output: Path | str, *, from_s: float, to_s: float, named_only: bool = False) -> Excerpt:
     """Write the moment from `from_s` to `to_s` (robot clock) of a recording to a new file that stands alone.
 
     It holds the map at its start with the images of its nodes and its reserve; with `named_only` just the images that
     the moment's events name, which is much smaller but cannot be navigated by. Raises RecordingError when the file
     exists, or when nothing happened in that time.
     """
-    recording, output = Recording.open(path), Path(output)
+    output = Path(output)
     _check_times(recording, from_s, to_s)
     found = moment(recording.events, from_s, to_s)
     frames = _frames(recording, found, from_s, to_s, named_only=named_only)
@@ -106,12 +114,11 @@ def _opened(events: Sequence[Stamped]) -> tuple[Stamped, ...]:
 
 
 def _check_times(recording: Recording, from_s: float, to_s: float) -> None:
-    stamps = [*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events)]
-    if not stamps:
-        raise RecordingError(f"{recording.path} holds no frames and no events, so no moment can be cut out of it.")
-    whole = f"the recording runs from {min(stamps):.1f} s to {max(stamps):.1f} s"
+    begin, end = span(recording)
+    whole = f"the recording runs from {begin:.1f} s to {end:.1f} s"
     if not (math.isfinite(from_s) and math.isfinite(to_s) and from_s <= to_s):
         raise RecordingError(f"A moment runs from an earlier to a later time, not {from_s} to {to_s} s; {whole}.")
+    stamps = (*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events))
     if not any(from_s <= stamp <= to_s for stamp in stamps):
         raise RecordingError(f"{recording.path}: nothing happened between {from_s} and {to_s} s; {whole}.")
 
@@ -137,8 +144,8 @@ def _named(stamped: Stamped) -> Iterator[FrameId]:
             yield from (each for each in (frame, node, runner_up) if each is not None)
         case Planned(nodes=nodes):
             yield from nodes
-        case LegStarted(source=source, target=target, frame=frame) | LegEnded(
-            source=source, target=target, frame=frame
+        case (
+            LegStarted(source=source, target=target, frame=frame) | LegEnded(source=source, target=target, frame=frame)
         ):
             yield from (each for each in (source, target, frame) if each is not None)
         case GraphChanged(delta=NodeAdded(node=node)):

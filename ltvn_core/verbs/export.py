@@ -1,14 +1,19 @@
 """`ltvn export`: a moment, a test, a page or a figure out of a recording, to pass on."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
 from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.recording.excerpt import Excerpt
+    from ltvn_core.report.scene_svg import SceneColours
 
 
 @dataclass(frozen=True)
@@ -66,3 +71,59 @@ class Export(Verb):
             html=self.html,
             svg=self.svg,
         )
+
+    def _check(self) -> None:
+        if self.output is None and self.html is None and self.svg is None:
+            raise OptionError(
+                "Nothing to write: name --output for a moment, or --html or --svg for a picture of the map."
+            )
+        if self.test is not None and self.output is None:
+            raise OptionError("--test is about a moment; name --output, the recording that the test opens.")
+        for path in (self.test, self.html, self.svg):
+            if path is not None and path.exists():
+                raise OptionError(f"{path} exists already and is never overwritten; name another file.")
+
+    def _cut(self) -> "Excerpt":
+        from ltvn_core.analysis.skeleton import skeleton
+        from ltvn_core.recording.excerpt import cut, moment, span
+        from ltvn_core.recording.reader import Recording
+
+        recording = Recording.open(self.recording)
+        begin, end = span(recording)
+        from_s, to_s = begin if self.from_s is None else self.from_s, end if self.to_s is None else self.to_s
+        output = self.output or Path()
+        written = cut(recording, output, from_s=from_s, to_s=to_s, named_only=self.named_only)
+        if self.test is not None:
+            found = moment(recording.events, from_s, to_s)
+            file = os.path.relpath(output.absolute(), self.test.absolute().parent)
+            about = f"{self.recording.name} from {from_s:.1f} s to {to_s:.1f} s"
+            _write(self.test, skeleton(found.opened + found.events, file=file, about=about))
+        return written
+
+    def _draw(self) -> None:
+        from ltvn_core.evaluate.scene_plan import scene_plan
+        from ltvn_core.recording.reader import Recording
+        from ltvn_core.report.scene_page import scene_page
+        from ltvn_core.report.scene_svg import scene_svg
+
+        drawn = scene_plan(Recording.open(self.recording), at_s=self.to_s)
+        if self.svg is not None:
+            _write(self.svg, scene_svg(drawn, _colours()))
+        if self.html is not None:
+            _write(self.html, scene_page(drawn, _colours()))
+
+
+def _colours() -> "SceneColours":
+    from ltvn_core.report.scene_svg import SceneColours
+    from ltvn_viz import palette
+
+    ramp = tuple(palette.Rgb8(*map(int, stop)).css for stop in palette.RAMP)
+    return SceneColours(ramp, palette.NODE.css, palette.WENT.css, palette.BACKGROUND.css)
+
+
+def _write(path: Path, text: str) -> None:
+    from ltvn_core.recording.whole import written_whole
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")

@@ -21,6 +21,7 @@ from ltvn_core.verbs.collect import Collect
 from ltvn_core.verbs.dataset import Dataset
 from ltvn_core.verbs.demo import Demo
 from ltvn_core.verbs.evaluate import Evaluate
+from ltvn_core.verbs.export import Export
 from ltvn_core.verbs.figures import Figures
 from ltvn_core.verbs.files import Info, Repair, Verify
 from ltvn_core.verbs.finetune import Finetune
@@ -55,6 +56,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Info, subcommand("info", prefix_name=False)]
     | Annotated[Verify, subcommand("verify", prefix_name=False)]
     | Annotated[Repair, subcommand("repair", prefix_name=False)]
+    | Annotated[Export, subcommand("export", prefix_name=False)]
     | Annotated[Bench, subcommand("bench", prefix_name=False)]
 )
 

@@ -5,7 +5,7 @@ failure is put down to is `evaluate.causes`. Truth counts directed edges: the tw
 edges, and one that is driven backwards is as good as one driven forwards.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 import rustworkx
@@ -33,14 +33,20 @@ BESIDE_DISTANCE = 0.75
 class MapTruth:
     """What the simulator knows of one scene and of the images that were taken in it."""
 
-    def __init__(self, clearance: ClearanceMap, observation: Callable[[FrameId], Observation]) -> None:
-        """Ask `observation` (such as `Views.observation`) for the image of a node, once per node.
+    def __init__(
+        self,
+        clearance: ClearanceMap,
+        observation: Callable[[FrameId], Observation],
+        *,
+        poses: Mapping[FrameId, Pose] | None = None,
+    ) -> None:
+        """Ask `observation` (such as `Views.observation`) for the image of a node, once per node not in `poses`.
 
         A node is named after its image and never moves, so what was found out once holds however the map changes.
         """
         self.clearance = clearance
         self._observation = observation
-        self._poses: dict[FrameId, Pose] = {}
+        self._poses: dict[FrameId, Pose] = dict(poses or {})
         self._drivable: dict[EdgeKey, bool] = {}
 
     def pose(self, node: NodeId) -> Pose:

@@ -1,0 +1,173 @@
+"""Faults planted into a good map, each where the simulator's truth says that it is one, to be found by a debugger.
+
+Owns the choice of where. Planting is deltas like any other; which query meets a fault is part of it.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from ltvn_core.config import Believing
+from ltvn_core.errors import MapError
+from ltvn_core.evaluate.truth import MapTruth
+from ltvn_core.geometry import distance, invert, relative
+from ltvn_core.graph.beliefs import initial
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, EdgePruned, GraphDelta
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.views import Views
+from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
+
+THROUGH_WALL_M = 1.8
+"""A spurious edge is no longer than this, so that nothing but the wall speaks against it."""
+DETOUR_M = 4.0
+"""The true way around the wall is longer than this,"""
+FAR_M = 3.0
+"""and look-alike places are farther apart than this."""
+_AROUND_M = 2.0
+"""A cut stays so far away from the query's start and goal."""
+_BATCH = 4096
+
+
+class FaultKind(StrEnum):
+    """What can be wrong with a map."""
+
+    SPURIOUS_EDGE = "spurious-edge"
+    """An edge through a wall that the map is sure of."""
+    LOOK_ALIKE = "look-alike"
+    """An edge between two places far apart that the network holds for near."""
+    MISSING_EDGE = "missing-edge"
+    """No edge where there was a passage, so that the map is in two parts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault, and a query that meets it."""
+
+    kind: FaultKind
+    edges: tuple[EdgeKey, ...]
+    """That were planted, or cut."""
+    deltas: tuple[GraphDelta, ...]
+    """That plant it."""
+    start: NodeId
+    """Where the robot is put down."""
+    goal: NodeId
+
+
+def missing_edge(graph: TopologicalGraph, truth: MapTruth) -> Fault:
+    """Cut the fewest edges between the two nodes that are farthest apart, as if a passage was never mapped.
+
+    Raises MapError when no cut keeps away from both.
+    """
+    nodes = list(graph.nodes)
+    places = truth.poses(nodes)[:, :2]
+    start = int(np.hypot(*(places - places.mean(axis=0)).T).argmax())
+    goal = int(np.hypot(*(places - places[start]).T).argmax())
+    side = _side_of(graph, nodes, places, start, goal)
+    edges = tuple(key for key in graph.edges if (key[0] in side) != (key[1] in side))
+    return _Cut(edges).fault(nodes[start], nodes[goal])
+
+
+def spurious_edge(graph: TopologicalGraph, truth: MapTruth, config: Believing) -> Fault:
+    """Join two nodes on both sides of a wall that face the same way, the true way between them being longest.
+
+    Raises MapError when there are none.
+    """
+    nodes = list(graph.nodes)
+    poses = truth.poses(nodes)
+    joined = _joined(graph)
+    best, longest_m = None, DETOUR_M
+    for row, pose in enumerate(poses):
+        ahead = _ahead(relative(pose, poses))
+        hidden = ahead & (truth.clearance.along(np.broadcast_to(pose[:2], (len(poses), 2)), poses[:, :2]) <= 0)
+        rows = [k for k in np.flatnonzero(hidden).tolist() if (nodes[row], nodes[k]) not in joined]
+        ways_m = truth.clearance.path_lengths(pose, poses[rows, :2]) if rows else np.empty(0)
+        ways_m = np.where(np.isfinite(ways_m), ways_m, 0.0)
+        if len(rows) and ways_m.max() > longest_m:
+            best, longest_m = (row, rows[int(ways_m.argmax())]), float(ways_m.max())
+    if best is None:
+        raise MapError("This map has no two nodes with a wall between them and a long way around; choose another map.")
+    waypoint = relative(poses[best[0]], poses[best[1]])
+    return _planted(FaultKind.SPURIOUS_EDGE, nodes[best[0]], nodes[best[1]], waypoint, config.p_cap, config)
+
+
+def look_alike(
+    graph: TopologicalGraph, truth: MapTruth, views: Views, predictor: Predictor, config: Believing, near: float
+) -> Fault:
+    """Join the two nodes far apart that the network is surest to be near, d < `near`. Raises MapError without any."""
+    nodes = list(graph.nodes)
+    poses, features = truth.poses(nodes), views.features(nodes)
+    first, second = _far_pairs(poses, _joined(graph), nodes)
+    best, surest = None, 0.0
+    for begin in range(0, len(first), _BATCH):
+        i, j = first[begin : begin + _BATCH], second[begin : begin + _BATCH]
+        said = predictor.predict(features[i], features[j])
+        score = np.where((distance(said.waypoints) < near) & (said.waypoints[:, 0] > 0), said.reachability, 0.0)
+        top = int(score.argmax())
+        if score[top] > surest:
+            best, surest = (int(i[top]), int(j[top]), said.waypoints[top]), float(score[top])
+    if best is None:
+        raise MapError("The network tells all places of this map apart; choose another map or other weights.")
+    return _planted(FaultKind.LOOK_ALIKE, nodes[best[0]], nodes[best[1]], best[2], surest, config)
+
+
+@dataclass(frozen=True, slots=True)
+class _Cut:
+    edges: tuple[EdgeKey, ...]
+
+    def fault(self, start: NodeId, goal: NodeId) -> Fault:
+        if not self.edges or any({start, goal} & set(key) for key in self.edges):
+            raise MapError("This map has no passage that could be cut; choose a larger one.")
+        cuts = tuple(EdgePruned(*key, Cause.LOAD) for key in self.edges)
+        return Fault(FaultKind.MISSING_EDGE, self.edges, cuts, start, goal)
+
+
+def _planted(kind: FaultKind, source: NodeId, target: NodeId, waypoint: Waypoint, p: float, config: Believing) -> Fault:
+    belief = initial(p, float(distance(waypoint)), config)
+    there = Edge(source, target, pose_row(waypoint), belief)
+    back = Edge(target, source, pose_row(invert(waypoint)), belief)
+    deltas = EdgeAdded(there, Cause.LOAD), EdgeAdded(back, Cause.LOAD)
+    return Fault(kind, ((source, target), (target, source)), deltas, source, target)
+
+
+def _ahead(waypoints: Waypoint) -> NDArray[np.bool_]:
+    """Tell which targets (N, 3) lie straight ahead, near, and turned the same way."""
+    dx, dy, dtheta = waypoints.T
+    return (dx > 0.5) & (dx < THROUGH_WALL_M) & (np.abs(dy) < 0.5 * dx) & (np.abs(dtheta) < 0.6)
+
+
+def _joined(graph: TopologicalGraph) -> set[EdgeKey]:
+    return {*graph.edges, *((target, source) for source, target in graph.edges)}
+
+
+def _far_pairs(
+    poses: Pose, joined: Iterable[EdgeKey], nodes: Sequence[NodeId]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    gaps = poses[:, None, :2] - poses[None, :, :2]
+    far = np.hypot(gaps[..., 0], gaps[..., 1]) > FAR_M
+    row = {node: k for k, node in enumerate(nodes)}
+    for source, target in joined:
+        far[row[source], row[target]] = False
+    return tuple(np.nonzero(far))  # type: ignore[return-value]
+
+
+def _side_of(
+    graph: TopologicalGraph, nodes: Sequence[NodeId], places: NDArray[np.float64], start: int, goal: int
+) -> set[NodeId]:
+    """Return the nodes on the start's side of the least cut that keeps away from start and goal."""
+    row = {node: k for k, node in enumerate(nodes)}
+    ends = np.array([(row[source], row[target]) for source, target in _joined(graph)], np.intp).reshape(-1, 2)
+    close = np.minimum(*(np.hypot(*(places - places[k]).T) for k in (start, goal))) < _AROUND_M
+    # Edges near start and goal are too dear to cut.
+    room = np.where(close[ends].any(axis=1), len(ends), 1).astype(np.int32)
+    capacity = csr_array((room, (ends[:, 0], ends[:, 1])), (len(nodes), len(nodes)))
+    left = capacity - maximum_flow(capacity, start, goal).flow
+    left.data = np.maximum(left.data, 0)
+    left.eliminate_zeros()
+    reached = breadth_first_order(left, start, return_predecessors=False)
+    return {nodes[k] for k in reached.tolist()}

@@ -1,0 +1,192 @@
+"""A moment cut out of a recording, as a small recording of its own.
+
+Owns what a moment needs to stand alone: the map at its start, the images, and what the robot was about. Changes nothing
+in the recording that it is cut from.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from uuid import uuid4
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.graph.deltas import NodeAdded
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.nav.events import (
+    GraphChanged,
+    LegEnded,
+    LegStarted,
+    Localised,
+    Note,
+    Planned,
+    QueryEnded,
+    QueryStarted,
+    Stamped,
+)
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.whole import written_whole
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.types import FrameId
+
+
+@dataclass(frozen=True, slots=True)
+class Excerpt:
+    """A moment that was cut out."""
+
+    recording: Path
+    """What it was cut from."""
+    output: Path
+    from_s: float
+    """On the robot's clock."""
+    to_s: float
+    frames: int
+    events: int
+    """Of the moment itself, without those that make the map at its start."""
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The events of a stretch of time and what led to them."""
+
+    before: TopologicalGraph
+    """The map at its start."""
+    opened: tuple[Stamped, ...]
+    """Of the query and the leg that ran at its start: how they began, and the last fix and plan."""
+    events: tuple[Stamped, ...]
+    """In the order in which they were written."""
+
+
+def moment(events: Sequence[Stamped], from_s: float, to_s: float) -> Moment:
+    """Take the events from the first at or after `from_s` to the last at or before `to_s`; linear in events.
+
+    Events out of order stay where they are, so that the map at the end of the moment is the one of the recording.
+    """
+    inside = [place for place, stamped in enumerate(events) if from_s <= stamped.stamp <= to_s]
+    first = inside[0] if inside else sum(stamped.stamp < from_s for stamped in events)
+    last = inside[-1] + 1 if inside else first
+    changes = (stamped.event for stamped in events[:first])
+    graph = TopologicalGraph(change.delta for change in changes if isinstance(change, GraphChanged))
+    return Moment(graph, _opened(events[:first]), tuple(events[first:last]))
+
+
+def span(recording: Recording) -> tuple[float, float]:
+    """Return the first and the last instant of a recording, in seconds on the robot's clock. Raises RecordingError."""
+    stamps = [*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events)]
+    if not stamps:
+        raise RecordingError(f"{recording.path} holds no frames and no events, so no moment can be cut out of it.")
+    return min(stamps), max(stamps)
+
+
+def cut(recording: Recording, output: Path | str, *, from_s: float, to_s: float, named_only: bool = False) -> Excerpt:
+    """Write the moment from `from_s` to `to_s` (robot clock) of a recording to a new file that stands alone.
+
+    It holds the map at its start with the images of its nodes and its reserve; with `named_only` just the images that
+    the moment's events name, which is much smaller but cannot be navigated by. Raises RecordingError when the file
+    exists, or when nothing happened in that time.
+    """
+    output = Path(output)
+    _check_times(recording, from_s, to_s)
+    found = moment(recording.events, from_s, to_s)
+    frames = _frames(recording, found, from_s, to_s, named_only=named_only)
+    with written_whole(output) as part:
+        _write(recording, part, found, frames, (from_s, to_s))
+    return Excerpt(
+        recording.path, output, from_s, to_s, len(frames), len(found.opened + found.events), output.stat().st_size
+    )
+
+
+def _opened(events: Sequence[Stamped]) -> tuple[Stamped, ...]:
+    """Return what an unfinished query needs to be understood, oldest first."""
+    kept: dict[type, Stamped] = {}
+    for stamped in events:
+        match stamped.event:
+            case QueryStarted():
+                kept = {QueryStarted: stamped}
+            case QueryEnded():
+                kept = {}
+            case Localised() | Planned() | LegStarted() if kept:
+                kept[type(stamped.event)] = stamped
+            case LegEnded():
+                kept.pop(LegStarted, None)
+    return tuple(sorted(kept.values(), key=events.index))
+
+
+def _check_times(recording: Recording, from_s: float, to_s: float) -> None:
+    begin, end = span(recording)
+    whole = f"the recording runs from {begin:.1f} s to {end:.1f} s"
+    if not (math.isfinite(from_s) and math.isfinite(to_s) and from_s <= to_s):
+        raise RecordingError(f"A moment runs from an earlier to a later time, not {from_s} to {to_s} s; {whole}.")
+    stamps = (*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events))
+    if not any(from_s <= stamp <= to_s for stamp in stamps):
+        raise RecordingError(f"{recording.path}: nothing happened between {from_s} and {to_s} s; {whole}.")
+
+
+def _frames(
+    recording: Recording, found: Moment, from_s: float, to_s: float, *, named_only: bool
+) -> tuple[FrameId, ...]:
+    """Return the frames that the moment needs and the recording holds, in order."""
+    stamps = zip(recording.frames, recording.poses.stamps.tolist(), strict=True)
+    wanted = {frame for frame, stamp in stamps if from_s <= stamp <= to_s}
+    wanted.update(*(_named(stamped) for stamped in found.opened + found.events))
+    if not named_only:
+        wanted |= {*found.before.nodes, *found.before.reserve}
+    return tuple(frame for frame in recording.frames if frame in wanted)
+
+
+def _named(stamped: Stamped) -> Iterator[FrameId]:
+    """Yield the frames that an event speaks of."""
+    match stamped.event:
+        case QueryStarted(goal=goal):
+            yield goal
+        case Localised(frame=frame, node=node, runner_up=runner_up):
+            yield from (each for each in (frame, node, runner_up) if each is not None)
+        case Planned(nodes=nodes):
+            yield from nodes
+        case (
+            LegStarted(source=source, target=target, frame=frame) | LegEnded(source=source, target=target, frame=frame)
+        ):
+            yield from (each for each in (source, target, frame) if each is not None)
+        case GraphChanged(delta=NodeAdded(node=node)):
+            yield node.id
+
+
+def _write(
+    recording: Recording, output: Path, found: Moment, frames: Sequence[FrameId], times: tuple[float, float]
+) -> None:
+    meta, graph = recording.meta, found.before.copy()
+    origin = {"recording": recording.path.name, "id": meta.recording_id, "from_s": times[0], "to_s": times[1]}
+    everything = found.opened + found.events
+    with RecordingWriter(
+        output,
+        scene=meta.scene,
+        config={**meta.config, "excerpt": origin},
+        fingerprint=meta.fingerprint,
+        intrinsics=meta.intrinsics,
+        scene_glb=recording.scene_glb(),
+        recording_id=str(uuid4()),
+        started_at=meta.started_at,
+    ) as writer:
+        for frame in frames:
+            writer.encoded_frame(recording.stored_frame(frame).frame)
+        begin = _begin(recording, everything, times[0])
+        for delta in graph.deltas():
+            writer.event(begin._replace(event=GraphChanged(delta)))
+        writer.event(begin)
+        writer.graph(graph, begin.step, begin.stamp)
+        for stamped in everything:
+            writer.event(stamped)
+            if isinstance(stamped.event, GraphChanged):
+                graph.apply(stamped.event.delta)
+                writer.graph(graph, stamped.step, stamped.stamp)
+
+
+def _begin(recording: Recording, events: Sequence[Stamped], from_s: float) -> Stamped:
+    """Return a note at the instant at which the map is as it was when the moment began."""
+    text = f"cut out of {recording.path.name} at {from_s:.1f} s"
+    if events:
+        first = min(events, key=lambda stamped: stamped.step)
+        return Stamped(first.step, min(first.stamp, from_s), Note(text))
+    after = recording.poses.stamps.searchsorted(from_s)
+    return Stamped(int(recording.poses.steps[after]), float(recording.poses.stamps[after]), Note(text))

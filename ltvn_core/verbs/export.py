@@ -1,0 +1,129 @@
+"""`ltvn export`: a moment, a test, a page or a figure out of a recording, to pass on."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.recording.excerpt import Excerpt
+    from ltvn_core.report.scene_svg import SceneColours
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written."""
+
+    recording: Path
+    """What it came from."""
+    output: Path | None
+    """The moment, a recording of its own."""
+    frames: int | None
+    """In it."""
+    events: int | None
+    size_bytes: int | None
+    test: Path | None
+    """A pytest file about the moment, to be changed by hand."""
+    html: Path | None
+    svg: Path | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(Verb):
+    """Take something out of a recording or a map, to pass on: a moment, a test of it, a page or a figure of the map."""
+
+    recording: Positional[Path]
+    """The .rrd file; it is left as it is."""
+    from_s: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    """Where the moment begins, in seconds on the robot's clock; the beginning if not given."""
+    to_s: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    """Where it ends, and the time at which the map is drawn; the end if not given."""
+    output: Path | None = None
+    """Write the moment here, as a recording that stands alone."""
+    named_only: bool = False
+    """Keep only the images that the moment's events name: much smaller, but nobody can navigate by it."""
+    test: Path | None = None
+    """Write a pytest file here that opens the moment and asserts what happened; lies beside --output."""
+    html: Path | None = None
+    """Write the map over its scene as one page that asks nothing of any other machine."""
+    svg: Path | None = None
+    """Write the same as a figure."""
+
+    def run(self) -> Summary:
+        """Write what is asked for; raises OptionError, RecordingError, MapError and SceneError."""
+        self._check()
+        cut = self._cut() if self.output is not None else None
+        if self.html is not None or self.svg is not None:
+            self._draw()
+        return Exported(
+            recording=self.recording,
+            output=self.output,
+            frames=None if cut is None else cut.frames,
+            events=None if cut is None else cut.events,
+            size_bytes=None if cut is None else cut.size_bytes,
+            test=self.test,
+            html=self.html,
+            svg=self.svg,
+        )
+
+    def _check(self) -> None:
+        if self.output is None and self.html is None and self.svg is None:
+            raise OptionError(
+                "Nothing to write: name --output for a moment, or --html or --svg for a picture of the map."
+            )
+        if self.test is not None and self.output is None:
+            raise OptionError("--test is about a moment; name --output, the recording that the test opens.")
+        for path in (self.test, self.html, self.svg):
+            if path is not None and path.exists():
+                raise OptionError(f"{path} exists already and is never overwritten; name another file.")
+
+    def _cut(self) -> "Excerpt":
+        from ltvn_core.analysis.skeleton import skeleton
+        from ltvn_core.recording.excerpt import cut, moment, span
+        from ltvn_core.recording.reader import Recording
+
+        recording = Recording.open(self.recording)
+        begin, end = span(recording)
+        from_s, to_s = begin if self.from_s is None else self.from_s, end if self.to_s is None else self.to_s
+        output = self.output or Path()
+        written = cut(recording, output, from_s=from_s, to_s=to_s, named_only=self.named_only)
+        if self.test is not None:
+            found = moment(recording.events, from_s, to_s)
+            file = os.path.relpath(output.absolute(), self.test.absolute().parent)
+            about = f"{self.recording.name} from {from_s:.1f} s to {to_s:.1f} s"
+            _write(self.test, skeleton(found.opened + found.events, file=file, about=about))
+        return written
+
+    def _draw(self) -> None:
+        from ltvn_core.evaluate.scene_plan import scene_plan
+        from ltvn_core.recording.reader import Recording
+        from ltvn_core.report.scene_page import scene_page
+        from ltvn_core.report.scene_svg import scene_svg
+
+        drawn = scene_plan(Recording.open(self.recording), at_s=self.to_s)
+        if self.svg is not None:
+            _write(self.svg, scene_svg(drawn, _colours()))
+        if self.html is not None:
+            _write(self.html, scene_page(drawn, _colours()))
+
+
+def _colours() -> "SceneColours":
+    from ltvn_core.report.scene_svg import SceneColours
+    from ltvn_viz import palette
+
+    ramp = tuple(palette.Rgb8(*map(int, stop)).css for stop in palette.RAMP)
+    return SceneColours(ramp, palette.NODE.css, palette.WENT.css, palette.BACKGROUND.css)
+
+
+def _write(path: Path, text: str) -> None:
+    from ltvn_core.recording.whole import written_whole
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")

@@ -1,8 +1,8 @@
 """Why an edge is gone, so weak, or missing: the chain of changes and attempts behind it.
 
 Answers the other two questions, too: why an edge was `chosen` and why a node is here, from `analysis.choice` and
-`analysis.arrivals`. Owns the order and the words of its own chains, which come from what the robot itself knew. What was
-truly so, and whose fault a failed episode was, is the business of `ltvn_core.evaluate`.
+`analysis.arrivals`. Owns the order and the words of its own chains, which come from what the robot itself knew. What
+was truly so, and whose fault a failed episode was, is the business of `ltvn_core.evaluate`.
 """
 
 from collections.abc import Iterator

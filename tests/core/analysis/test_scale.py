@@ -1,6 +1,7 @@
 """The size that is promised: 10,000 nodes, 50,000 edges, 40,000 events of driving. It tests counts, not times."""
 
 import itertools
+from collections.abc import Iterator
 
 import pytest
 
@@ -60,7 +61,7 @@ def test_a_long_life_on_a_large_map_is_told_completely(events: list[Stamped]) ->
 def test_each_event_is_looked_at_once(events: list[Stamped]) -> None:
     looked = 0
 
-    def counting() -> itertools.chain[Stamped]:
+    def counting() -> Iterator[Stamped]:
         nonlocal looked
         for stamped in events:
             looked += 1

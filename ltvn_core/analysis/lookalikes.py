@@ -98,16 +98,17 @@ def _others(
 ) -> Iterator[tuple[NodeId, ...]]:
     """Yield for each node, in order, which others to compare it with."""
     nodes = tuple(graph.nodes)
+    if candidates is None:
+        yield from ((*nodes[:k], *nodes[k + 1 :]) for k in range(len(nodes)))
+        return
     places = np.array([node.odometry[:2] for node in graph.nodes.values()])
-    pictures = signatures(matcher.views, nodes).astype(np.float32) if candidates is not None else None
+    pictures = signatures(matcher.views, nodes).astype(np.float32)
     for first in range(0, len(nodes), _ROWS):
         rows = slice(first, first + _ROWS)
         beside = np.hypot(*(places[rows, None] - places[None]).transpose(2, 0, 1)) < 2 * near
-        likeness = np.where(beside, -np.inf, pictures[rows] @ pictures.T if pictures is not None else 0.0)
-        for k, row in enumerate(likeness, start=first):
-            alike = _top(row, len(nodes) if candidates is None else candidates)
-            chosen = dict.fromkeys([*graph.successors(nodes[k]), *(nodes[j] for j in alike)])
-            yield tuple(chosen)
+        for k, row in enumerate(np.where(beside, -np.inf, pictures[rows] @ pictures.T), start=first):
+            alike = (nodes[j] for j in _top(row, candidates))
+            yield tuple(dict.fromkeys([*graph.successors(nodes[k]), *alike]))
 
 
 def _top(row: NDArray[np.float32], count: int) -> NDArray[np.intp]:
@@ -129,8 +130,9 @@ def _near(
     for k, other in enumerate(claims.nodes):
         apart = float(np.hypot(*(here - graph.nodes[other].odometry[:2])))
         joined = (node, other) in graph.edges or (other, node) in graph.edges
+        first, second = min(node, other), max(node, other)
         numbers = float(claims.reachability[k]), float(claims.distances[k]), apart
-        yield Lookalike(*sorted((node, other)), *numbers, not plausible[k], math.inf, joined)
+        yield Lookalike(first, second, *numbers, not plausible[k], math.inf, joined)
 
 
 def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:
@@ -139,13 +141,10 @@ def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:
 
 def _far_ones(graph: TopologicalGraph, pairs: Sequence[Lookalike], far: float) -> tuple[Lookalike, ...]:
     """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map."""
-    lengths = _lengths(
-        graph, {node for pair in pairs if not (pair.joined and not pair.contradicted) for node in _ends(pair)}
-    )
+    odd = [pair for pair in pairs if pair.contradicted or not pair.joined]
+    lengths = _lengths(graph, {node for pair in odd for node in _ends(pair)})
     far_ones = []
-    for pair in pairs:
-        if pair.joined and not pair.contradicted:
-            continue
+    for pair in odd:
         first, second = _ends(pair)
         length = min(lengths[first].get(second, math.inf), lengths[second].get(first, math.inf))
         if pair.contradicted or length > far:

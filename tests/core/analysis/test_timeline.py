@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from ltvn_core.analysis.growing import GrowingTimeline
 from ltvn_core.analysis.timeline import Instant, MarkKind, Timeline
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -140,3 +141,26 @@ def test_nothing_at_all_is_a_timeline_too() -> None:
     assert timeline.next_mark(Instant(0, 0.0)) is None
     assert timeline.query_at(0) is None
     assert len(timeline.graph_at().nodes) == 0
+
+
+def test_a_run_that_goes_on_is_told_like_a_finished_one_at_every_event() -> None:
+    run, growing, told = runs.two_failures(), GrowingTimeline(), list[Timeline]()
+    for stamped in run:
+        growing.take(stamped)
+        told.append(growing.timeline())
+    for length, timeline in enumerate(told, 1):
+        expected = Timeline.of(run[:length])
+        rows = [(line.queries, line.attempts, line.plans, line.changes, line.marks) for line in (timeline, expected)]
+        assert rows[0] == rows[1]
+        assert (timeline.notes, timeline.epochs) == (expected.notes, expected.epochs)
+        assert timeline.changes_of_edge(1, 2) == expected.changes_of_edge(1, 2)
+        assert timeline.changes_of_node(2) == expected.changes_of_node(2)
+        assert timeline.attempts_of_edge(1, 2) == expected.attempts_of_edge(1, 2)
+
+
+def test_a_run_that_goes_on_in_disorder_is_put_in_order_too() -> None:
+    run, growing = runs.two_failures(), GrowingTimeline()
+    for stamped in [*run[:20], *run[30:], *run[20:30]]:
+        growing.take(stamped)
+    assert list(growing.timeline().events) == run
+    assert len(growing) == len(run)

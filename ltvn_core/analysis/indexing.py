@@ -8,6 +8,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 
 from ltvn_core.analysis.epochs import Epochs
+from ltvn_core.analysis.folding import Folds
 from ltvn_core.analysis.marks import mark_of
 from ltvn_core.analysis.records import Attempt, Change, Instant, Mark, MarkKind, Plan, Query
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
@@ -57,6 +58,8 @@ class Index:
         """Where in `changes` each map begins."""
         self.notes: list[str] = []
         """What was wrong with the list, in words."""
+        self.folds = Folds()
+        """Maps folded before."""
         self._epochs = Epochs()
         self._query: _Open | None = None
         self._leg: Attempt | None = None
@@ -84,7 +87,7 @@ class Index:
     def finished(self, count: int) -> "Index":
         """Return a copy in which everything that is still open after `count` events is closed.
 
-        It shares `changes_by_edge` and `changes_by_node` with this one, and takes no time worth mentioning.
+        It shares `folds` and what is filed by edge and node with this one, and takes no time worth mentioning.
         """
         twin = copy(self)
         for name in ("queries", "attempts", "plans", "changes", "marks", "epochs", "notes"):

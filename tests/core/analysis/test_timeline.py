@@ -6,7 +6,7 @@ import pytest
 
 from ltvn_core.analysis.growing import GrowingTimeline
 from ltvn_core.analysis.timeline import Instant, MarkKind, Timeline
-from ltvn_core.graph.deltas import Cause
+from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.nav.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
 from ltvn_core.recording.reader import Recording
@@ -164,3 +164,14 @@ def test_a_run_that_goes_on_in_disorder_is_put_in_order_too() -> None:
         growing.take(stamped)
     assert list(growing.timeline().events) == run
     assert len(growing) == len(run)
+
+
+def test_time_travel_to_and_fro_over_many_changes_gives_the_same_maps_and_none_spoils_another() -> None:
+    nodes = [runs.at(step, runs.node(step, cause=Cause.ONLINE)) for step in range(25_000)]
+    fresh = runs.at(25_000, runs.node(0, cause=Cause.LOAD), runs.node(1, cause=Cause.LOAD))
+    timeline = Timeline.of([*(stamped for row in nodes for stamped in row), *fresh])
+    for step in (24_999, 10_000, 9_999, 3, 20_000, 24_999):
+        graph = timeline.graph_at(Instant(step, 0.0))
+        assert (len(graph.nodes), graph.version) == (step + 1, step + 1)
+        graph.apply(NodeDropped(0, Cause.HAND))
+    assert (len(timeline.graph_at().nodes), timeline.graph_at().version) == (2, 2)

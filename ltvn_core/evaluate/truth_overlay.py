@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ltvn_core.analysis.traffic import cost_matrix
 from ltvn_core.evaluate.truth import MapTruth
@@ -177,7 +177,7 @@ def _near_pairs(poses: Pose, near: float) -> tuple[NDArray[np.intp], NDArray[np.
     if not len(poses):
         return np.empty(0, np.intp), np.empty(0, np.intp)
     # d is never less than the metres between two poses, so a search in the plane finds all.
-    pairs = cKDTree(poses[:, :2]).query_pairs(near, output_type="ndarray")
+    pairs = KDTree(poses[:, :2]).query_pairs(near, output_type="ndarray")
     return np.concatenate([pairs[:, 0], pairs[:, 1]]), np.concatenate([pairs[:, 1], pairs[:, 0]])
 
 

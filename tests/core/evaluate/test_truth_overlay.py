@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.truth_overlay import calibration_over_queries, overlay, trials
 from ltvn_core.evaluate.scene_plan import recorded_truth
 from ltvn_core.evaluate.truth import MapTruth
+from ltvn_core.evaluate.truth_overlay import calibration_over_queries, overlay, trials
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.nav.events import GraphChanged, LegEnd, LegEnded, Outcome, QueryEnded, Stamped
 from ltvn_core.recording.reader import Recording

@@ -60,8 +60,12 @@ class Timeline:
         return [stamped.step for stamped in self.events]
 
     @cached_property
-    def _mark_steps(self) -> list[FrameId]:
-        return [mark.instant.step for mark in self.marks]
+    def _marks_of(self) -> Mapping[MarkKind | None, list[Mark]]:
+        """The marks by kind, and all of them under None."""
+        found: dict[MarkKind | None, list[Mark]] = {None: list(self.marks)}
+        for mark in self.marks:
+            found.setdefault(mark.kind, []).append(mark)
+        return found
 
     @cached_property
     def _change_events(self) -> list[int]:
@@ -106,15 +110,22 @@ class Timeline:
         place = bisect_left(self._steps, at.step) - 1
         return self.instant(place) if place >= 0 else None
 
+    def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> list[Mark]:
+        """Return the marks up to and in a step, of one kind if that is given; all without an instant."""
+        marks = self._marks_of.get(kind, [])
+        return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step)]
+
     def next_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the first mark in a later step, of one kind if that is given; linear in the marks skipped."""
-        later = range(bisect_right(self._mark_steps, at.step), len(self.marks))
-        return next((self.marks[k] for k in later if kind in (None, self.marks[k].kind)), None)
+        """Return the first mark in a later step, of one kind if that is given. Logarithmic."""
+        marks = self._marks_of.get(kind, [])
+        place = bisect_right(marks, at.step, key=_step)
+        return marks[place] if place < len(marks) else None
 
     def previous_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the last mark in an earlier step, of one kind if that is given; linear in the marks skipped."""
-        earlier = range(bisect_left(self._mark_steps, at.step) - 1, -1, -1)
-        return next((self.marks[k] for k in earlier if kind in (None, self.marks[k].kind)), None)
+        """Return the last mark in an earlier step, of one kind if that is given. Logarithmic."""
+        marks = self._marks_of.get(kind, [])
+        place = bisect_left(marks, at.step, key=_step) - 1
+        return marks[place] if place >= 0 else None
 
     def next_query(self, at: Instant) -> Query | None:
         """Return the first query that begins in a later step. Logarithmic."""
@@ -166,6 +177,10 @@ class Timeline:
 
     def _graph_of(self, changes: tuple[Change, ...]) -> TopologicalGraph:
         return folded(changes[self.epochs[changes[-1].epoch] :] if changes else ())
+
+
+def _step(mark: Mark) -> FrameId:
+    return mark.instant.step
 
 
 def _edge_of(delta: GraphDelta) -> EdgeKey | None:

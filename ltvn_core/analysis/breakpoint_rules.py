@@ -43,8 +43,8 @@ class Change:
     @property
     def delta(self) -> d.GraphDelta | None:
         """The change of the map that the event tells, bulk ones left out."""
-        news = isinstance(self.event, e.GraphChanged) and self.event.delta.cause not in _BULK
-        return self.event.delta if news else None
+        delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
+        return None if delta is None or delta.cause in _BULK else delta
 
 
 @dataclass(slots=True)

@@ -52,8 +52,16 @@ class Timeline:
             ordered.sort(key=lambda stamped: stamped.step)
         index = index_of(ordered)
         disorder = [f"{late} events come after a later one; all are put in order by their steps."] if late else []
-        rows = index.queries, index.attempts, index.plans, index.changes, index.marks, index.epochs
-        return cls(ordered, *(tuple(row) for row in rows), (*disorder, *index.notes))
+        return cls(
+            events=ordered,
+            queries=tuple(index.queries),
+            attempts=tuple(index.attempts),
+            plans=tuple(index.plans),
+            changes=tuple(index.changes),
+            marks=tuple(index.marks),
+            epochs=tuple(index.epochs),
+            notes=(*disorder, *index.notes),
+        )
 
     @cached_property
     def _steps(self) -> list[FrameId]:

@@ -20,9 +20,16 @@ def nearest_pictures(rgb: Rgb, views: Views, nodes: Sequence[NodeId], count: int
     """Return the `count` nodes that look most like a picture (72, 96, 3), best first, with a likeness in [-1, 1]."""
     if not nodes:
         return ()
-    likeness = np.stack([_signature(views.observation(node).rgb) for node in nodes]) @ _signature(rgb)
+    likeness = signatures(views, nodes) @ _signature(rgb)
     best = np.argsort(-likeness, kind="stable")[:count]
     return tuple((nodes[k], float(likeness[k])) for k in best)
+
+
+def signatures(views: Views, nodes: Sequence[NodeId]) -> NDArray[np.float64]:
+    """Return (N, S) unit vectors, one per node, whose products are the likeness in [-1, 1] of two pictures."""
+    if not nodes:
+        return np.empty((0, 0))
+    return np.stack([_signature(views.observation(node).rgb) for node in nodes])
 
 
 def _signature(rgb: Rgb) -> NDArray[np.float64]:

@@ -51,7 +51,7 @@ def scene_svg(drawn: ScenePlan, colours: SceneColours) -> str:
     style = (
         f"text{{font:.25px sans-serif;fill:{colours.text}}}.e{{stroke-width:.025;fill:none}}"
         f".e:hover,.e.on{{stroke-width:.07}}.n{{fill:{colours.node};stroke:{colours.node};stroke-width:.02}}"
-        f".n:hover{{stroke-width:.08}}.s{{stroke:{colours.spurious};stroke-width:.05;stroke-dasharray:.12 .06}}"
+        f".n:hover,.n.on{{stroke-width:.08}}.s{{stroke:{colours.spurious};stroke-width:.05;stroke-dasharray:.12 .06}}"
     )
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" id="scene" viewBox="{view}" role="img">',

@@ -6,6 +6,7 @@ from ltvn_core.analysis.edges import AttemptRow, EdgeStory, edge_story
 from ltvn_core.analysis.records import Instant
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
+from ltvn_core.types import Waypoint
 from ltvn_viz import palette
 from ltvn_viz.commands import PointAt
 from ltvn_viz.why.case import Case
@@ -55,10 +56,7 @@ class EdgeTool:
         waypoint = np.array(life.waypoint)
         pair = image(case.picture(source), f"from {source}", waypoint) + image(case.picture(target), f"to {target}")
         page.html(f'<div class="lt-pair">{pair}</div>')
-        page.line(
-            f"Predicted: {waypoint[0]:.2f} m ahead, {waypoint[1]:.2f} m left, {np.degrees(waypoint[2]):.0f}°; "
-            f"r {'unknown' if life.r_at_birth is None else f'{life.r_at_birth:.2f}'}."
-        )
+        page.line(f"Predicted: {_where(waypoint)}; r {_number(life.r_at_birth)}.")
         self._beliefs(case, story, page)
         self._attempts(case, story, page)
         return page.view(self._overlay(case, story))
@@ -87,7 +85,7 @@ class EdgeTool:
     def _attempt(self, case: Case, row: AttemptRow, page: Page) -> tuple[str, ...]:
         at = "–" if row.localised is None or row.localised.node is None else str(row.localised.node)
         result = "cut" if row.succeeded is None else "success" if row.succeeded else f"failed ({row.end})"
-        numbers = ("–" if each is None else f"{each:.2f}" for each in (row.distance, row.reachability))
+        numbers = map(_number, (row.distance, row.reachability))
         return self._jump(case, page, row.begin), at, f'<span title="{row.reason}">{result}</span>', *numbers
 
     @staticmethod
@@ -105,3 +103,13 @@ class EdgeTool:
             nodes={story.source: palette.SOURCE, story.target: palette.TARGET},
             ghosts=() if ghost is None else (ghost,),
         )
+
+
+def _where(waypoint: Waypoint) -> str:
+    dx, dy, turn = float(waypoint[0]), float(waypoint[1]), float(np.degrees(waypoint[2]))
+    along = f"{abs(dx):.2f} m {'ahead' if dx >= 0 else 'back'}, {abs(dy):.2f} m to the {'left' if dy >= 0 else 'right'}"
+    return f"{along}, turned {abs(turn):.0f}° {'left' if turn >= 0 else 'right'}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"

@@ -86,6 +86,11 @@ def test_nav_stands_on_graph_and_the_foundation() -> None:
         assert core_parts(path) <= {*FOUNDATION, "graph", "nav"}, relative(path)
 
 
+def test_analysis_needs_neither_simulator_nor_network() -> None:
+    for path in files_of("analysis"):
+        assert core_parts(path) <= {*FOUNDATION, "graph", "nav", "recording", "analysis"}, relative(path)
+
+
 @pytest.mark.parametrize("part", SIBLINGS)
 def test_siblings_do_not_import_each_other(part: str) -> None:
     others = set(SIBLINGS) - {part}

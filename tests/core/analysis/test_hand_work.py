@@ -55,7 +55,7 @@ def test_a_new_edge_goes_where_odometry_says_unless_told_otherwise() -> None:
     back = hand_work.add_edge(graph, 2, 1, BELIEVING)
     assert back.cause is Cause.HAND
     assert tuple(back.edge.waypoint) == pytest.approx((-1.0, 0.0, 0.0))
-    assert back.edge.belief == Belief(BELIEVING.p_cap, pytest.approx(1.0), BELIEVING.sigma2)
+    assert back.edge.belief == Belief(BELIEVING.p_cap, 1.0, BELIEVING.sigma2)
     seen = np.array([0.5, 0.1, 0.3])
     assert hand_work.add_edge(graph, 2, 0, BELIEVING, waypoint=seen).edge.belief.mu == pytest.approx(distance(seen))
 

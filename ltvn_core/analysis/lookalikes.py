@@ -1,0 +1,170 @@
+"""Places that the network takes for one another although map or odometry puts them far apart.
+
+Owns the search for such pairs. Every false edge of a map joins one of them, and most wrong fixes confuse one.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import rustworkx
+from numpy.typing import NDArray
+
+from ltvn_core.config import Building, Method
+from ltvn_core.graph.lookalike import signatures
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.travel import Travel
+from ltvn_core.types import NodeId
+
+_DRIFT = Building().odometry_drift
+"""Allowed where the method itself does not use odometry."""
+_FAR_FACTOR = 4.0
+"""Nodes farther apart in the map than this many D_l are far."""
+_ROWS = 512
+
+Progress = Callable[[int, int], None]
+"""Called with nodes done and nodes in all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lookalike:
+    """Two nodes that the network holds for near."""
+
+    first: NodeId
+    second: NodeId
+    reachability: float
+    """r of the better direction, as far as the frames before and after confirm it where the method asks them."""
+    distance: float
+    """d that the network claims, Eq. 2."""
+    odometry_m: float
+    """Straight distance by odometry."""
+    contradicted: bool
+    """Odometry rules the claimed waypoint out, its drift allowed for."""
+    path_mu: float
+    """Length of the shortest way through the map, the better direction; infinite without one."""
+    joined: bool
+    """An edge joins them: if they are contradicted, a false one."""
+
+    @property
+    def sentence(self) -> str:
+        """What is odd about the pair, in one line."""
+        claim = f"{self.first} and {self.second} look {self.distance:.2f} apart (r {self.reachability:.2f})"
+        way = f"{self.path_mu:.1f} through the map" if math.isfinite(self.path_mu) else "no way in the map"
+        edge = ", and an edge joins them" if self.joined else ""
+        return f"{claim}, yet they are {self.odometry_m:.1f} m apart by odometry, {way}{edge}."
+
+
+def find_lookalikes(
+    graph: TopologicalGraph,
+    matcher: Matcher,
+    method: Method,
+    *,
+    candidates: int | None = 16,
+    progress: Progress | None = None,
+) -> tuple[Lookalike, ...]:
+    """Return the pairs that are near by r and d < D_l but far by odometry or map, false edges first, then by r.
+
+    Each node is compared with its neighbours in the map and with the `candidates` nodes whose pictures are most like
+    its own and that odometry does not put beside it; None compares all with all. Costs N (candidates + degree) pairs of
+    the network on cached features, N^2 products of small pictures, and one Dijkstra for each node in a pair found.
+    Raises MapError when an image of a node is missing.
+    """
+    nodes = tuple(graph.nodes)
+    if len(nodes) < 2:
+        return ()
+    travel = _travel(matcher, method)
+    found: dict[tuple[NodeId, NodeId], Lookalike] = {}
+    for k, others in enumerate(_others(graph, matcher, method.localising.distance, candidates)):
+        for pair in _near(graph, matcher, travel, method, nodes[k], others):
+            key = pair.first, pair.second
+            if key not in found or pair.reachability > found[key].reachability:
+                found[key] = pair
+        if progress is not None:
+            progress(k + 1, len(nodes))
+    return _far_ones(graph, tuple(found.values()), _FAR_FACTOR * method.localising.distance)
+
+
+def _travel(matcher: Matcher, method: Method) -> Travel:
+    """Return what odometry allows, also where the method does not ask it."""
+    drift = method.building.odometry_drift or _DRIFT
+    seen = [matcher.views.observation(frame) for frame in matcher.views.frames]
+    return Travel(seen, replace(method.building, odometry_drift=drift))
+
+
+def _others(
+    graph: TopologicalGraph, matcher: Matcher, near: float, candidates: int | None
+) -> Iterator[tuple[NodeId, ...]]:
+    """Yield for each node, in order, which others to compare it with."""
+    nodes = tuple(graph.nodes)
+    if candidates is None:
+        yield from ((*nodes[:k], *nodes[k + 1 :]) for k in range(len(nodes)))
+        return
+    places = np.array([node.odometry[:2] for node in graph.nodes.values()])
+    pictures = signatures(matcher.views, nodes).astype(np.float32)
+    for first in range(0, len(nodes), _ROWS):
+        rows = slice(first, first + _ROWS)
+        beside = np.hypot(*(places[rows, None] - places[None]).transpose(2, 0, 1)) < 2 * near
+        for k, row in enumerate(np.where(beside, -np.inf, pictures[rows] @ pictures.T), start=first):
+            alike = (nodes[j] for j in _top(row, candidates))
+            yield tuple(dict.fromkeys([*graph.successors(nodes[k]), *alike]))
+
+
+def _top(row: NDArray[np.float32], count: int) -> NDArray[np.intp]:
+    """Return the indices of the `count` greatest finite values of (N,)."""
+    best = np.argpartition(-row, count)[:count] if count < len(row) else np.arange(len(row))
+    return best[np.isfinite(row[best])]
+
+
+def _near(
+    graph: TopologicalGraph, matcher: Matcher, travel: Travel, method: Method, node: NodeId, others: Sequence[NodeId]
+) -> Iterator[Lookalike]:
+    """Yield the others that the network holds for near, supported in time where the method asks for that."""
+    claims = matcher.match(matcher.views.features([node]), others)
+    claims = claims.take(_within(claims, method))
+    claims = matcher.supported(claims, node)
+    claims = claims.take(_within(claims, method))
+    plausible = travel.plausible(node, claims)
+    here = np.array(graph.nodes[node].odometry[:2])
+    for k, other in enumerate(claims.nodes):
+        apart = float(np.hypot(*(here - graph.nodes[other].odometry[:2])))
+        joined = (node, other) in graph.edges or (other, node) in graph.edges
+        first, second = min(node, other), max(node, other)
+        numbers = float(claims.reachability[k]), float(claims.distances[k]), apart
+        yield Lookalike(first, second, *numbers, not plausible[k], math.inf, joined)
+
+
+def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:
+    return (claims.distances < method.localising.distance) & (claims.reachability > method.localising.reachability)
+
+
+def _far_ones(graph: TopologicalGraph, pairs: Sequence[Lookalike], far: float) -> tuple[Lookalike, ...]:
+    """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map."""
+    odd = [pair for pair in pairs if pair.contradicted or not pair.joined]
+    lengths = _lengths(graph, {node for pair in odd for node in _ends(pair)})
+    far_ones = []
+    for pair in odd:
+        first, second = _ends(pair)
+        length = min(lengths[first].get(second, math.inf), lengths[second].get(first, math.inf))
+        if pair.contradicted or length > far:
+            far_ones.append(replace(pair, path_mu=length))
+    return tuple(sorted(far_ones, key=lambda pair: (not (pair.joined and pair.contradicted), -pair.reachability)))
+
+
+def _ends(pair: Lookalike) -> tuple[NodeId, NodeId]:
+    return pair.first, pair.second
+
+
+def _lengths(graph: TopologicalGraph, sources: set[NodeId]) -> dict[NodeId, dict[NodeId, float]]:
+    """Return the length by mu of the shortest ways from each source."""
+    mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
+    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
+    mirror.add_edges_from([(index[a], index[b], edge.belief.mu) for (a, b), edge in graph.edges.items()])
+    return {
+        source: {
+            mirror[k]: length
+            for k, length in rustworkx.dijkstra_shortest_path_lengths(mirror, index[source], float).items()
+        }
+        for source in sources
+    }

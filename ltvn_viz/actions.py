@@ -6,6 +6,7 @@ they go through the seat.
 
 from collections.abc import Callable
 
+from ltvn_core.analysis.records import MarkKind
 from ltvn_core.types import Twist
 from ltvn_viz import commands as c
 from ltvn_viz.drive_socket import DriveListener
@@ -28,6 +29,10 @@ PLAIN: dict[Action, Callable[[], c.Command]] = {
     Action.STEP: c.StepOnce,
     Action.SEEK_BACK: lambda: c.SeekBy(-SEEK_S),
     Action.SEEK_FORWARD: lambda: c.SeekBy(SEEK_S),
+    Action.EVENT_BEFORE: lambda: c.SeekMark(None, forwards=False),
+    Action.EVENT_AFTER: lambda: c.SeekMark(None, forwards=True),
+    Action.QUERY_BEFORE: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),
+    Action.QUERY_AFTER: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=True),
 }
 
 

@@ -16,6 +16,7 @@ from ltvn_viz.lessons import learn, use_weights
 from ltvn_viz.modes import Mode, refusal
 from ltvn_viz.navigation import Navigation
 from ltvn_viz.replay import Replay
+from ltvn_viz.seeking import seek, seek_mark
 from ltvn_viz.snapshot import Work
 from ltvn_viz.stage import Stage
 from ltvn_viz.why.tool import ToolName
@@ -86,7 +87,9 @@ def _play(stage: Stage, command: c.Command) -> None:
         case c.StepOnce(), Navigation() as navigation:
             navigation.step()
         case c.Seek(time_s), _:
-            _seek(stage, time_s)
+            seek(stage, time_s)
+        case c.SeekMark(kind, forwards), _:
+            seek_mark(stage, kind, forwards=forwards)
         case c.SeekBy(seconds), Replay() as replay:
             replay.seek(replay.time_s + seconds)
         case c.OpenRecording(name, at_s), _:
@@ -117,15 +120,6 @@ def _change(stage: Stage, deltas: Sequence[GraphDelta]) -> None:
         stage.inspector.again()
 
     stage.worker.submit(lambda: stage.mapping.change(deltas), show)
-
-
-def _seek(stage: Stage, time_s: float) -> None:
-    """Show another moment: of the recording, or of the live run so far."""
-    if isinstance(stage.activity, Replay):
-        stage.activity.seek(time_s)
-        return
-    stamp = stage.live.timeline.start_s + time_s
-    stage.look_back = stamp if stamp < stage.live.timeline.end_s else None
 
 
 def _pick(stage: Stage, node: NodeId) -> None:

@@ -77,6 +77,14 @@ class Timeline:
             _folds=told.folds,
         )
 
+    @cached_property
+    def _marks_of(self) -> Mapping[MarkKind | None, list[Mark]]:
+        """The marks by kind, and all of them under None."""
+        found: dict[MarkKind | None, list[Mark]] = {None: list(self.marks)}
+        for mark in self.marks:
+            found.setdefault(mark.kind, []).append(mark)
+        return found
+
     def instant(self, event: int) -> Instant:
         """Return the moment of event number `event`."""
         return Instant(int(self.events[event].step), float(self.events[event].stamp))
@@ -119,15 +127,22 @@ class Timeline:
         place = bisect_left(self.events, at.step, key=_step) - 1
         return self.instant(place) if place >= 0 else None
 
+    def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> list[Mark]:
+        """Return the marks up to and in a step, of one kind if that is given; all without an instant."""
+        marks = self._marks_of.get(kind, [])
+        return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step_of_mark)]
+
     def next_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the first mark in a later step, of one kind if that is given; linear in the marks skipped."""
-        later = range(bisect_right(self.marks, at.step, key=_step_of_mark), len(self.marks))
-        return next((self.marks[k] for k in later if kind in (None, self.marks[k].kind)), None)
+        """Return the first mark in a later step, of one kind if that is given. Logarithmic."""
+        marks = self._marks_of.get(kind, [])
+        place = bisect_right(marks, at.step, key=_step_of_mark)
+        return marks[place] if place < len(marks) else None
 
     def previous_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the last mark in an earlier step, of one kind if that is given; linear in the marks skipped."""
-        earlier = range(bisect_left(self.marks, at.step, key=_step_of_mark) - 1, -1, -1)
-        return next((self.marks[k] for k in earlier if kind in (None, self.marks[k].kind)), None)
+        """Return the last mark in an earlier step, of one kind if that is given. Logarithmic."""
+        marks = self._marks_of.get(kind, [])
+        place = bisect_left(marks, at.step, key=_step_of_mark) - 1
+        return marks[place] if place >= 0 else None
 
     def next_query(self, at: Instant) -> Query | None:
         """Return the first query that begins in a later step. Logarithmic."""

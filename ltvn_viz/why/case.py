@@ -19,6 +19,9 @@ from ltvn_viz.why.later import Later
 if TYPE_CHECKING:
     from ltvn_viz.mapping import Mapping
 
+HAIR_S = 1e-6
+"""More than is lost when a stamp is taken apart and put together again."""
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -64,5 +67,5 @@ class Case:
         return self.timeline.graph_at(self.instant)
 
     def seconds(self, instant: Instant) -> float:
-        """Return a moment as the page counts it."""
-        return max(0.0, instant.stamp - self.start_s)
+        """Return a moment as the page counts it, a hair late so that whoever goes there is not just before it."""
+        return max(0.0, instant.stamp - self.start_s + HAIR_S)

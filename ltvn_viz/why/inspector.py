@@ -69,7 +69,7 @@ class Inspector:
         elif first is not None and self._case is not None and (first, node) in self._case.graph.edges:
             selection = Selection(node, (first, node))
         else:
-            selection = Selection(node)
+            selection = Selection(node, before=first)
         self.shown = replace(self.shown, selection=selection)
 
     def told(self, text: str) -> None:

@@ -49,8 +49,13 @@ class Cases:
             method=stage.mapping.method,
             predictor=stage.mapping.predictor,
             mapping=stage.mapping if replay is None else None,
+            live=stage.live.timeline,
             later=self._later,
         )
+
+    def anew(self) -> None:
+        """Index a growing run at once, because a person waits to see what was just changed."""
+        self._indexed_at = float("-inf")
 
     def _index(self, run: Timeline) -> Index:
         known, count, index = self._indexed

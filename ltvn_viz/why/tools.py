@@ -2,10 +2,19 @@
 
 from collections.abc import Mapping
 
+from ltvn_viz.why.breaks import BreakTool
 from ltvn_viz.why.edge import EdgeTool
+from ltvn_viz.why.hand import HandTool
 from ltvn_viz.why.tool import Tool, ToolName
+from ltvn_viz.why.watch import Watch
+from ltvn_viz.why.what_if import WhatIfTool
 
 
-def tools() -> Mapping[ToolName, Tool]:
-    """Return a fresh set of tools; each keeps what a person told it."""
-    return {ToolName.EDGE: EdgeTool()}
+def tools(watch: Watch) -> Mapping[ToolName, Tool]:
+    """Return a fresh set of tools; each keeps what a person told it, and breakpoints are kept in `watch`."""
+    return {
+        ToolName.EDGE: EdgeTool(),
+        ToolName.WHAT_IF: WhatIfTool(),
+        ToolName.BREAK: BreakTool(watch),
+        ToolName.HAND: HandTool(),
+    }

@@ -106,18 +106,21 @@ def _inspect(stage: Stage, command: c.Command) -> None:
         case c.PointAt(node, target):
             inspector.point_at(node, target)
         case c.Tell(text):
-            inspector.told(text)
+            _ask(stage, inspector.told(text))
         case c.Follow(number):
-            asked = inspector.link(number)
-            if asked is not None:
-                obey(stage, asked)
+            _ask(stage, inspector.link(number))
+
+
+def _ask(stage: Stage, asked: c.Command | None) -> None:
+    if asked is not None:
+        obey(stage, asked)
 
 
 def _change(stage: Stage, deltas: Sequence[GraphDelta]) -> None:
     def show(changed: Sequence[GraphDelta]) -> None:
         for delta in changed:
             stage.live.emit(GraphChanged(delta))
-        stage.inspector.again()
+        stage.cases.anew()
 
     stage.worker.submit(lambda: stage.mapping.change(deltas), show)
 
@@ -173,6 +176,7 @@ def _record(stage: Stage, command: c.Command) -> None:
 def _open(stage: Stage, name: str, at_s: float) -> None:
     def show(replay: Replay) -> None:
         stage.work = None
+        replay.watch = stage.live.watch
         replay.seek(at_s)
         stage.activity = replay
 

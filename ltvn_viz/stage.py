@@ -68,7 +68,7 @@ class Stage:
     def __post_init__(self) -> None:
         """Begin with a person driving."""
         self.activity: Activity = self.teleop
-        self.inspector = Inspector(tools())
+        self.inspector = Inspector(tools(self.live.watch))
         self.cases = Cases(Later(self.worker, self.inspector.again))
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:

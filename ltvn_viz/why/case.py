@@ -14,6 +14,7 @@ from ltvn_core.config import Method
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
 from ltvn_viz.timeline import Moment
+from ltvn_viz.timeline import Timeline as LiveTimeline
 from ltvn_viz.why.later import Later
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ class Case:
     """The network in use; a recording may have been made with another."""
     mapping: "Mapping | None"
     """The live map and its images, to be touched within `later` alone; None in replay."""
+    live: LiveTimeline
+    """The live run as it is now, also while a recording is on show."""
     later: Later
     """Computes slowly, elsewhere."""
 

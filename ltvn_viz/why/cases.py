@@ -50,8 +50,13 @@ class Cases:
             method=stage.mapping.method,
             predictor=stage.mapping.predictor,
             mapping=stage.mapping if replay is None else None,
+            live=stage.live.timeline,
             later=self._later,
         )
+
+    def anew(self) -> None:
+        """Index a growing run at once, because a person waits to see what was just changed."""
+        self._due = float("-inf")
 
     def indexed(self, stage: "Stage") -> tuple[Timeline, Index]:
         """Return the run that the page shows and its index, which may lack what happened just now."""

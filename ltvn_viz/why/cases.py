@@ -50,6 +50,8 @@ class Cases:
             predictor=stage.mapping.predictor,
             mapping=stage.mapping if replay is None else None,
             later=self._later,
+            library=stage.library,
+            rerun=stage.rerun,
         )
 
     def _index(self, run: Timeline) -> Index:

@@ -92,8 +92,8 @@ def _play(stage: Stage, command: c.Command) -> None:
             seek_mark(stage, kind, forwards=forwards)
         case c.SeekBy(seconds), Replay() as replay:
             replay.seek(replay.time_s + seconds)
-        case c.OpenRecording(name, at_s), _:
-            _open(stage, name, at_s)
+        case c.OpenRecording() as opening, _:
+            _open(stage, opening)
         case c.CloseRecording(), _:
             stage.activity = stage.teleop
 
@@ -173,13 +173,15 @@ def _record(stage: Stage, command: c.Command) -> None:
             stage.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
 
 
-def _open(stage: Stage, name: str, at_s: float) -> None:
+def _open(stage: Stage, asked: c.OpenRecording) -> None:
     def show(replay: Replay) -> None:
         stage.work = None
         replay.watch = stage.live.watch
-        replay.seek(at_s)
+        replay.seek(asked.at_s)
         stage.activity = replay
+        for each in asked.then:
+            obey(stage, each)
 
     stage.live.robot.stop()
-    stage.work = Work(f"Opening {name}")
-    stage.worker.submit(lambda: stage.open_replay(name), show)
+    stage.work = Work(f"Opening {asked.name}")
+    stage.worker.submit(lambda: stage.open_replay(asked.name), show)

@@ -52,6 +52,8 @@ class Cases:
             mapping=stage.mapping if replay is None else None,
             live=stage.live.timeline,
             later=self._later,
+            library=stage.library,
+            rerun=stage.rerun,
         )
 
     def anew(self) -> None:

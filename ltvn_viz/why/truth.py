@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ltvn_core.analysis.truth_overlay import CalibrationPoint, Missing, calibration_over_queries, overlay
-from ltvn_core.analysis.truth_overlay import Overlay as Verdicts
-
 from ltvn_core.errors import MapError, OptionError
+from ltvn_core.evaluate.promises import CalibrationPoint, calibration_over_queries
 from ltvn_core.evaluate.results import CalibrationCell
 from ltvn_core.evaluate.truth import MapTruth, calibration
+from ltvn_core.evaluate.truth_overlay import Missing, overlay
+from ltvn_core.evaluate.truth_overlay import Overlay as Verdicts
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.nav.events import LegEnded, Stamped
 from ltvn_core.sim.scenes import load_scene

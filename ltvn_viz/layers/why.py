@@ -36,7 +36,8 @@ class WhyLayer:
         segments = np.array([(each.start, each.end) for each in overlay.strokes], np.float64).reshape(-1, 2, 2)
         colours = np.array([each.colour for each in overlay.strokes], np.uint8).reshape(-1, 3)
         self._lines.draw(points(segments, _WHY_Z), colours)
-        known = [node for node in overlay.nodes if node in snapshot.moment.graph.ids]
+        there = set(snapshot.moment.graph.ids.tolist())
+        known = [node for node in overlay.nodes if node in there]
         marked = snapshot.moment.graph.poses_of(tuple(known))
         self._place(self._nodes, marked, np.array([overlay.nodes[node] for node in known], np.uint8), NODE_Z + 0.02)
         ghosts = np.array(overlay.ghosts, np.float64).reshape(-1, 3)

@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 
 from ltvn_viz.why.breaks import BreakTool
+from ltvn_viz.why.coach import CoachTool
 from ltvn_viz.why.edge import EdgeTool
 from ltvn_viz.why.hand import HandTool
 from ltvn_viz.why.tool import Tool, ToolName
 from ltvn_viz.why.watch import Watch
 from ltvn_viz.why.what_if import WhatIfTool
+from ltvn_viz.why.where import WhereTool
 
 
 def tools(watch: Watch) -> Mapping[ToolName, Tool]:
@@ -16,5 +18,7 @@ def tools(watch: Watch) -> Mapping[ToolName, Tool]:
         ToolName.EDGE: EdgeTool(),
         ToolName.WHAT_IF: WhatIfTool(),
         ToolName.BREAK: BreakTool(watch),
+        ToolName.WHERE: WhereTool(),
+        ToolName.COACH: CoachTool(),
         ToolName.HAND: HandTool(),
     }

@@ -13,12 +13,12 @@ from ltvn_core.graph.topograph import TopologicalGraph
 class Folding:
     """A map that follows the changes, and begins anew with each map of the recording."""
 
-    def __init__(self) -> None:
-        """Begin with an empty map."""
-        self.graph = TopologicalGraph()
+    def __init__(self, graph: TopologicalGraph | None = None, epoch: int = 0) -> None:
+        """Begin with a map of the run, which is changed from now on, or with an empty one."""
+        self.graph = TopologicalGraph() if graph is None else graph
         self.misfits = 0
         """Changes that did not fit and were left out."""
-        self._epoch = 0
+        self._epoch = epoch
 
     def take(self, change: Change) -> None:
         """Follow a change; takes constant time, but for a node that leaves with many edges."""

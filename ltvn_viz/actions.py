@@ -7,11 +7,13 @@ they go through the seat.
 from collections.abc import Callable
 
 from ltvn_core.analysis.records import MarkKind
+from ltvn_core.errors import OptionError
 from ltvn_core.types import Twist
 from ltvn_viz import commands as c
 from ltvn_viz.drive_socket import DriveListener
 from ltvn_viz.driving import ClientId, StopReason
 from ltvn_viz.keymap import Action
+from ltvn_viz.links import commands_of
 from ltvn_viz.session import Session
 
 SEEK_S = 1.0
@@ -66,4 +68,12 @@ def listener(session: Session) -> DriveListener:
         if command is not None:
             session.send(command)
 
-    return DriveListener(on_drive, on_stop, on_action)
+    def on_link(_client: ClientId, query: str) -> None:
+        try:
+            asked = commands_of(query)
+        except OptionError as error:
+            asked = (c.Report(str(error)),)
+        for command in asked:
+            session.send(command)
+
+    return DriveListener(on_drive, on_stop, on_action, on_link)

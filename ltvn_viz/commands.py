@@ -148,6 +148,8 @@ class OpenRecording(Command):
     """Path inside the recordings folder."""
     at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
+    then: tuple[Command, ...] = ()
+    """What to do once it is open."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

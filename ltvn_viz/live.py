@@ -9,6 +9,7 @@ from ltvn_core.nav.events import Event, Stamped
 from ltvn_core.types import FrameId, Observation, Pose, Robot
 from ltvn_viz.recorder import Recorder
 from ltvn_viz.timeline import Timeline
+from ltvn_viz.why.watch import Watch
 from ltvn_viz.worker import Worker
 
 CONTROL_STEP_S = 0.1
@@ -46,6 +47,8 @@ class Live:
     def __init__(self, robot: LiveRobot, recorder: Recorder, timeline: Timeline) -> None:
         """Watch `robot`."""
         self.robot, self.recorder, self.timeline = robot, recorder, timeline
+        self.watch = Watch()
+        """What a person wants to stop at."""
         self.seen: Observation | None = None
         """The newest image."""
 
@@ -70,3 +73,4 @@ class Live:
         stamped = Stamped(self.robot.step, self.robot.stamp, event)
         self.timeline.event(stamped)
         self.recorder.event(stamped)
+        self.watch.take(stamped, self.timeline.start_s)

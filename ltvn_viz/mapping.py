@@ -46,7 +46,11 @@ class Mapping:
         return self._predictor
 
     def change(self, deltas: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
-        """Change the map by hand; returns the deltas. Raises MapError for one that does not fit."""
+        """Change the map by hand; returns the deltas. Raises MapError, and changes nothing, if one does not fit."""
+        if len(deltas) > 1:
+            trial = self.graph.copy()
+            for delta in deltas:
+                trial.apply(delta)
         for delta in deltas:
             self.graph.apply(delta)
         return deltas

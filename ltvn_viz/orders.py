@@ -92,8 +92,8 @@ def _play(stage: Stage, command: c.Command) -> None:
             seek_mark(stage, kind, forwards=forwards)
         case c.SeekBy(seconds), Replay() as replay:
             replay.seek(replay.time_s + seconds)
-        case c.OpenRecording(name, at_s), _:
-            _open(stage, name, at_s)
+        case c.OpenRecording() as opening, _:
+            _open(stage, opening)
         case c.CloseRecording(), _:
             stage.activity = stage.teleop
 
@@ -106,18 +106,21 @@ def _inspect(stage: Stage, command: c.Command) -> None:
         case c.PointAt(node, target):
             inspector.point_at(node, target)
         case c.Tell(text):
-            inspector.told(text)
+            _ask(stage, inspector.told(text))
         case c.Follow(number):
-            asked = inspector.link(number)
-            if asked is not None:
-                obey(stage, asked)
+            _ask(stage, inspector.link(number))
+
+
+def _ask(stage: Stage, asked: c.Command | None) -> None:
+    if asked is not None:
+        obey(stage, asked)
 
 
 def _change(stage: Stage, deltas: Sequence[GraphDelta]) -> None:
     def show(changed: Sequence[GraphDelta]) -> None:
         for delta in changed:
             stage.live.emit(GraphChanged(delta))
-        stage.inspector.again()
+        stage.cases.anew()
 
     stage.worker.submit(lambda: stage.mapping.change(deltas), show)
 
@@ -170,12 +173,15 @@ def _record(stage: Stage, command: c.Command) -> None:
             stage.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
 
 
-def _open(stage: Stage, name: str, at_s: float) -> None:
+def _open(stage: Stage, asked: c.OpenRecording) -> None:
     def show(replay: Replay) -> None:
         stage.work = None
-        replay.seek(at_s)
+        replay.watch = stage.live.watch
+        replay.seek(asked.at_s)
         stage.activity = replay
+        for each in asked.then:
+            obey(stage, each)
 
     stage.live.robot.stop()
-    stage.work = Work(f"Opening {name}")
-    stage.worker.submit(lambda: stage.open_replay(name), show)
+    stage.work = Work(f"Opening {asked.name}")
+    stage.worker.submit(lambda: stage.open_replay(asked.name), show)

@@ -14,6 +14,7 @@ from ltvn_viz.live import TICK_S
 from ltvn_viz.modes import Mode
 from ltvn_viz.snapshot import CameraView, ReplayStatus
 from ltvn_viz.timeline import Moment, Timeline
+from ltvn_viz.why.watch import Watch
 
 
 class Pictures(Protocol):
@@ -37,6 +38,8 @@ class Replay:
         self.length_s = max(0.0, timeline.end_s - self._start_s)
         self.time_s = 0.0
         self.playing = False
+        self.watch = Watch()
+        """What it stops at while it plays."""
         self._shown: tuple[FrameId | None, CameraView | None] = (None, None)
 
     @property
@@ -61,9 +64,14 @@ class Replay:
 
     def tick(self) -> None:
         """Let a tick of recorded time pass."""
-        if self.playing:
-            self.seek(self.time_s + TICK_S)
-            self.playing = self.time_s < self.length_s
+        if not self.playing:
+            return
+        before, until = self.time_s, self.time_s + TICK_S
+        stop = self.watch.first_between(self.timeline, self._start_s, before, until)
+        self.seek(until if stop is None else stop.time_s)
+        self.playing = stop is None and self.time_s < self.length_s
+        if stop is not None:
+            self.watch.tell(stop)
 
     def moment(self) -> Moment:
         """Return the world at the present place in time."""

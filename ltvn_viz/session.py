@@ -23,6 +23,7 @@ from ltvn_viz.orders import obey
 from ltvn_viz.portrait import Portrait
 from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.stage import Stage
+from ltvn_viz.stopping import heed
 
 logger = logging.getLogger(__name__)
 
@@ -134,6 +135,7 @@ class Session:
         stage.worker.collect()
         stage.learning.collect()
         stage.activity.tick()
+        heed(stage)
         if isinstance(stage.activity, Navigation | Building) and stage.activity.over:
             stage.activity = stage.teleop
         if stage.worker.pending == 0:

@@ -96,14 +96,14 @@ class TopologicalGraph:
         return tuple(history)
 
     def copy(self) -> Self:
-        """Return an independent graph with the same content, as if folded from `deltas`, but much faster."""
-        other = type(self)()
-        other._nodes, other._edges = self._nodes.copy(), self._edges.copy()
-        other._reserve, other._names = self._reserve.copy(), self._names.copy()
-        other._successors = {node: joined.copy() for node, joined in self._successors.items()}
-        other._predecessors = {node: joined.copy() for node, joined in self._predecessors.items()}
-        other._version = len(self._nodes) + len(self._edges) + bool(self._reserve)
-        return other
+        """Return an independent graph with the same content and version; much faster than a fold."""
+        twin = type(self)()
+        # Nodes and edges never change, so both graphs may hold the same ones.
+        twin._nodes, twin._edges, twin._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
+        twin._successors = {node: targets.copy() for node, targets in self._successors.items()}
+        twin._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
+        twin._version = self._version
+        return twin
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TopologicalGraph):

@@ -51,7 +51,7 @@ class Plant(Verb):
     fault: tyro.conf.UseAppendAction[tuple[FaultName, ...]] = ()
     """What to plant; may be given several times. There is a query for each in the same order, so what is given twice is
     met twice. If not given, all three are planted and the first is met twice."""
-    steps: int = 110
+    steps: int = 80
     """Control steps of 0.1 s that end a query."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones; must be those that built the map."""

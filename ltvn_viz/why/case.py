@@ -6,6 +6,7 @@ Owns how the live run and an open recording are made to look the same. Computes 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ltvn_core.analysis.records import Instant
@@ -13,7 +14,9 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import Method
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
+from ltvn_viz.library import Library
 from ltvn_viz.timeline import Moment
+from ltvn_viz.timeline import Timeline as LiveTimeline
 from ltvn_viz.why.later import Later
 
 if TYPE_CHECKING:
@@ -48,8 +51,14 @@ class Case:
     """The network in use; a recording may have been made with another."""
     mapping: "Mapping | None"
     """The live map and its images, to be touched within `later` alone; None in replay."""
+    live: LiveTimeline
+    """The live run as it is now, also while a recording is on show."""
     later: Later
     """Computes slowly, elsewhere."""
+    library: Library
+    """The other recordings."""
+    rerun: Callable[[Path], str]
+    """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
 
     @property
     def instant(self) -> Instant:

@@ -67,18 +67,18 @@ class Inspector:
         if target is not None:
             selection = Selection(None, (node, target))
         elif first is not None and self._case is not None and (first, node) in self._case.graph.edges:
-            selection = Selection(node, (first, node))
+            selection = Selection(node, (first, node), first)
         else:
-            selection = Selection(node, before=first)
+            selection = Selection(node, before=first if first != node else self.shown.selection.before)
         self.shown = replace(self.shown, selection=selection)
 
-    def told(self, text: str) -> None:
-        """Hand a person's words to the tool. Raises OptionError."""
+    def told(self, text: str) -> Command | None:
+        """Hand a person's words to the tool; returns what they ask for, if anything. Raises OptionError, MapError."""
         tool = self._tools.get(self.shown.tool)
         if tool is None or self._case is None:
             raise OptionError("Choose a question first.")
-        tool.told(self._case, text)
         self._key = None
+        return tool.told(self._case, text)
 
     def refresh(self, case: Case) -> None:
         """Let the tool look again if anything changed that it may show."""

@@ -42,7 +42,14 @@ class Selection:
     node: NodeId | None = None
     edge: EdgeKey | None = None
     before: NodeId | None = None
-    """The node that was pointed at before, for questions about two."""
+    """The node that was pointed at before this one."""
+
+    @property
+    def pair(self) -> EdgeKey | None:
+        """The two nodes that were pointed at last, whether or not an edge joins them."""
+        if self.edge is not None:
+            return self.edge
+        return None if self.node is None or self.before is None else (self.before, self.node)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +115,8 @@ class Tool(Protocol):
         """Return what there is to see now; called when case or selection changed, in the session's thread."""
         ...
 
-    def told(self, case: Case, text: str) -> None:
-        """Take in what a person typed; raises OptionError, whose words the page shows."""
+    def told(self, case: Case, text: str) -> Command | None:
+        """Take in what a person typed, and return what that asks for, if anything; raises OptionError or MapError,
+        whose words the page shows.
+        """
         ...

@@ -2,20 +2,15 @@
 
 import itertools
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
 from ltvn_core.analysis import blame
-from ltvn_core.analysis.checkpoints import KEPT, Checkpoints
 from ltvn_core.analysis.edges import edge_story
-from ltvn_core.analysis.folding import folded
-from ltvn_core.analysis.records import Change
 from ltvn_core.analysis.strip import lifelong_strip
 from ltvn_core.analysis.timeline import MarkKind, Timeline
 from ltvn_core.analysis.triage import failed_queries
 from ltvn_core.config import PAPER
-from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.nav.events import Outcome, Planned, QueryStarted, Stamped
 from tests.core.analysis import runs
 
@@ -73,31 +68,3 @@ def test_each_event_is_looked_at_once(events: list[Stamped]) -> None:
             yield stamped
 
     assert len(Timeline.of(counting()).events) == looked == len(events)
-
-
-class _Watched(list[Change]):
-    """Changes that count how often one of them is looked at."""
-
-    looked = 0
-
-    def __getitem__(self, place: Any) -> Any:
-        self.looked += 1
-        return super().__getitem__(place)
-
-
-def test_once_it_was_folded_the_map_at_any_moment_takes_a_share_of_the_changes(events: list[Stamped]) -> None:
-    timeline = Timeline.of(events)
-    changes = _Watched(timeline.changes)
-    maps = Checkpoints(changes, timeline.epochs)
-    whole = maps.at(len(changes))
-    assert whole == timeline.graph_at()
-    for count in (len(changes) - 1, 61_234, 31_000, 1):
-        changes.looked = 0
-        assert maps.at(count) == folded(timeline.changes[:count])
-        assert changes.looked <= len(changes) / KEPT + 2
-
-
-def test_a_map_that_was_asked_for_is_ones_own(events: list[Stamped]) -> None:
-    timeline = Timeline.of(events)
-    timeline.graph_at().apply(EdgePruned(0, 1, Cause.HAND))
-    assert (0, 1) in timeline.graph_at().edges

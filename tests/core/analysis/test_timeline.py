@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from ltvn_core.analysis.growing import GrowingTimeline
 from ltvn_core.analysis.timeline import Instant, MarkKind, Timeline
-from ltvn_core.graph.deltas import Cause
+from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.nav.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
 from ltvn_core.recording.reader import Recording
@@ -140,3 +141,37 @@ def test_nothing_at_all_is_a_timeline_too() -> None:
     assert timeline.next_mark(Instant(0, 0.0)) is None
     assert timeline.query_at(0) is None
     assert len(timeline.graph_at().nodes) == 0
+
+
+def test_a_run_that_goes_on_is_told_like_a_finished_one_at_every_event() -> None:
+    run, growing, told = runs.two_failures(), GrowingTimeline(), list[Timeline]()
+    for stamped in run:
+        growing.take(stamped)
+        told.append(growing.timeline())
+    for length, timeline in enumerate(told, 1):
+        expected = Timeline.of(run[:length])
+        rows = [(line.queries, line.attempts, line.plans, line.changes, line.marks) for line in (timeline, expected)]
+        assert rows[0] == rows[1]
+        assert (timeline.notes, timeline.epochs) == (expected.notes, expected.epochs)
+        assert timeline.changes_of_edge(1, 2) == expected.changes_of_edge(1, 2)
+        assert timeline.changes_of_node(2) == expected.changes_of_node(2)
+        assert timeline.attempts_of_edge(1, 2) == expected.attempts_of_edge(1, 2)
+
+
+def test_a_run_that_goes_on_in_disorder_is_put_in_order_too() -> None:
+    run, growing = runs.two_failures(), GrowingTimeline()
+    for stamped in [*run[:20], *run[30:], *run[20:30]]:
+        growing.take(stamped)
+    assert list(growing.timeline().events) == run
+    assert len(growing) == len(run)
+
+
+def test_time_travel_to_and_fro_over_many_changes_gives_the_same_maps_and_none_spoils_another() -> None:
+    nodes = [runs.at(step, runs.node(step, cause=Cause.ONLINE)) for step in range(25_000)]
+    fresh = runs.at(25_000, runs.node(0, cause=Cause.LOAD), runs.node(1, cause=Cause.LOAD))
+    timeline = Timeline.of([*(stamped for row in nodes for stamped in row), *fresh])
+    for step in (24_999, 10_000, 9_999, 3, 20_000, 24_999):
+        graph = timeline.graph_at(Instant(step, 0.0))
+        assert (len(graph.nodes), graph.version) == (step + 1, step + 1)
+        graph.apply(NodeDropped(0, Cause.HAND))
+    assert (len(timeline.graph_at().nodes), timeline.graph_at().version) == (2, 2)

@@ -1,15 +1,16 @@
 """Faults are planted where the truth says that they are faults, and the shipped recording tells of each."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.truth_overlay import overlay
 from ltvn_core.config import Believing
 from ltvn_core.errors import MapError
 from ltvn_core.evaluate.faults import FaultKind, look_alike, missing_edge, spurious_edge
 from ltvn_core.evaluate.scene_plan import recorded_truth
+from ltvn_core.evaluate.truth_overlay import overlay
 from ltvn_core.graph.planner import count_pieces
 from ltvn_core.graph.views import Views
 from ltvn_core.nav.events import Judged, LegEnded, Outcome, Planned, QueryEnded, QueryStarted
@@ -27,7 +28,7 @@ class Dazzled:
 
     fingerprint = "dazzled"
 
-    def encode(self, observations: list[Observation]) -> Features:
+    def encode(self, observations: Sequence[Observation]) -> Features:
         return np.array([[seen.step] for seen in observations])
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
@@ -42,7 +43,7 @@ def test_a_spurious_edge_leads_through_a_wall_and_the_map_is_sure_of_it() -> Non
     for delta in fault.deltas:
         graph.apply(delta)
     assert graph.edges[5, 6].belief.p == config.p_cap
-    assert truth().spurious(graph) == {(5, 6), (6, 5)} == set(fault.edges)
+    assert set(fault.edges) == {(5, 6), (6, 5)} <= truth().spurious(graph)
 
 
 def test_a_spurious_edge_joins_no_two_pieces() -> None:
@@ -96,7 +97,7 @@ def test_each_shipped_query_meets_its_fault_and_fails(shipped: Recording) -> Non
                 assert driven
                 assert not any(leg.succeeded for leg in driven)
             case "look-alike":
-                assert all(leg.succeeded for leg in driven)
+                assert any(leg.succeeded for leg in driven)
                 assert ends[said["query"]] is Outcome.ARRIVED
             case "missing-edge":
                 assert ends[said["query"]] is Outcome.NO_PATH

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.truth_overlay import calibration_over_queries, overlay, trials
+from ltvn_core.evaluate.promises import calibration_over_queries, trials
 from ltvn_core.evaluate.scene_plan import recorded_truth
 from ltvn_core.evaluate.truth import MapTruth
+from ltvn_core.evaluate.truth_overlay import overlay
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.nav.events import GraphChanged, LegEnd, LegEnded, Outcome, QueryEnded, Stamped
 from ltvn_core.recording.reader import Recording
@@ -75,6 +76,13 @@ def test_without_truth_the_robots_own_judgement_counts() -> None:
     assert only.brier == pytest.approx(0.64)
     nobody = MapTruth(BoxScene().clearance, lambda node: replace(picture(1), exact_pose=None))
     assert trials(events, nobody)[0].arrived is None
+
+
+def test_fifty_thousand_events_out_of_order_are_counted_whole() -> None:
+    built = [Stamped(0, 0.0, GraphChanged(delta)) for delta in mapped((1, 2), p=0.8).deltas()]
+    many = [each for query in range(25_000) for each in (leg(query, 1, 2, 2, succeeded=True), end(query))]
+    points = calibration_over_queries([*built, built[-1], *many])
+    assert (len(points), points[-1].attempts) == (25_000, 25_000)
 
 
 def test_the_demo_drive_is_calibrated_by_its_own_poses() -> None:

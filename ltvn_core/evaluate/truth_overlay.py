@@ -1,26 +1,23 @@
-"""A map under the simulator's truth: which edges are spurious, which are missing, and whether p keeps its promise.
+"""A map under the simulator's truth: which edges are spurious, and which are missing.
 
-Owns precision, recall and the calibration over queries; works in simulation only. What can be driven is
-`evaluate.truth`.
+Owns precision and recall; works in simulation only. What can be driven is `evaluate.truth`; whether p keeps its promise
+is `evaluate.promises`.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ltvn_core.analysis.traffic import cost_matrix
 from ltvn_core.evaluate.truth import MapTruth
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
-from ltvn_core.nav.episode import judge
-from ltvn_core.nav.events import GraphChanged, LegEnded, QueryEnded, Stamped
 from ltvn_core.sim.oracle import is_drivable
-from ltvn_core.types import FrameId, NodeId, Pose
+from ltvn_core.types import NodeId, Pose
 
 DETOUR = 3.0
 """An edge is missing where the path through the map is longer than this many times the straight way (ours)."""
@@ -77,91 +74,6 @@ def overlay(graph: TopologicalGraph, truth: MapTruth, *, near: float, detour: fl
     )
 
 
-class Trial(NamedTuple):
-    """One attempt at an edge: what was believed, what the robot found, and what is true."""
-
-    query: int
-    edge: EdgeKey
-    p: float
-    """Before the attempt."""
-    succeeded: bool
-    """By the robot's own judgement."""
-    arrived: bool | None
-    """By exact poses and the paper's criterion; None where the arrival image has no pose."""
-
-
-@dataclass(frozen=True, slots=True)
-class CalibrationPoint:
-    """How well p foretold the attempts up to the end of a query."""
-
-    query: int
-    step: FrameId
-    stamp: float
-    attempts: int
-    mean_p: float
-    """Mean p before the attempts."""
-    succeeded: float
-    """Share that succeeded by the robot's own judgement."""
-    arrived: float | None
-    """Share that truly arrived; None where nobody knows."""
-    brier: float
-    """Mean square of p minus true arrival (of the robot's judgement where that is unknown); 0 is best."""
-
-
-def trials(events: Sequence[Stamped], truth: MapTruth | None = None) -> tuple[Trial, ...]:
-    """Return all attempts at edges that the map had then, in order; linear in events."""
-    return tuple(trial for _, trial in _trials(events, truth) if trial is not None)
-
-
-def calibration_over_queries(events: Sequence[Stamped], truth: MapTruth | None = None) -> tuple[CalibrationPoint, ...]:
-    """Return the calibration after each query that ended, over all attempts so far; linear in events."""
-    seen: list[Trial] = []
-    points = []
-    for stamped, trial in _trials(events, truth):
-        if trial is not None:
-            seen.append(trial)
-        elif isinstance(stamped.event, QueryEnded) and seen:
-            points.append(_point(stamped, stamped.event.query, seen))
-    return tuple(points)
-
-
-def _trials(events: Sequence[Stamped], truth: MapTruth | None) -> Iterator[tuple[Stamped, Trial | None]]:
-    """Yield every event, with its attempt where it ends one."""
-    graph = TopologicalGraph()
-    for stamped in events:
-        event, trial = stamped.event, None
-        if isinstance(event, GraphChanged):
-            graph.apply(event.delta)
-        elif isinstance(event, LegEnded) and event.source is not None:
-            key = event.source, event.target
-            if key in graph.edges:
-                arrived = _arrived(truth, event)
-                trial = Trial(event.query, key, graph.edges[key].belief.p, event.succeeded, arrived)
-        yield stamped, trial
-
-
-def _arrived(truth: MapTruth | None, leg: LegEnded) -> bool | None:
-    if truth is None or not (truth.knows(leg.frame) and truth.knows(leg.target)):
-        return None
-    return judge(leg.query, truth.pose(leg.frame), truth.pose(leg.target)).reached
-
-
-def _point(stamped: Stamped, query: int, seen: Sequence[Trial]) -> CalibrationPoint:
-    p = np.array([trial.p for trial in seen])
-    known = [trial.arrived for trial in seen if trial.arrived is not None]
-    truly = np.array([trial.succeeded if trial.arrived is None else trial.arrived for trial in seen], np.float64)
-    return CalibrationPoint(
-        query=query,
-        step=stamped.step,
-        stamp=stamped.stamp,
-        attempts=len(seen),
-        mean_p=float(p.mean()),
-        succeeded=float(np.mean([trial.succeeded for trial in seen])),
-        arrived=float(np.mean(known)) if known else None,
-        brier=float(np.mean((p - truly) ** 2)),
-    )
-
-
 def _neighbours(graph: TopologicalGraph, truth: MapTruth, near: float) -> Iterator[Missing]:
     """Yield the directed pairs that an edge could join; the path is not known yet."""
     nodes = list(graph.nodes)
@@ -177,7 +89,7 @@ def _near_pairs(poses: Pose, near: float) -> tuple[NDArray[np.intp], NDArray[np.
     if not len(poses):
         return np.empty(0, np.intp), np.empty(0, np.intp)
     # d is never less than the metres between two poses, so a search in the plane finds all.
-    pairs = cKDTree(poses[:, :2]).query_pairs(near, output_type="ndarray")
+    pairs = KDTree(poses[:, :2]).query_pairs(near, output_type="ndarray")
     return np.concatenate([pairs[:, 0], pairs[:, 1]]), np.concatenate([pairs[:, 1], pairs[:, 0]])
 
 

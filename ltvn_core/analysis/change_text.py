@@ -1,0 +1,96 @@
+"""Imagined changes as a person types them: "without 12->40", "p(12->40) = 0.1", "goal 120", "D_c = 1.3".
+
+Owns the short text form, both ways. What a change does is `analysis.imagined`.
+"""
+
+import math
+import re
+
+from ltvn_core.analysis.changes import (
+    BeliefSet,
+    Change,
+    EdgeBarred,
+    EdgeForced,
+    GoalSet,
+    StartSet,
+    Threshold,
+    ThresholdSet,
+)
+from ltvn_core.analysis.hand_work import add_edge
+from ltvn_core.config import ROBUST, Believing
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
+
+EXAMPLES = (
+    "without 12->40",
+    "with 12->40",
+    "p(12->40) = 0.1",
+    "mu(12->40) = 2",
+    "goal 120",
+    "from 12",
+    *(f"{threshold} = 1.3" for threshold in Threshold),
+)
+"""One of each form, for help texts."""
+
+_EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"
+_PRESENCE = re.compile(rf"(with|without)\s+{_EDGE}", re.IGNORECASE)
+_BELIEF = re.compile(rf"(p|mu)\s*\(\s*{_EDGE}\s*\)\s*=\s*(\S+)", re.IGNORECASE)
+_PLACE = re.compile(r"(goal|from)\s+(\d+)", re.IGNORECASE)
+_THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
+_THRESHOLDS = {threshold.value.lower(): threshold for threshold in Threshold}
+
+
+def parse_change(text: str, graph: TopologicalGraph, config: Believing = ROBUST.believing) -> Change:
+    """Read a change of the map `graph`; an edge that is not in it is believed in as firmly as `config` allows.
+
+    Raises OptionError, which lists the valid forms, for anything else; MapError for an edge that cannot be.
+    """
+    words = " ".join(text.split())
+    if found := _PRESENCE.fullmatch(words):
+        edge = int(found[2]), int(found[3])
+        return _forced(edge, graph, config) if found[1].lower() == "with" else EdgeBarred(*edge)
+    if found := _BELIEF.fullmatch(words):
+        edge, value = (int(found[2]), int(found[3])), _number(found[4], text)
+        return BeliefSet(*edge, p=value) if found[1].lower() == "p" else BeliefSet(*edge, mu=value)
+    if found := _PLACE.fullmatch(words):
+        return GoalSet(int(found[2])) if found[1].lower() == "goal" else StartSet(int(found[2]))
+    found = _THRESHOLD.fullmatch(words)
+    if found and (threshold := _THRESHOLDS.get(found[1].lower())) is not None:
+        return ThresholdSet(threshold, _number(found[2], text))
+    raise OptionError(f"{text[:60]!r} is nothing to imagine; write one of: {', '.join(EXAMPLES)}.")
+
+
+def change_text(change: Change) -> str:
+    """Return what one types for a change; parsing it gives the same change, but for the belief of a forced edge."""
+    match change:
+        case EdgeForced(source, target):
+            return f"with {source}->{target}"
+        case EdgeBarred(source, target):
+            return f"without {source}->{target}"
+        case BeliefSet(source, target, None, mu):
+            return f"mu({source}->{target}) = {mu!r}"
+        case BeliefSet(source, target, p):
+            return f"p({source}->{target}) = {p!r}"
+        case GoalSet(goal):
+            return f"goal {goal}"
+        case StartSet(source):
+            return f"from {source}"
+        case ThresholdSet(threshold, value):
+            return f"{threshold.value} = {value!r}"
+
+
+def _forced(edge: EdgeKey, graph: TopologicalGraph, config: Believing) -> EdgeForced:
+    known = graph.edges.get(edge)
+    return EdgeForced(*edge, add_edge(graph, *edge, config).edge.belief if known is None else known.belief)
+
+
+def _number(word: str, text: str) -> float:
+    try:
+        number = float(word)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise OptionError(
+            f"{text[:60]!r} is nothing to imagine: {word[:20]!r} is not a number; write for instance 0.5."
+        )
+    return number

@@ -37,8 +37,13 @@ class GraphView:
 
     def poses_of(self, nodes: tuple[NodeId, ...]) -> NDArray[np.float64]:
         """Return (K, 3) poses of those of `nodes` that are in the map, in their order."""
-        rows = [np.flatnonzero(self.ids == node) for node in nodes]
-        return self.poses[np.concatenate([*rows, np.empty(0, np.int64)])]
+        wanted = np.array(nodes, np.int64)
+        if not len(self.ids):
+            return self.poses
+        order = np.argsort(self.ids)
+        places = np.searchsorted(self.ids, wanted, sorter=order)
+        rows = order[np.minimum(places, len(order) - 1)]
+        return self.poses[rows[self.ids[rows] == wanted]]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ltvn_core.analysis.records import MarkKind
@@ -56,7 +57,7 @@ class Past(Theatre):
     def _second(self) -> None:
         self.second_s = self.happens(e.QueryStarted(2, self.kept[1]))
         self.happens(e.Planned(2, self.kept, 1.0))
-        self.stage.live.timeline.place(90_000, self.stage.live.timeline.pose(self.kept[0]))
+        self.stage.live.timeline.place(90_000, np.array([2.0, 1.0, 0.0]))
         self.happens(e.GraphChanged(NodeAdded(Node(90_000, PoseRow(1.0, 1.0, 0.0)), Cause.EXPAND), 2))
         self.happens(e.QueryEnded(2, self.kept[1], e.Outcome.ARRIVED, 10, 0, 1.0))
 

@@ -29,6 +29,7 @@ from ltvn_core.verbs.lifelong import Lifelong
 from ltvn_core.verbs.measure import Measure
 from ltvn_core.verbs.navigate import Navigate
 from ltvn_core.verbs.pairs import Pairs
+from ltvn_core.verbs.plant import Plant
 from ltvn_core.verbs.report import Report
 from ltvn_core.verbs.rival import Rival
 from ltvn_core.verbs.train import Train
@@ -41,6 +42,7 @@ AnyVerb: TypeAlias = (
     | Annotated[Collect, subcommand("collect", prefix_name=False)]
     | Annotated[Build, subcommand("build", prefix_name=False)]
     | Annotated[Navigate, subcommand("navigate", prefix_name=False)]
+    | Annotated[Plant, subcommand("plant", prefix_name=False)]
     | Annotated[Evaluate, subcommand("evaluate", prefix_name=False)]
     | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
     | Annotated[Replay, subcommand("replay", prefix_name=False)]

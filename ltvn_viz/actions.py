@@ -6,11 +6,14 @@ they go through the seat.
 
 from collections.abc import Callable
 
+from ltvn_core.analysis.records import MarkKind
+from ltvn_core.errors import OptionError
 from ltvn_core.types import Twist
 from ltvn_viz import commands as c
 from ltvn_viz.drive_socket import DriveListener
 from ltvn_viz.driving import ClientId, StopReason
 from ltvn_viz.keymap import Action
+from ltvn_viz.links import commands_of
 from ltvn_viz.session import Session
 
 SEEK_S = 1.0
@@ -28,6 +31,10 @@ PLAIN: dict[Action, Callable[[], c.Command]] = {
     Action.STEP: c.StepOnce,
     Action.SEEK_BACK: lambda: c.SeekBy(-SEEK_S),
     Action.SEEK_FORWARD: lambda: c.SeekBy(SEEK_S),
+    Action.EVENT_BEFORE: lambda: c.SeekMark(None, forwards=False),
+    Action.EVENT_AFTER: lambda: c.SeekMark(None, forwards=True),
+    Action.QUERY_BEFORE: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),
+    Action.QUERY_AFTER: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=True),
 }
 
 
@@ -61,4 +68,12 @@ def listener(session: Session) -> DriveListener:
         if command is not None:
             session.send(command)
 
-    return DriveListener(on_drive, on_stop, on_action)
+    def on_link(_client: ClientId, query: str) -> None:
+        try:
+            asked = commands_of(query)
+        except OptionError as error:
+            asked = (c.Report(str(error)),)
+        for command in asked:
+            session.send(command)
+
+    return DriveListener(on_drive, on_stop, on_action, on_link)

@@ -7,6 +7,7 @@ is not among them: the held keys are polled from the driver's seat, so that they
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ltvn_core.analysis.records import MarkKind
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.types import NodeId, Rgb
 
@@ -147,6 +148,8 @@ class OpenRecording(Command):
     """Path inside the recordings folder."""
     at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
+    then: tuple[Command, ...] = ()
+    """What to do once it is open."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,6 +172,16 @@ class SeekBy(Command):
     """Show the replay so many seconds later, or earlier."""
 
     seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeekMark(Command):
+    """Show the moment of the next mark on the time line, or of the one before."""
+
+    label: ClassVar[str] = "go to an event"
+    kind: MarkKind | None
+    """None means anything that happened, with a mark or without."""
+    forwards: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)

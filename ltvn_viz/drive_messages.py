@@ -37,7 +37,15 @@ class Ask:
     """The id of what was clicked: a node, which is a frame."""
 
 
-PageMessage: TypeAlias = Drive | Ask
+@dataclass(frozen=True, slots=True)
+class Link:
+    """The page was opened by a link that says what to show."""
+
+    query: str
+    """Of its address; not read yet."""
+
+
+PageMessage: TypeAlias = Drive | Ask | Link
 
 
 def parse(text: str | bytes) -> PageMessage:
@@ -53,7 +61,9 @@ def parse(text: str | bytes) -> PageMessage:
             return Drive(HeldInput(_directions(held), _stick(stick), slow), _whole(epoch))
         case {"type": "action", "action": str(action), "id": target} if len(fields) == 3:
             return Ask(_action(action), None if target is None else _whole(target))
-    raise MessageError(f"unknown message with the fields {sorted(fields)}; a drive or an action would be valid")
+        case {"type": "link", "query": str(query)} if len(fields) == 2:
+            return Link(query)
+    raise MessageError(f"unknown message with the fields {sorted(fields)}; a drive, an action or a link would be valid")
 
 
 def state_message(client: ClientId, view: SeatView) -> str:

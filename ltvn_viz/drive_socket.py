@@ -21,6 +21,7 @@ from ltvn_viz.drive_messages import (
     MAX_MESSAGE_BYTES,
     Ask,
     Drive,
+    Link,
     MessageError,
     PageMessage,
     parse,
@@ -46,6 +47,8 @@ class DriveListener:
     """The motion ended, or somebody pressed stop."""
     on_action: Callable[[ClientId, Action, int | None], None] = lambda client, action, target: None
     """A key was pressed or something with an id was clicked."""
+    on_link: Callable[[ClientId, str], None] = lambda client, query: None
+    """A page was opened by a link with this query."""
 
 
 class _Page:
@@ -155,13 +158,16 @@ class DriveSocket:
             case Ask(Action.RELEASE):
                 self.seat.release(page.client)
             case Ask(action, target):
-                self._pass_on(page, action, target)
+                self._pass_on(page, self.listener.on_action, action, target, free=action in FOR_EVERYBODY)
+            case Link(query):
+                self._pass_on(page, self.listener.on_link, query, free=False)
         self.settle()
 
-    def _pass_on(self, page: _Page, action: Action, target: int | None) -> None:
+    def _pass_on(self, page: _Page, tell: Callable[..., None], *said: object, free: bool) -> None:
+        """Tell the listener what a page asks for, if everybody may or if the page has the seat."""
         driver = self.seat.view(page.client).driver
-        if action in FOR_EVERYBODY or self.seat.try_sit(page.client):
-            self._call(self.listener.on_action, page.client, action, target)
+        if free or self.seat.try_sit(page.client):
+            self._call(tell, page.client, *said)
         elif driver is not None:
             page.tell(refusal_message(driver))
 

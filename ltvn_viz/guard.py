@@ -7,8 +7,9 @@ sites, other ports included), and carries the token. Pure functions of a request
 
 import hmac
 import ipaddress
+from html import escape
 from http import HTTPStatus
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, parse_qsl, urlencode, urlsplit
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -16,7 +17,7 @@ from websockets.http11 import Request, Response
 from ltvn_viz.responses import HTML, refuse, reply
 
 ASK_FOR_TOKEN = "Open the address that was printed in the terminal; it carries the key (?token=...)."
-CLEAN_PAGE = '<!doctype html><meta http-equiv="refresh" content="0; url=/"><a href="/">Open the page</a>'
+CLEAN_PAGE = '<!doctype html><meta http-equiv="refresh" content="0; url={0}"><a href="{0}">Open the page</a>'
 
 
 class Guard:
@@ -38,18 +39,24 @@ class Guard:
         given = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
         if is_websocket(headers) or not self._is_token(given):
             return refuse(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN)
-        return self._welcome(headers)
+        return self._welcome(headers, _without_token(request.path))
 
-    def _welcome(self, headers: Headers) -> Response:
+    def _welcome(self, headers: Headers, address: str) -> Response:
         """Move the token from the URL, where it would be seen and kept, into a cookie that scripts cannot read."""
         cookie = ("Set-Cookie", f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/")
         # After a link on another site, a redirect would not carry the strict cookie; a refresh by our own page does.
         if headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin"):
-            return reply(HTTPStatus.SEE_OTHER, "", extra=(("Location", "/"), cookie))
-        return reply(HTTPStatus.OK, CLEAN_PAGE, content_type=HTML, extra=(cookie,))
+            return reply(HTTPStatus.SEE_OTHER, "", extra=(("Location", address), cookie))
+        return reply(HTTPStatus.OK, CLEAN_PAGE.format(escape(address)), content_type=HTML, extra=(cookie,))
 
     def _is_token(self, value: str) -> bool:
         return hmac.compare_digest(value.encode("utf-8", "surrogateescape"), self._token.encode())
+
+
+def _without_token(path: str) -> str:
+    """Return the page's address with what else the query says, written anew, so that nothing strange gets through."""
+    rest = urlencode([(name, value) for name, value in parse_qsl(urlsplit(path).query) if name != "token"])
+    return f"/?{rest}" if rest else "/"
 
 
 def is_websocket(headers: Headers) -> bool:

@@ -39,6 +39,10 @@ class Action(StrEnum):
     STEP = "step"
     SEEK_BACK = "seek_back"
     SEEK_FORWARD = "seek_forward"
+    EVENT_BEFORE = "event_before"
+    EVENT_AFTER = "event_after"
+    QUERY_BEFORE = "query_before"
+    QUERY_AFTER = "query_after"
     HELP = "help"
     SELECT = "select"
     """A click on a picture: look at it. Carries the picture's id."""
@@ -74,6 +78,10 @@ CAPS = {
     "Period": ".",
     "BracketLeft": "[",
     "BracketRight": "]",
+    "Semicolon": ";",
+    "Quote": "'",
+    "Minus": "-",
+    "Equal": "=",
 }
 
 KEYS = (
@@ -92,6 +100,10 @@ KEYS = (
     Binding(("Period",), Action.STEP, "one step, then pause"),
     Binding(("BracketLeft",), Action.SEEK_BACK, "replay: back one second"),
     Binding(("BracketRight",), Action.SEEK_FORWARD, "replay: on one second"),
+    Binding(("Semicolon",), Action.EVENT_BEFORE, "look back: at the event before"),
+    Binding(("Quote",), Action.EVENT_AFTER, "look back: at the next event"),
+    Binding(("Minus",), Action.QUERY_BEFORE, "look back: at the query before"),
+    Binding(("Equal",), Action.QUERY_AFTER, "look back: at the next query"),
     Binding(("KeyH",), Action.HELP, "show or hide this help"),
 )
 

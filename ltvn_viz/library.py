@@ -43,6 +43,10 @@ class Library:
         """Return a name for a new recording that nothing has yet; raises RecordingError when there can be none."""
         return _free(self.folder, f"drive-{now:%Y%m%d-%H%M%S}")
 
+    def new_file(self, stem: str, suffix: str = SUFFIX) -> Path:
+        """Return a name for something made from a recording that nothing has yet; raises RecordingError."""
+        return _free(self.folder, stem, suffix)
+
     def new_weights(self, drive: str, now: datetime) -> Path:
         """Return a name that nothing has yet for weights that learned from a drive; raises RecordingError."""
         return _free(self.folder, f"{Path(drive).stem}-learned-{now:%Y%m%d-%H%M%S}", ".safetensors")

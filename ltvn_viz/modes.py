@@ -52,6 +52,7 @@ LEGAL: dict[type[c.Command], frozenset[Mode]] = {
     c.CloseRecording: frozenset({Mode.REPLAY}),
     c.Seek: LIVE | {Mode.REPLAY},
     c.ChangeMap: frozenset({Mode.TELEOP}),
+    c.SeekMark: LIVE | {Mode.REPLAY},
     c.SeekBy: frozenset({Mode.REPLAY}),
     c.Report: ANYWHERE,
 }

@@ -16,6 +16,7 @@ from ltvn_viz.lessons import learn, use_weights
 from ltvn_viz.modes import Mode, refusal
 from ltvn_viz.navigation import Navigation
 from ltvn_viz.replay import Replay
+from ltvn_viz.seeking import seek, seek_mark
 from ltvn_viz.snapshot import Work
 from ltvn_viz.stage import Stage
 from ltvn_viz.why.tool import ToolName
@@ -86,11 +87,13 @@ def _play(stage: Stage, command: c.Command) -> None:
         case c.StepOnce(), Navigation() as navigation:
             navigation.step()
         case c.Seek(time_s), _:
-            _seek(stage, time_s)
+            seek(stage, time_s)
+        case c.SeekMark(kind, forwards), _:
+            seek_mark(stage, kind, forwards=forwards)
         case c.SeekBy(seconds), Replay() as replay:
             replay.seek(replay.time_s + seconds)
-        case c.OpenRecording(name, at_s), _:
-            _open(stage, name, at_s)
+        case c.OpenRecording() as opening, _:
+            _open(stage, opening)
         case c.CloseRecording(), _:
             stage.activity = stage.teleop
 
@@ -120,15 +123,6 @@ def _change(stage: Stage, deltas: Sequence[GraphDelta]) -> None:
         stage.cases.anew()
 
     stage.worker.submit(lambda: stage.mapping.change(deltas), show)
-
-
-def _seek(stage: Stage, time_s: float) -> None:
-    """Show another moment: of the recording, or of the live run so far."""
-    if isinstance(stage.activity, Replay):
-        stage.activity.seek(time_s)
-        return
-    stamp = stage.live.timeline.start_s + time_s
-    stage.look_back = stamp if stamp < stage.live.timeline.end_s else None
 
 
 def _pick(stage: Stage, node: NodeId) -> None:
@@ -179,13 +173,15 @@ def _record(stage: Stage, command: c.Command) -> None:
             stage.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
 
 
-def _open(stage: Stage, name: str, at_s: float) -> None:
+def _open(stage: Stage, asked: c.OpenRecording) -> None:
     def show(replay: Replay) -> None:
         stage.work = None
         replay.watch = stage.live.watch
-        replay.seek(at_s)
+        replay.seek(asked.at_s)
         stage.activity = replay
+        for each in asked.then:
+            obey(stage, each)
 
     stage.live.robot.stop()
-    stage.work = Work(f"Opening {name}")
-    stage.worker.submit(lambda: stage.open_replay(name), show)
+    stage.work = Work(f"Opening {asked.name}")
+    stage.worker.submit(lambda: stage.open_replay(asked.name), show)

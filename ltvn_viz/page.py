@@ -13,10 +13,11 @@ import viser
 from websockets.http11 import Response
 
 from ltvn_viz.keymap import Direction, action_codes, direction_codes, help_rows
+from ltvn_viz.links import WORDS
 from ltvn_viz.responses import HTML, reply
 
 STATIC = Path(__file__).parent / "static"
-SCRIPTS = ("seat.js", "held.js", "keyboard.js", "gamepad.js", "pad.js", "clicks.js", "main.js")
+SCRIPTS = ("seat.js", "held.js", "keyboard.js", "gamepad.js", "pad.js", "clicks.js", "links.js", "main.js")
 NONCE = "{{nonce}}"
 TITLE = "Lifelong Topological Visual Navigation"
 
@@ -67,7 +68,8 @@ def _with_our_parts(index: str, script: str) -> str:
 
 def _script() -> str:
     parts = "\n".join((STATIC / name).read_text() for name in SCRIPTS)
-    return f'(() => {{\n"use strict";\nconst KEYMAP = {_keymap_json()};\n{parts}\n}})();'
+    tables = f"const KEYMAP = {_keymap_json()};\nconst LINK_WORDS = {json.dumps(WORDS)};"
+    return f'(() => {{\n"use strict";\n{tables}\n{parts}\n}})();'
 
 
 def _keymap_json() -> str:

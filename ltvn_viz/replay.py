@@ -47,6 +47,11 @@ class Replay:
         """Where in the recording we are."""
         return ReplayStatus(self.name, self.length_s, self.time_s, self.playing)
 
+    @property
+    def stamp(self) -> float:
+        """The place in time on the robot's clock, seconds; the end is the end, however it is rounded."""
+        return self.timeline.end_s if self.time_s >= self.length_s else self._start_s + self.time_s
+
     def seek(self, time_s: float) -> None:
         """Go to so many seconds after the beginning; beyond either end means the end."""
         self.time_s = min(max(0.0, time_s), self.length_s)
@@ -70,7 +75,7 @@ class Replay:
 
     def moment(self) -> Moment:
         """Return the world at the present place in time."""
-        return self.timeline.at(self._start_s + self.time_s)
+        return self.timeline.at(self.stamp)
 
     def camera(self, frame: FrameId | None) -> CameraView | None:
         """Return the picture of a frame; None when it cannot be read."""

@@ -20,6 +20,7 @@ from ltvn_viz.live import Live
 from ltvn_viz.mapping import Mapping
 from ltvn_viz.navigation import Navigation
 from ltvn_viz.replay import Replay
+from ltvn_viz.rerun_views import no_rerun
 from ltvn_viz.snapshot import Message, Work
 from ltvn_viz.teleop import Teleop
 from ltvn_viz.why.cases import Cases
@@ -62,6 +63,8 @@ class Stage:
     work: Work | None = None
     """A job that the page should wait for, beside what an activity says itself."""
     queries: int = 0
+    rerun: Callable[[Path], str] = no_rerun
+    """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
     look_back: float | None = None
     """A stamp of the live run that the page shows instead of now."""
 

@@ -29,6 +29,7 @@ from ltvn_viz.mapping import Mapping
 from ltvn_viz.options import DEMO_SCENE, AppOptions
 from ltvn_viz.recorder import Recorder
 from ltvn_viz.replay import Replay, timeline_of
+from ltvn_viz.rerun_views import RerunViews
 from ltvn_viz.stage import Stage
 from ltvn_viz.teleop import Teleop
 from ltvn_viz.thumbnails import Thumbnails
@@ -76,6 +77,7 @@ def open_stage(options: AppOptions, stack: ExitStack, thumbnails: Thumbnails) ->
         teleop=teleop(live, worker, mapping.offer),
         learning=_open_learning(options),
         open_mind=lambda weights: _other_mind(options, weights),
+        rerun=RerunViews(stack).address,
     )
 
 

@@ -3,11 +3,16 @@
 Owns what happens to a change that does not fit: it is left out and counted, where `TopologicalGraph` raises.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 from ltvn_core.analysis.records import Change
 from ltvn_core.errors import MapError
 from ltvn_core.graph.topograph import TopologicalGraph
+
+_STRIDE = 10_000
+"""A map is kept after so many changes; folding as many takes some tens of milliseconds."""
+_MOST_KEPT = 12
+"""A map of 10,000 nodes and 50,000 edges takes some 10 MB."""
 
 
 class Folding:
@@ -20,6 +25,12 @@ class Folding:
         """Changes that did not fit and were left out."""
         self._epoch = 0
 
+    def copy(self) -> "Folding":
+        """Return an independent one that stands at the same change."""
+        twin = Folding()
+        twin.graph, twin.misfits, twin._epoch = self.graph.copy(), self.misfits, self._epoch
+        return twin
+
     def take(self, change: Change) -> None:
         """Follow a change; takes constant time, but for a node that leaves with many edges."""
         if change.epoch != self._epoch:
@@ -30,9 +41,29 @@ class Folding:
             self.misfits += 1
 
 
-def folded(changes: Iterable[Change]) -> TopologicalGraph:
-    """Return the map after `changes`; linear in them."""
-    folding = Folding()
-    for change in changes:
-        folding.take(change)
-    return folding.graph
+class Folds:
+    """Maps as they were at some times, to fold on from there: time travel without beginning at the beginning."""
+
+    def __init__(self) -> None:
+        """Remember nothing yet."""
+        self._kept: dict[int, Folding] = {}
+
+    def after(self, changes: Sequence[Change], count: int) -> TopologicalGraph:
+        """Return the map after the first `count` changes; at most `_STRIDE` are folded once those before were.
+
+        `changes` may have grown since the last time, but must begin as they did.
+        """
+        kept = self._kept  # Another thread may thin them out meanwhile.
+        known = max((place for place in tuple(kept) if place <= count), default=0)
+        folding = kept[known].copy() if known else Folding()
+        for place in range(known, count):
+            folding.take(changes[place])
+            if (place + 1) % _STRIDE == 0:
+                self._keep(place + 1, folding.copy())
+        return folding.graph
+
+    def _keep(self, place: int, folding: Folding) -> None:
+        self._kept[place] = folding
+        if len(self._kept) > _MOST_KEPT:
+            # Every second one goes, so that what is left is still spread over the whole run.
+            self._kept = {place: self._kept[place] for place in sorted(self._kept)[1::2]}

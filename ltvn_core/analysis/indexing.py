@@ -4,12 +4,15 @@ Owns how events are put together into queries, plans, attempts and changes, and 
 in disorder. Each step of the pass takes constant time.
 """
 
-from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 from ltvn_core.analysis.epochs import Epochs
+from ltvn_core.analysis.folding import Folds
 from ltvn_core.analysis.marks import mark_of
 from ltvn_core.analysis.records import Attempt, Change, Instant, Mark, MarkKind, Plan, Query
+from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+from ltvn_core.graph.topograph import EdgeKey
 from ltvn_core.nav.events import (
     Collided,
     Event,
@@ -23,6 +26,7 @@ from ltvn_core.nav.events import (
     QueryStarted,
     Stamped,
 )
+from ltvn_core.types import NodeId
 
 
 @dataclass(slots=True)
@@ -47,11 +51,15 @@ class Index:
         self.attempts: list[Attempt] = []
         self.plans: list[Plan] = []
         self.changes: list[Change] = []
+        self.changes_by_edge: dict[EdgeKey, list[Change]] = {}
+        self.changes_by_node: dict[NodeId, list[Change]] = {}
         self.marks: list[Mark] = []
         self.epochs: list[int] = []
         """Where in `changes` each map begins."""
         self.notes: list[str] = []
         """What was wrong with the list, in words."""
+        self.folds = Folds()
+        """Maps folded before."""
         self._epochs = Epochs()
         self._query: _Open | None = None
         self._leg: Attempt | None = None
@@ -76,8 +84,20 @@ class Index:
             case _:
                 self._in_query(index, instant, event)
 
-    def finish(self, count: int) -> None:
-        """Close what is still open after `count` events."""
+    def finished(self, count: int) -> "Index":
+        """Return a copy in which everything that is still open after `count` events is closed.
+
+        It shares `folds` and what is filed by edge and node with this one, and takes no time worth mentioning.
+        """
+        twin = copy(self)
+        for name in ("queries", "attempts", "plans", "changes", "marks", "epochs", "notes"):
+            setattr(twin, name, list(getattr(self, name)))
+        if self._query is not None:
+            twin._query = replace(self._query, attempts=[*self._query.attempts], plans=[*self._query.plans])
+        twin._finish(count)
+        return twin
+
+    def _finish(self, count: int) -> None:
         if self._query is not None:
             self.notes.append(f"Query {self._query.started.query} is cut: the events end before it does.")
         self._close_query(count - 1)
@@ -107,7 +127,19 @@ class Index:
             text = f"map {self._epochs.current + 1} comes in ({event.delta.cause.value})"
             self.marks.append(Mark(MarkKind.MAP, instant, index, (), text))
         moment = index, instant, self._epochs.current, self._epochs.version
-        self.changes.append(Change(*moment, event.delta, event.query, event.attempt))
+        self._file(Change(*moment, event.delta, event.query, event.attempt))
+
+    def _file(self, change: Change) -> None:
+        self.changes.append(change)
+        match change.delta:
+            case EdgeAdded(edge=edge):
+                self.changes_by_edge.setdefault((edge.source, edge.target), []).append(change)
+            case BeliefUpdated(source=source, target=target) | EdgePruned(source=source, target=target):
+                self.changes_by_edge.setdefault((source, target), []).append(change)
+            case NodeAdded(node=node):
+                self.changes_by_node.setdefault(node.id, []).append(change)
+            case NodeDropped(node=node):
+                self.changes_by_node.setdefault(node, []).append(change)
 
     def _planned(self, index: int, instant: Instant, event: Planned) -> None:
         plan = Plan(index, instant, event, self._query.localised if self._query else None)
@@ -151,12 +183,3 @@ class Index:
             self.queries[-1] = replace(self.queries[-1], judged=event)
         else:
             self.notes.append(f"The verdict on query {event.query} in step {instant.step} has no query; left out.")
-
-
-def index_of(events: Sequence[Stamped]) -> Index:
-    """Index events that are in order; linear in events."""
-    index = Index()
-    for number, stamped in enumerate(events):
-        index.take(number, stamped)
-    index.finish(len(events))
-    return index

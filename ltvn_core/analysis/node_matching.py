@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -64,8 +64,8 @@ def _nearest(a: Mapping[NodeId, Pose], b: Mapping[NodeId, Pose]) -> dict[NodeId,
         return {}
     names, others = list(a), list(b)
     first, second = np.array(list(a.values())), np.array(list(b.values()))
-    to_second = cKDTree(_embedded(second)).query(_embedded(first))[1]
-    to_first = cKDTree(_embedded(first)).query(_embedded(second))[1]
+    to_second = np.asarray(KDTree(_embedded(second)).query(_embedded(first))[1])
+    to_first = np.asarray(KDTree(_embedded(first)).query(_embedded(second))[1])
     mutual = np.flatnonzero(to_first[to_second] == np.arange(len(names)))
     near = mutual[distance(relative(first[mutual], second[to_second[mutual]])) <= NEAR]
     return {names[k]: others[int(to_second[k])] for k in near.tolist()}

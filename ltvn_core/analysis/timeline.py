@@ -6,15 +6,14 @@ the same on a recording's events and on those of a run that is still going on.
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
-from ltvn_core.analysis.folding import folded
-from ltvn_core.analysis.indexing import index_of
+from ltvn_core.analysis.folding import Folds
+from ltvn_core.analysis.indexing import Index
 from ltvn_core.analysis.records import Attempt, Change, Instant, Mark, MarkKind, Plan, Query
-from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, GraphDelta, NodeAdded, NodeDropped
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.nav.events import Stamped
 from ltvn_core.types import FrameId, NodeId
@@ -38,6 +37,10 @@ class Timeline:
     """Where in `changes` each map of the recording begins."""
     notes: tuple[str, ...]
     """What is wrong with the events, for a person to read; empty if all is well."""
+    _by_edge: Mapping[EdgeKey, Sequence[Change]] = field(repr=False)
+    """Goes on beyond this timeline where the run does, like the next."""
+    _by_node: Mapping[NodeId, Sequence[Change]] = field(repr=False)
+    _folds: Folds = field(repr=False)
 
     @classmethod
     def of(cls, events: Iterable[Stamped]) -> Self:
@@ -50,22 +53,37 @@ class Timeline:
         late = sum(after.step < before.step for before, after in pairwise(ordered))
         if late:
             ordered.sort(key=lambda stamped: stamped.step)
-        index = index_of(ordered)
-        disorder = [f"{late} events come after a later one; all are put in order by their steps."] if late else []
-        rows = index.queries, index.attempts, index.plans, index.changes, index.marks, index.epochs
-        return cls(ordered, *(tuple(row) for row in rows), (*disorder, *index.notes))
+        index = Index()
+        for number, stamped in enumerate(ordered):
+            index.take(number, stamped)
+        disorder = (f"{late} events come after a later one; all are put in order by their steps.",) if late else ()
+        return cls.told(index, ordered, disorder)
+
+    @classmethod
+    def told(cls, index: Index, events: Sequence[Stamped], notes: tuple[str, ...] = ()) -> Self:
+        """Return the timeline of `events`, all of which `index` has taken; the index may go on taking more."""
+        told = index.finished(len(events))
+        return cls(
+            events=events,
+            queries=tuple(told.queries),
+            attempts=tuple(told.attempts),
+            plans=tuple(told.plans),
+            changes=tuple(told.changes),
+            marks=tuple(told.marks),
+            epochs=tuple(told.epochs),
+            notes=(*notes, *told.notes),
+            _by_edge=told.changes_by_edge,
+            _by_node=told.changes_by_node,
+            _folds=told.folds,
+        )
 
     @cached_property
-    def _steps(self) -> list[FrameId]:
-        return [stamped.step for stamped in self.events]
-
-    @cached_property
-    def _mark_steps(self) -> list[FrameId]:
-        return [mark.instant.step for mark in self.marks]
-
-    @cached_property
-    def _change_events(self) -> list[int]:
-        return [change.event for change in self.changes]
+    def _marks_of(self) -> Mapping[MarkKind | None, list[Mark]]:
+        """The marks by kind, and all of them under None."""
+        found: dict[MarkKind | None, list[Mark]] = {None: list(self.marks)}
+        for mark in self.marks:
+            found.setdefault(mark.kind, []).append(mark)
+        return found
 
     def instant(self, event: int) -> Instant:
         """Return the moment of event number `event`."""
@@ -73,7 +91,7 @@ class Timeline:
 
     def count_until(self, instant: Instant | None) -> int:
         """Return how many events happened up to and in a step; all without an instant. Logarithmic."""
-        return len(self.events) if instant is None else bisect_right(self._steps, instant.step)
+        return len(self.events) if instant is None else bisect_right(self.events, instant.step, key=_step)
 
     def changes_until(self, instant: Instant | None = None) -> tuple[Change, ...]:
         """Return the changes of all maps up to and in a step."""
@@ -81,15 +99,18 @@ class Timeline:
 
     def changes_before(self, event: int) -> tuple[Change, ...]:
         """Return the changes of all maps before event number `event`."""
-        return self.changes[: bisect_left(self._change_events, event)]
+        return self.changes[: bisect_left(self.changes, event, key=_number)]
 
     def graph_at(self, instant: Instant | None = None) -> TopologicalGraph:
-        """Return the map after everything up to and in a step, at the end without one; linear in its changes."""
-        return self._graph_of(self.changes_until(instant))
+        """Return the map after everything up to and in a step, at the end without one; it may be changed freely.
+
+        Linear in the changes before it at first, later a copy and at most some thousands of changes.
+        """
+        return self.graph_before(self.count_until(instant))
 
     def graph_before(self, event: int) -> TopologicalGraph:
-        """Return the map as it was just before event number `event`; linear in its changes."""
-        return self._graph_of(self.changes_before(event))
+        """Return the map as it was just before event number `event`; costs as much as `graph_at`."""
+        return self._folds.after(self.changes, bisect_left(self.changes, event, key=_number))
 
     def query_at(self, event: int) -> Query | None:
         """Return the query that event number `event` belongs to. Logarithmic."""
@@ -98,23 +119,30 @@ class Timeline:
 
     def next_event(self, at: Instant) -> Instant | None:
         """Return the next moment at which anything happens; None at the end. Logarithmic."""
-        place = bisect_right(self._steps, at.step)
+        place = bisect_right(self.events, at.step, key=_step)
         return self.instant(place) if place < len(self.events) else None
 
     def previous_event(self, at: Instant) -> Instant | None:
         """Return the last moment before at which anything happened; None at the beginning. Logarithmic."""
-        place = bisect_left(self._steps, at.step) - 1
+        place = bisect_left(self.events, at.step, key=_step) - 1
         return self.instant(place) if place >= 0 else None
 
+    def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> list[Mark]:
+        """Return the marks up to and in a step, of one kind if that is given; all without an instant."""
+        marks = self._marks_of.get(kind, [])
+        return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step_of_mark)]
+
     def next_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the first mark in a later step, of one kind if that is given; linear in the marks skipped."""
-        later = range(bisect_right(self._mark_steps, at.step), len(self.marks))
-        return next((self.marks[k] for k in later if kind in (None, self.marks[k].kind)), None)
+        """Return the first mark in a later step, of one kind if that is given. Logarithmic."""
+        marks = self._marks_of.get(kind, [])
+        place = bisect_right(marks, at.step, key=_step_of_mark)
+        return marks[place] if place < len(marks) else None
 
     def previous_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the last mark in an earlier step, of one kind if that is given; linear in the marks skipped."""
-        earlier = range(bisect_left(self._mark_steps, at.step) - 1, -1, -1)
-        return next((self.marks[k] for k in earlier if kind in (None, self.marks[k].kind)), None)
+        """Return the last mark in an earlier step, of one kind if that is given. Logarithmic."""
+        marks = self._marks_of.get(kind, [])
+        place = bisect_left(marks, at.step, key=_step_of_mark) - 1
+        return marks[place] if place >= 0 else None
 
     def next_query(self, at: Instant) -> Query | None:
         """Return the first query that begins in a later step. Logarithmic."""
@@ -127,34 +155,23 @@ class Timeline:
         return self.queries[place] if place >= 0 else None
 
     def changes_of_edge(self, source: NodeId, target: NodeId) -> tuple[Change, ...]:
-        """Return all changes of an edge in order; none for an edge that never was. Linear in the events once."""
-        return tuple(self._by_edge.get((source, target), ()))
+        """Return all changes of an edge in order; none for an edge that never was; linear in them."""
+        return self._known(self._by_edge.get((source, target), ()))
 
     def changes_of_node(self, node: NodeId) -> tuple[Change, ...]:
-        """Return all arrivals and departures of a node in order. Linear in the events once."""
-        return tuple(self._by_node.get(node, ()))
+        """Return all arrivals and departures of a node in order; linear in them."""
+        return self._known(self._by_node.get(node, ()))
 
     def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[Attempt, ...]:
-        """Return all legs along an edge in order, those too that drove past its end. Linear in the events once."""
+        """Return all legs along an edge in order, those too that drove past its end.
+
+        Once per timeline linear in the attempts.
+        """
         return tuple(self._attempts_by_edge.get((source, target), ()))
 
-    @cached_property
-    def _by_edge(self) -> Mapping[EdgeKey, list[Change]]:
-        found: dict[EdgeKey, list[Change]] = {}
-        for change in self.changes:
-            if (edge := _edge_of(change.delta)) is not None:
-                found.setdefault(edge, []).append(change)
-        return found
-
-    @cached_property
-    def _by_node(self) -> Mapping[NodeId, list[Change]]:
-        found: dict[NodeId, list[Change]] = {}
-        for change in self.changes:
-            if isinstance(change.delta, NodeAdded):
-                found.setdefault(change.delta.node.id, []).append(change)
-            elif isinstance(change.delta, NodeDropped):
-                found.setdefault(change.delta.node, []).append(change)
-        return found
+    def _known(self, changes: Sequence[Change]) -> tuple[Change, ...]:
+        """Leave out what happened after the last event of this timeline."""
+        return tuple(changes[: bisect_left(changes, len(self.events), key=_number)])
 
     @cached_property
     def _attempts_by_edge(self) -> Mapping[EdgeKey, list[Attempt]]:
@@ -164,14 +181,14 @@ class Timeline:
                 found.setdefault(edge, []).append(attempt)
         return found
 
-    def _graph_of(self, changes: tuple[Change, ...]) -> TopologicalGraph:
-        return folded(changes[self.epochs[changes[-1].epoch] :] if changes else ())
+
+def _step(stamped: Stamped) -> FrameId:
+    return stamped.step
 
 
-def _edge_of(delta: GraphDelta) -> EdgeKey | None:
-    match delta:
-        case EdgeAdded():
-            return delta.edge.source, delta.edge.target
-        case BeliefUpdated() | EdgePruned():
-            return delta.source, delta.target
-    return None
+def _number(change: Change) -> int:
+    return change.event
+
+
+def _step_of_mark(mark: Mark) -> FrameId:
+    return mark.instant.step

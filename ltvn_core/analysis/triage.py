@@ -39,6 +39,10 @@ class Trouble(StrEnum):
     """Little went wrong, but the steps were used up."""
 
 
+_WASTING = (Trouble.FAILED_EDGE, Trouble.COLLISION, Trouble.LOST, Trouble.NO_PATH)
+"""What a robot may spend its steps on in vain."""
+
+
 @dataclass(frozen=True, slots=True)
 class FailedQuery:
     """A failed query, and where to look."""
@@ -135,7 +139,7 @@ def _trouble(timeline: Timeline, query: Query) -> Trouble:
 
 def _wasted(timeline: Timeline, query: Query) -> dict[Trouble, int]:
     """Return the steps that went into each trouble."""
-    wasted = dict.fromkeys((Trouble.FAILED_EDGE, Trouble.COLLISION, Trouble.LOST, Trouble.NO_PATH), 0)
+    wasted: dict[Trouble, int] = {trouble: 0 for trouble in _WASTING}
     for attempt in query.attempts:
         if attempt.failed and attempt.end and attempt.ended:
             jammed = attempt.ended.end in (LegEnd.COLLISION, LegEnd.BLOCKED)

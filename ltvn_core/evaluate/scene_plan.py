@@ -69,7 +69,8 @@ def exact_poses(recording: Recording) -> dict[FrameId, Pose] | None:
 
 
 def _by_odometry(graph: TopologicalGraph) -> Floorplan:
-    nodes = tuple((node.id, *node.odometry) for node in graph.nodes.values())
+    poses = ((node.id, node.odometry) for node in graph.nodes.values())
+    nodes = tuple((name, pose.x_m, pose.y_m, pose.yaw_rad) for name, pose in poses)
     corner = np.array([row[1:3] for row in nodes]).min(axis=0)
     edges = tuple((*key, edge.belief.p, False) for key, edge in graph.edges.items())
     return Floorplan((float(corner[0]), float(corner[1])), 0.05, (), nodes, edges)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 import numpy as np
 import rustworkx
 
-from ltvn_core.errors import MapError
+from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.evaluate.results import CalibrationCell, Floorplan, MapFacts
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.planner import count_pieces
@@ -60,6 +60,14 @@ class MapTruth:
                 )
             self._poses[node] = exact
         return self._poses[node]
+
+    def knows(self, frame: FrameId) -> bool:
+        """Tell whether the exact pose of an image is known, or can be asked for."""
+        try:
+            self.pose(frame)
+        except LtvnError:
+            return False
+        return True
 
     def poses(self, nodes: Collection[NodeId]) -> Pose:
         """Return exact poses (N, 3); raise MapError if an image has none."""

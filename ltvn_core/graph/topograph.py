@@ -96,8 +96,14 @@ class TopologicalGraph:
         return tuple(history)
 
     def copy(self) -> Self:
-        """Return an independent graph with the same content."""
-        return type(self)(self.deltas())
+        """Return an independent graph with the same content and version; much faster than a fold."""
+        twin = type(self)()
+        # Nodes and edges never change, so both graphs may hold the same ones.
+        twin._nodes, twin._edges, twin._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
+        twin._successors = {node: targets.copy() for node, targets in self._successors.items()}
+        twin._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
+        twin._version = self._version
+        return twin
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TopologicalGraph):

@@ -51,7 +51,7 @@ def scene_svg(drawn: ScenePlan, colours: SceneColours) -> str:
     style = (
         f"text{{font:.25px sans-serif;fill:{colours.text}}}.e{{stroke-width:.025;fill:none}}"
         f".e:hover,.e.on{{stroke-width:.07}}.n{{fill:{colours.node};stroke:{colours.node};stroke-width:.02}}"
-        f".n:hover{{stroke-width:.08}}.s{{stroke:{colours.spurious};stroke-width:.05;stroke-dasharray:.12 .06}}"
+        f".n:hover,.n.on{{stroke-width:.08}}.s{{stroke:{colours.spurious};stroke-width:.05;stroke-dasharray:.12 .06}}"
     )
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" id="scene" viewBox="{view}" role="img">',
@@ -96,10 +96,11 @@ def _edges(drawn: ScenePlan, colours: SceneColours) -> Iterator[str]:
     places = {node: (x, -y) for node, x, y, _ in drawn.plan.nodes}
     spurious = {(source, target) for source, target, _, wrong in drawn.plan.edges if wrong}
     for pair in dict.fromkeys((min(key), max(key)) for key in drawn.graph.edges):
-        both = [drawn.graph.edges[key] for key in (pair, pair[::-1]) if key in drawn.graph.edges]
+        back = pair[1], pair[0]
+        both = [drawn.graph.edges[key] for key in (pair, back) if key in drawn.graph.edges]
         (x1, y1), (x2, y2) = places[pair[0]], places[pair[1]]
         colour = _ramp(min(edge.belief.p for edge in both), colours.ramp)
-        wrong = pair in spurious or pair[::-1] in spurious
+        wrong = pair in spurious or back in spurious
         said = "\n".join(_edge_words(edge, (edge.source, edge.target) in spurious) for edge in both)
         yield (
             f'<path class="e{" s" if wrong else ""}" d="M{x1:.3f} {y1:.3f}L{x2:.3f} {y2:.3f}" '
@@ -108,7 +109,7 @@ def _edges(drawn: ScenePlan, colours: SceneColours) -> Iterator[str]:
 
 
 def _edge_words(edge: Edge, spurious: bool) -> str:
-    driven = f"driven {edge.attempts} times, {edge.successes} with success" if edge.attempts else "never driven"
+    driven = f"driven {edge.attempts} x, {edge.successes} x with success" if edge.attempts else "never driven"
     words = f"edge {edge.source} to {edge.target}: p {edge.belief.p:.2f}, length {edge.belief.mu:.2f}, {driven}"
     return words + (", nobody can drive it" if spurious else "") + (", protected" if edge.protected else "")
 

@@ -13,7 +13,6 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from ltvn_core.recording.excerpt import Excerpt
-    from ltvn_core.report.scene_svg import SceneColours
 
 
 @dataclass(frozen=True)
@@ -105,20 +104,13 @@ class Export(Verb):
         from ltvn_core.recording.reader import Recording
         from ltvn_core.report.scene_page import scene_page
         from ltvn_core.report.scene_svg import scene_svg
+        from ltvn_viz.scene_colours import scene_colours
 
         drawn = scene_plan(Recording.open(self.recording), at_s=self.to_s)
         if self.svg is not None:
-            _write(self.svg, scene_svg(drawn, _colours()))
+            _write(self.svg, scene_svg(drawn, scene_colours()))
         if self.html is not None:
-            _write(self.html, scene_page(drawn, _colours()))
-
-
-def _colours() -> "SceneColours":
-    from ltvn_core.report.scene_svg import SceneColours
-    from ltvn_viz import palette
-
-    ramp = tuple(palette.Rgb8(*map(int, stop)).css for stop in palette.RAMP)
-    return SceneColours(ramp, palette.NODE.css, palette.WENT.css, palette.BACKGROUND.css)
+            _write(self.html, scene_page(drawn, scene_colours()))
 
 
 def _write(path: Path, text: str) -> None:

@@ -80,13 +80,22 @@ class Workbench:
 
             self._change(build(observations, self.views, self.predictor, self.method, rng, progress=show))
 
-    def run_queries(self, goals: Sequence[NodeId], rng: np.random.Generator) -> Queries:
-        """Drive to each goal in turn, each time from where the last query ended, and judge by exact poses."""
+    def run_queries(
+        self,
+        goals: Sequence[NodeId],
+        rng: np.random.Generator,
+        *,
+        starts: Sequence[NodeId] | None = None,
+    ) -> Queries:
+        """Drive to each goal in turn, from where the last query ended or from `starts`, and judge by exact poses."""
         navigator = Navigator(
             RecordedRobot(self.robot, self.writer), self.graph, self.views, self.predictor, self.method, rng
         )
         lifelong = Lifelong(self._record)
-        episodes = lifelong.run(navigator, goals, first_query=0, advance=self._advance, verdict=self._verdict)
+        before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))
+        episodes = lifelong.run(
+            navigator, goals, first_query=0, advance=self._advance, verdict=self._verdict, before=before
+        )
         failures: Counter[str] = Counter()
         for episode in tqdm(episodes, desc="navigate", total=len(goals), unit="query"):
             self._draw()
@@ -116,10 +125,10 @@ class Workbench:
     def _verdict(self, query: int, goal: NodeId) -> Judged:
         return judge(query, self.robot.exact_pose, self._exact_pose(goal))
 
-    def _exact_pose(self, goal: NodeId) -> Pose:
-        pose = self.views.observation(goal).exact_pose
+    def _exact_pose(self, node: NodeId) -> Pose:
+        pose = self.views.observation(node).exact_pose
         if pose is None:
-            raise MapError(f"Goal {goal} was not recorded in simulation, so arriving there cannot be judged.")
+            raise MapError(f"Node {node} was not recorded in simulation, so arriving there cannot be judged.")
         return pose
 
     def _record(self, event: Event) -> None:

@@ -11,8 +11,9 @@ from ltvn_core.types import NodeId
 from ltvn_viz import palette
 from ltvn_viz.history import GraphView
 from ltvn_viz.layers import EDGE_Z, NODE_Z
+from ltvn_viz.layers.drops import Drops
 from ltvn_viz.layers.lines import Lines
-from ltvn_viz.layers.placing import arrowhead, points, wxyz
+from ltvn_viz.layers.placing import points
 from ltvn_viz.snapshot import Snapshot
 
 REDRAW_EVERY_S = 0.6
@@ -26,24 +27,11 @@ class NodesLayer:
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId], None]) -> None:
         """Add the empty batch; `on_pick` must return at once."""
-        vertices, faces = arrowhead(0.14, 0.03)
-        self._handle = scene.add_batched_meshes_simple(
-            "/graph/nodes",
-            vertices,
-            faces,
-            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-            batched_positions=np.zeros((1, 3)),
-            batched_colors=palette.as_light(np.array([palette.NODE])),
-            lod="off",
-            flat_shading=True,
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
+        self._drops = Drops(scene, "/graph/nodes", 0.14)
         self._drawn: GraphView | None = None
         self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
 
-        @self._handle.on_click
+        @self._drops.handle.on_click
         async def _(event: viser.SceneNodePointerEvent) -> None:
             graph = self._drawn
             if graph is not None and event.instance_index is not None and event.instance_index < len(graph.ids):
@@ -56,12 +44,9 @@ class NodesLayer:
         marked = (snapshot.selected, here)
         if graph is self._drawn and marked == self._marked:
             return
-        if graph is not self._drawn and len(graph.ids):
-            self._handle.batched_positions = points(graph.poses, NODE_Z)
-            self._handle.batched_wxyzs = wxyz(graph.poses[:, 2])
-        if len(graph.ids):
-            self._handle.batched_colors = palette.as_light(self._colours(graph, snapshot.selected, here))
-        self._handle.visible = bool(len(graph.ids))
+        if graph is not self._drawn:
+            self._drops.place(graph.poses, NODE_Z)
+        self._drops.paint(self._colours(graph, snapshot.selected, here))
         self._drawn, self._marked = graph, marked
 
     @staticmethod

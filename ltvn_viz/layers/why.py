@@ -5,8 +5,9 @@ import viser
 
 from ltvn_viz import palette
 from ltvn_viz.layers import NODE_Z, PLAN_Z
+from ltvn_viz.layers.drops import Drops
 from ltvn_viz.layers.lines import Lines
-from ltvn_viz.layers.placing import arrowhead, points, wxyz
+from ltvn_viz.layers.placing import points
 from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.why.overlay import NOTHING, Label, Overlay
 
@@ -22,8 +23,8 @@ class WhyLayer:
         """Add the empty parts."""
         self._scene = scene
         self._lines = Lines(scene, "/why/strokes", thickness_px=7.0)
-        self._nodes = self._batch("/why/nodes", 0.2)
-        self._ghosts = self._batch("/why/ghosts", 0.34)
+        self._nodes = Drops(scene, "/why/nodes", 0.2)
+        self._ghosts = Drops(scene, "/why/ghosts", 0.34)
         self._labels: list[viser.LabelHandle] = []
         self._drawn: Overlay = NOTHING
 
@@ -39,34 +40,12 @@ class WhyLayer:
         there = set(snapshot.moment.graph.ids.tolist())
         known = [node for node in overlay.nodes if node in there]
         marked = snapshot.moment.graph.poses_of(tuple(known))
-        self._place(self._nodes, marked, np.array([overlay.nodes[node] for node in known], np.uint8), NODE_Z + 0.02)
+        self._nodes.place(marked, NODE_Z + 0.02)
+        self._nodes.paint(np.array([overlay.nodes[node] for node in known], np.uint8).reshape(-1, 3))
         ghosts = np.array(overlay.ghosts, np.float64).reshape(-1, 3)
-        self._place(self._ghosts, ghosts, np.tile(np.array(palette.GHOST, np.uint8), (len(ghosts), 1)), _WHY_Z)
+        self._ghosts.place(ghosts, _WHY_Z)
+        self._ghosts.paint(np.tile(np.array(palette.GHOST, np.uint8), (len(ghosts), 1)))
         self._write(overlay.labels)
-
-    def _batch(self, name: str, length_m: float) -> viser.BatchedMeshHandle:
-        vertices, faces = arrowhead(length_m, 0.03)
-        return self._scene.add_batched_meshes_simple(
-            name,
-            vertices,
-            faces,
-            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-            batched_positions=np.zeros((1, 3)),
-            batched_colors=palette.as_light(np.array([palette.NODE])),
-            lod="off",
-            flat_shading=True,
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
-
-    @staticmethod
-    def _place(batch: viser.BatchedMeshHandle, poses: np.ndarray, colours: np.ndarray, height_m: float) -> None:
-        if len(poses):
-            batch.batched_positions = points(poses, height_m)
-            batch.batched_wxyzs = wxyz(poses[:, 2])
-            batch.batched_colors = palette.as_light(colours)
-        batch.visible = bool(len(poses))
 
     def _write(self, labels: tuple[Label, ...]) -> None:
         for handle in self._labels:

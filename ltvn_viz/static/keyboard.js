@@ -2,7 +2,7 @@
 // so that a driving key never reaches viser's camera.
 
 const NOT_TYPED_INTO = new Set(["button", "checkbox", "color", "file", "image", "radio", "range", "reset", "submit"]);
-const REPEATING = new Set(["seek_back", "seek_forward"]);
+const REPEATING = new Set(["seek_back", "seek_forward", "event_before", "event_after", "query_before", "query_after"]);
 
 let lastKey = ""; // Shown on the pad, so that a person sees whether keys arrive at all.
 

@@ -36,6 +36,7 @@ function hear({ type, ...fields }) {
     Object.assign(seat, fields, { isOpen: true });
     // Tell the truth about what is held; only "nothing" arms this page in the new epoch.
     if (isNewEpoch) report();
+    openLink();
   } else if (type === "refused") {
     refusedBy = fields.driver;
   }

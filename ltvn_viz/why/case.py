@@ -6,6 +6,7 @@ Owns how the live run and an open recording are made to look the same. Computes 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ltvn_core.analysis.records import Instant
@@ -13,12 +14,16 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import Method
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
+from ltvn_viz.library import Library
 from ltvn_viz.timeline import Moment
 from ltvn_viz.timeline import Timeline as LiveTimeline
 from ltvn_viz.why.later import Later
 
 if TYPE_CHECKING:
     from ltvn_viz.mapping import Mapping
+
+HAIR_S = 1e-6
+"""More than is lost when a stamp is taken apart and put together again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +57,10 @@ class Case:
     """The live run as it is now, also while a recording is on show."""
     later: Later
     """Computes slowly, elsewhere."""
+    library: Library
+    """The other recordings."""
+    rerun: Callable[[Path], str]
+    """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
 
     @property
     def instant(self) -> Instant:
@@ -69,5 +78,5 @@ class Case:
         return self.timeline.graph_at(self.instant)
 
     def seconds(self, instant: Instant) -> float:
-        """Return a moment as the page counts it."""
-        return max(0.0, instant.stamp - self.start_s)
+        """Return a moment as the page counts it, a hair late so that whoever goes there is not just before it."""
+        return max(0.0, instant.stamp - self.start_s + HAIR_S)

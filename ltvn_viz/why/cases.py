@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from ltvn_viz.stage import Stage
 
 _ANEW_EVERY_S = 1.0
-"""Indexing is linear in the events, so a run that goes on is indexed once a second at most."""
+"""A run that goes on is indexed once a second at most."""
+_ANEW_SHARE = 0.05
+"""Indexing is linear in the events, so of a long run it is done more rarely: it takes this share of the time."""
 
 
 class Cases:
@@ -29,14 +31,13 @@ class Cases:
         """Let tools compute slowly by `later`."""
         self._later, self._clock = later, clock
         self._indexed: tuple[Timeline | None, int, Index] = (None, 0, Index.of(()))
-        self._indexed_at = float("-inf")
+        self._due = float("-inf")
 
     def of(self, stage: "Stage", moment: Moment) -> Case:
         """Return the case of what the page shows."""
         activity = stage.activity
         replay = activity if isinstance(activity, Replay) else None
-        run = stage.live.timeline if replay is None else replay.timeline
-        index = self._index(run)
+        run, index = self.indexed(stage)
         return Case(
             name="" if replay is None else replay.name,
             scene=stage.scene if replay is None else replay.scene,
@@ -52,20 +53,24 @@ class Cases:
             mapping=stage.mapping if replay is None else None,
             live=stage.live.timeline,
             later=self._later,
+            library=stage.library,
+            rerun=stage.rerun,
         )
 
     def anew(self) -> None:
         """Index a growing run at once, because a person waits to see what was just changed."""
-        self._indexed_at = float("-inf")
+        self._due = float("-inf")
 
-    def _index(self, run: Timeline) -> Index:
-        known, count, index = self._indexed
-        grown = len(run.events) != count
-        if run is not known or (grown and self._clock() - self._indexed_at > _ANEW_EVERY_S):
-            self._indexed_at = self._clock()
+    def indexed(self, stage: "Stage") -> tuple[Timeline, Index]:
+        """Return the run that the page shows and its index, which may lack what happened just now."""
+        run = stage.activity.timeline if isinstance(stage.activity, Replay) else stage.live.timeline
+        known, count, _ = self._indexed
+        if run is not known or (len(run.events) != count and self._clock() > self._due):
+            begin = self._clock()
             self._indexed = run, len(run.events), Index.of(run.events)
-            return self._indexed[2]
-        return index
+            took = self._clock() - begin
+            self._due = begin + max(_ANEW_EVERY_S, took / _ANEW_SHARE)
+        return run, self._indexed[2]
 
 
 def _live_picture(stage: "Stage") -> Callable[[FrameId], Observation | None]:

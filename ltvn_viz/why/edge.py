@@ -8,7 +8,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
 from ltvn_core.types import Waypoint
 from ltvn_viz import palette
-from ltvn_viz.commands import PointAt, Seek
+from ltvn_viz.commands import PointAt
 from ltvn_viz.why.case import Case
 from ltvn_viz.why.overlay import NOTHING, Overlay, stroke
 from ltvn_viz.why.pictures import curve, image
@@ -90,8 +90,7 @@ class EdgeTool:
 
     @staticmethod
     def _jump(case: Case, page: Page, instant: Instant) -> str:
-        seconds = case.seconds(instant)
-        return page.link(f"{seconds:.1f} s", Seek(seconds))
+        return page.jump(case.seconds(instant))
 
     @staticmethod
     def _overlay(case: Case, story: EdgeStory) -> Overlay:

@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any
 
+from ltvn_core.errors import LtvnError
 from ltvn_viz.worker import Worker
 
 _KEPT = 32
@@ -22,12 +23,15 @@ class Later:
         self._asked: set[Hashable] = set()
 
     def __call__(self, question: Hashable, compute: Callable[[], Any]) -> Any | None:
-        """Return the answer to a question, None as long as it is being computed."""
+        """Return the answer to a question, None as long as it is being computed; raises the LtvnError it ended with."""
         if question in self._known:
-            return self._known[question]
+            answer = self._known[question]
+            if isinstance(answer, LtvnError):
+                raise answer
+            return answer
         if question not in self._asked:
             self._asked.add(question)
-            self._worker.submit(compute, lambda answer: self._answered(question, answer))
+            self._worker.submit(lambda: _tried(compute), lambda answer: self._answered(question, answer))
         return None
 
     def _answered(self, question: Hashable, answer: Any) -> None:
@@ -36,3 +40,36 @@ class Later:
         while len(self._known) > _KEPT:
             self._known.popitem(last=False)
         self._on_answer()
+
+
+class Latest:
+    """Asks one question at a time, for answers that are out of date while they are computed.
+
+    While the map changes faster than answers come, the newest answer stands, and the worker has one job, not many.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._asked: tuple[Hashable, Callable[[], Any]] | None = None
+        self._newest: Any | None = None
+
+    def __call__(self, later: Later, question: Hashable, compute: Callable[[], Any]) -> Any | None:
+        """Return the newest answer, None before the first one; raises the LtvnError that an answer ended with."""
+        asked = self._asked or (question, compute)
+        self._asked = None
+        if (answer := later(*asked)) is None:
+            self._asked = asked
+            return self._newest
+        self._newest = answer
+        return answer if asked[0] == question else self(later, question, compute)
+
+    def forget(self) -> None:
+        """Leave the old answer behind, because something else is asked now."""
+        self._asked = self._newest = None
+
+
+def _tried(compute: Callable[[], Any]) -> Any:
+    try:
+        return compute()
+    except LtvnError as error:
+        return error

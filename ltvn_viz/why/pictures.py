@@ -58,6 +58,35 @@ def curve(points: Sequence[tuple[float, float]], *, lines: Sequence[tuple[float,
     )
 
 
+def chip(colour: Rgb8, words: str) -> str:
+    """Return a dot of a colour and what it means."""
+    dot = f'<span style="color:{colour.css}">●</span>'
+    return f'<span style="white-space:nowrap;margin-right:.8em">{dot} {escape(words)}</span>'
+
+
+def promise(cells: Sequence[tuple[float, float, int]], colour: Rgb8) -> str:
+    """Return what was foretold against what is true, both in [0, 1], as dots as large as their counts; a small SVG."""
+    side, margin = 150, 12
+    most = max((count for *_, count in cells), default=1)
+
+    def place(share: float) -> float:
+        return margin + share * (side - 2 * margin)
+
+    dots = "".join(
+        f'<circle cx="{place(said):.1f}" cy="{side - place(true):.1f}" r="{2 + 5 * (count / most) ** 0.5:.1f}" '
+        f'fill="{colour.css}"><title>p {said:.2f}, true {true:.2f}, {count} edges</title></circle>'
+        for said, true, count in cells
+    )
+    return (
+        f'<svg viewBox="0 0 {side} {side}" role="img" width="{side}" height="{side}">'
+        f'<path d="M{margin} {side - margin}L{side - margin} {margin}" stroke="#868e96" stroke-dasharray="4 3"/>'
+        f'<path d="M{margin} {margin}V{side - margin}H{side - margin}" fill="none" stroke="#868e96"/>'
+        f'<text x="{margin + 3}" y="{margin + 4}" font-size="10" fill="#a6a7ab">true</text>'
+        f'<text x="{side - margin}" y="{side - margin + 10}" font-size="10" text-anchor="end" fill="#a6a7ab">p</text>'
+        f"{dots}</svg>"
+    )
+
+
 def _draw_pole(rgb: Rgb, waypoint: Waypoint) -> None:
     pole = pole_in_image(waypoint, Intrinsics())
     if pole is None:

@@ -10,7 +10,7 @@ from html import escape
 from typing import Protocol, TypeAlias
 
 from ltvn_core.types import NodeId
-from ltvn_viz.commands import Command
+from ltvn_viz.commands import Command, Seek
 from ltvn_viz.why.case import Case
 from ltvn_viz.why.overlay import NOTHING, Overlay
 
@@ -89,6 +89,10 @@ class Page:
         self.links.append(command)
         number = len(self.links) - 1
         return f'<a class="lt-link" data-ltvn-action="follow" data-id="link-{number}">{escape(label)}</a>'
+
+    def jump(self, seconds: float, label: str = "") -> str:
+        """Return a link to a moment, named by its time unless there is a label, to be put into `html`."""
+        return self.link(label or f"{seconds:.1f} s", Seek(seconds))
 
     def table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Add a table of cells that are markup already."""

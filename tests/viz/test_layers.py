@@ -168,7 +168,7 @@ def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer
     layer = NodesLayer(server.scene, lambda _: None)
     chosen = int(snapshot.moment.graph.ids[3])
     layer.show(replace(snapshot, selected=chosen))
-    colours = Counter(map(tuple, layer._handle.batched_colors.tolist()))
+    colours = Counter(map(tuple, layer._drops.handle.batched_colors.tolist()))
     assert colours[tuple(palette.as_light(np.array(palette.GOAL)).tolist())] == 1
     assert colours[tuple(palette.as_light(np.array(palette.NODE)).tolist())] == len(snapshot.moment.graph.ids) - 1
 

@@ -1,0 +1,120 @@
+"""Whether p keeps its promise: what was believed of an edge before it was driven, against what came of it.
+
+Owns the calibration over queries. Calibration of a whole map at one time is in `evaluate.truth`.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ltvn_core.analysis.folding import Folding
+from ltvn_core.analysis.records import Instant
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.evaluate.truth import MapTruth
+from ltvn_core.graph.topograph import EdgeKey
+from ltvn_core.nav.episode import judge
+from ltvn_core.nav.events import LegEnded, QueryEnded, Stamped
+
+
+class Trial(NamedTuple):
+    """One attempt at an edge: what was believed, what the robot found, and what is true."""
+
+    instant: Instant
+    """Of its end."""
+    query: int
+    edge: EdgeKey
+    p: float
+    """Before the attempt."""
+    succeeded: bool
+    """By the robot's own judgement."""
+    arrived: bool | None
+    """By exact poses and the paper's criterion; None where the arrival image has no pose."""
+
+    @property
+    def kept(self) -> bool:
+        """The edge led to its end, by the best knowledge there is."""
+        return self.succeeded if self.arrived is None else self.arrived
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationPoint:
+    """How well p foretold all attempts up to the end of a query."""
+
+    query: int
+    instant: Instant
+    attempts: int
+    mean_p: float
+    """Mean p before the attempts."""
+    succeeded: float
+    """Share that succeeded by the robot's own judgement."""
+    arrived: float | None
+    """Share that truly arrived; None where nobody knows."""
+    brier: float
+    """Mean square of p minus true arrival (of the robot's judgement where that is unknown); 0 is best."""
+
+
+def trials(events: Sequence[Stamped], truth: MapTruth | None = None) -> tuple[Trial, ...]:
+    """Return all attempts at edges that the map had then, in order; linear in events."""
+    return tuple(each for each in _trials_and_ends(events, truth) if isinstance(each, Trial))
+
+
+def calibration_over_queries(events: Sequence[Stamped], truth: MapTruth | None = None) -> tuple[CalibrationPoint, ...]:
+    """Return the calibration after each query that ended, over all attempts so far; linear in events."""
+    sums, points = _Sums(), []
+    for each in _trials_and_ends(events, truth):
+        if isinstance(each, Trial):
+            sums.add(each)
+        elif sums.attempts:
+            points.append(sums.point(each))
+    return tuple(points)
+
+
+class _Sums:
+    """Adds up attempts, so that many queries cost no more than their attempts."""
+
+    def __init__(self) -> None:
+        self.attempts = self._known = self._arrived = self._succeeded = 0
+        self._p = self._square = 0.0
+
+    def add(self, trial: Trial) -> None:
+        self.attempts += 1
+        self._p += trial.p
+        self._succeeded += trial.succeeded
+        self._known += trial.arrived is not None
+        self._arrived += trial.arrived is True
+        self._square += (trial.p - trial.kept) ** 2
+
+    def point(self, end: Stamped) -> CalibrationPoint:
+        count, query = self.attempts, end.event.query if isinstance(end.event, QueryEnded) else 0
+        arrived = self._arrived / self._known if self._known else None
+        shares = self._p / count, self._succeeded / count, arrived, self._square / count
+        return CalibrationPoint(query, Instant(end.step, end.stamp), count, *shares)
+
+
+def _trials_and_ends(events: Sequence[Stamped], truth: MapTruth | None) -> Iterator[Trial | Stamped]:
+    """Yield each attempt, and each end of a query, in order."""
+    timeline, folding = Timeline.of(events), Folding()
+    changes = {change.event: change for change in timeline.changes}
+    for index, stamped in enumerate(timeline.events):
+        event = stamped.event
+        if index in changes:
+            folding.take(changes[index])
+        elif isinstance(event, QueryEnded):
+            yield stamped
+        elif isinstance(event, LegEnded) and event.source is not None:
+            edge = folding.graph.edges.get((event.source, event.target))
+            if edge is not None:
+                yield Trial(
+                    instant=Instant(stamped.step, stamped.stamp),
+                    query=event.query,
+                    edge=(event.source, event.target),
+                    p=edge.belief.p,
+                    succeeded=event.succeeded,
+                    arrived=_arrived(truth, event),
+                )
+
+
+def _arrived(truth: MapTruth | None, leg: LegEnded) -> bool | None:
+    if truth is None or not (truth.knows(leg.frame) and truth.knows(leg.target)):
+        return None
+    return judge(leg.query, truth.pose(leg.frame), truth.pose(leg.target)).reached

@@ -1,0 +1,147 @@
+"""`ltvn plant`: faults in a good map, and queries that meet them, for practice with the debugger and for its tests."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.config import Method
+    from ltvn_core.evaluate.faults import Fault
+    from ltvn_core.graph.topograph import TopologicalGraph
+    from ltvn_core.graph.views import Views
+    from ltvn_core.recording.maps import LoadedMap
+    from ltvn_core.types import Predictor
+    from ltvn_core.verbs.headless import Queries
+
+FaultName = Literal["spurious-edge", "look-alike", "missing-edge"]
+
+
+@dataclass(frozen=True)
+class Planted:
+    """What was planted, and what became of the queries that met it."""
+
+    recording: Path
+    faults: "tuple[Fault, ...]"
+    """One for each query."""
+    nodes: int
+    edges: int
+    outcome: "Queries"
+    wall_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant(Verb):
+    """Plant faults in a simulated map and record a query that meets each: something to find for a debugger.
+
+    The map's reserve is left out, so that the map cannot be mended with it.
+    """
+
+    map: Positional[Path]
+    """A map of a simulated scene; it is read, never changed."""
+    recording: Path
+    """The recording to write; it begins with the faulty map. Must not exist yet."""
+    fault: tyro.conf.UseAppendAction[tuple[FaultName, ...]] = ()
+    """What to plant; may be given several times. There is a query for each in the same order, so what is given twice is
+    met twice. If not given, all three are planted and the first is met twice."""
+    steps: int = 80
+    """Control steps of 0.1 s that end a query."""
+    weights: Path | None = None
+    """Weights to use instead of the shipped ones; must be those that built the map."""
+    seed: int = 0
+    """Draws the noise."""
+
+    @property
+    def kinds(self) -> tuple[FaultName, ...]:
+        """What the queries meet, one after the other."""
+        return self.fault or ("spurious-edge", "spurious-edge", "look-alike", "missing-edge")
+
+    def run(self) -> Summary:
+        """Plant, drive and record; raises OptionError, MapError, RecordingError, SceneError and WeightsError."""
+        if self.steps < 1:
+            raise OptionError(f"--steps must be 1 or more, got {self.steps}.")
+        return _drive(self)
+
+
+def _drive(options: Plant) -> Planted:
+    import numpy as np
+
+    from ltvn_core.composition import open_predictor, open_simulation
+    from ltvn_core.graph.views import Views
+    from ltvn_core.recording.maps import check_fingerprint, load_map
+    from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.verbs.headless import Workbench
+
+    started, loaded, rng = time.monotonic(), load_map(options.map), np.random.default_rng(options.seed)
+    predictor, method = open_predictor("network", loaded.meta.scene, options.weights), _method(options)
+    check_fingerprint(loaded.meta, predictor.fingerprint)
+    views, graph = Views(predictor), loaded.graph
+    views.add([loaded.observations[node] for node in graph.nodes])
+    faults = tuple(_planted(options, loaded, views, predictor, method))
+    start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
+    simulation = open_simulation(loaded.meta.scene, seed=options.seed, first_step=first_step, start=start)
+    about = {
+        "scene": loaded.meta.scene,
+        "config": _settings(options, method, faults),
+        "fingerprint": predictor.fingerprint,
+    }
+    with RecordingWriter(options.recording, **about) as writer:
+        writer.map(graph, [loaded.observations[node] for node in graph.nodes])
+        bench = Workbench(simulation, writer, views, predictor, method, graph)
+        outcome = bench.run_queries([fault.goal for fault in faults], rng, starts=[fault.start for fault in faults])
+    wall_s = time.monotonic() - started
+    return Planted(options.recording, faults, len(graph.nodes), len(graph.edges), outcome, wall_s)
+
+
+def _method(options: Plant) -> "Method":
+    """Return the robust preset, which gives up early."""
+    from ltvn_core.composition import open_method
+
+    method = open_method("robust", "network", options.weights)
+    short = replace(method.recovering, step_limit=options.steps, give_up_after_looks=12)
+    return replace(method, recovering=short)
+
+
+def _planted(
+    options: Plant, loaded: "LoadedMap", views: "Views", predictor: "Predictor", method: "Method"
+) -> "Iterator[Fault]":
+    """Put the faults into the map; cut first, so that no other fault joins what is cut."""
+    from ltvn_core.evaluate.faults import look_alike, missing_edge, spurious_edge
+    from ltvn_core.evaluate.truth import MapTruth
+    from ltvn_core.graph.deltas import Cause, FramesReleased
+    from ltvn_core.sim.scenes import load_scene
+
+    truth = MapTruth(load_scene(loaded.meta.scene).clearance, lambda node: loaded.observations[node])
+    graph, near = loaded.graph, method.building.connect_distance
+    graph.apply(FramesReleased(tuple(graph.reserve), Cause.LOAD))
+    plant = {
+        "missing-edge": lambda: missing_edge(graph, truth),
+        "spurious-edge": lambda: spurious_edge(graph, truth, method.believing),
+        "look-alike": lambda: look_alike(graph, truth, views, predictor, method.believing, near),
+    }
+    faults: dict[str, Fault] = {}
+    for kind in (kind for kind in plant if kind in options.kinds):
+        faults[kind] = plant[kind]()
+        _apply(graph, faults[kind])
+    return (faults[kind] for kind in options.kinds)
+
+
+def _apply(graph: "TopologicalGraph", fault: "Fault") -> None:
+    for delta in fault.deltas:
+        graph.apply(delta)
+
+
+def _settings(options: Plant, method: "Method", faults: "tuple[Fault, ...]") -> dict[str, Any]:
+    """Say how the recording was made, and what is to be found in it."""
+    said = [
+        {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}
+        for query, fault in enumerate(faults)
+    ]
+    return {"verb": "plant", "seed": options.seed, "method": asdict(method), "faults": said}

@@ -1,0 +1,139 @@
+"""The edge microscope: the life of an edge, and where its waypoint lies in the picture."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.analysis.edges import edge_story
+from ltvn_core.analysis.projection import pole_in_image, waypoint_in_image
+from ltvn_core.analysis.timeline import Instant, Timeline
+from ltvn_core.graph.deltas import Cause, NodeDropped
+from ltvn_core.nav.events import GraphChanged, LegEnd
+from ltvn_core.recording.reader import Recording
+from ltvn_core.types import Intrinsics
+from tests.core.analysis import runs
+
+DRIVE = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
+LENS = Intrinsics()
+
+
+def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
+    story = edge_story(runs.timeline(), 1, 2)
+    (life,) = story.lives
+    assert (life.born.step, life.cause, life.r_at_birth) == (10, Cause.BUILD, 0.9)
+    assert [(at.instant.step, at.belief.p, at.attempt) for at in life.history] == [
+        (10, 0.9, None),
+        (60, 0.6, 2),
+        (140, 0.2, 4),
+    ]
+    assert life.end is not None
+    assert (life.end.instant.step, life.end.cause, life.end.attempt) == (140, Cause.ATTEMPT, 4)
+    assert not story.alive
+
+
+def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
+    rows = edge_story(runs.timeline(), 1, 2).attempts
+    assert [(row.attempt, row.query, row.succeeded, row.counted) for row in rows] == [
+        (2, 0, False, True),
+        (3, 0, False, False),
+        (4, 1, False, True),
+    ]
+    first = rows[0]
+    assert (first.departure, first.arrival, first.end, first.distance, first.reachability) == (
+        40,
+        60,
+        LegEnd.COLLISION,
+        0.9,
+        0.1,
+    )
+    assert first.localised is not None
+    assert (first.localised.node, first.collisions, first.whole) == (1, 1, True)
+
+
+def test_plans_through_an_edge_are_counted() -> None:
+    assert [at.step for at in edge_story(runs.timeline(), 1, 2).planned] == [20, 40, 60, 100]
+
+
+def test_the_story_up_to_an_instant_knows_nothing_of_what_came_later() -> None:
+    story = edge_story(runs.timeline(), 1, 2, until=Instant(60, 6.0))
+    assert story.alive
+    assert story.belief is not None
+    assert (story.belief.p, len(story.attempts), len(story.planned)) == (0.6, 2, 3)
+
+
+def test_an_edge_that_never_was_has_an_empty_story() -> None:
+    story = edge_story(runs.timeline(), 5, 99)
+    assert (story.lives, story.attempts, story.planned, story.alive, story.belief) == ((), (), (), False, None)
+
+
+def test_an_edge_that_comes_back_lives_twice_and_one_goes_with_its_node() -> None:
+    dropped = GraphChanged(NodeDropped(2, Cause.HAND))
+    run = [*runs.two_failures(), *runs.at(190, runs.edge(1, 2, cause=Cause.HAND)), *runs.at(195, dropped)]
+    first, second = edge_story(Timeline.of(run), 1, 2).lives
+    assert first.end is not None
+    assert second.end is not None
+    assert (second.cause, second.end.node, second.end.instant.step) == (Cause.HAND, 2, 195)
+
+
+def test_an_edge_goes_with_its_map_when_another_comes_in() -> None:
+    run = [*runs.two_failures(), *runs.at(200, runs.node(0, cause=Cause.LOAD))]
+    (life,) = edge_story(Timeline.of(run), 0, 1).lives
+    assert life.end is not None
+    assert (life.end.instant.step, life.end.whole_map) == (200, True)
+
+
+def test_without_the_map_before_it_an_edge_has_attempts_but_no_life() -> None:
+    story = edge_story(Timeline.of([stamped for stamped in runs.two_failures() if stamped.step >= 20]), 1, 2)
+    assert (story.lives, len(story.attempts)) == ((), 3)
+
+
+def test_all_attempts_of_a_real_drive_end_in_the_belief_of_the_final_map() -> None:
+    recording = Recording.open(DRIVE)
+    timeline, graph = Timeline.of(recording.events), recording.final_graph()
+    driven = [edge for edge in graph.edges.values() if edge.attempts]
+    assert driven
+    for edge in driven:
+        story = edge_story(timeline, edge.source, edge.target)
+        assert story.belief == edge.belief
+        assert sum(row.counted for row in story.attempts) == edge.attempts
+
+
+def test_the_waypoint_lies_where_the_camera_sees_the_floor_at_that_depth() -> None:
+    recording = Recording.open(DRIVE)
+    ahead, left = 2.0, 0.3
+    pixel = waypoint_in_image(np.array([ahead, left, 0.5]), LENS)
+    assert pixel is not None
+    looks = (recording.observation(frame).depth for frame in recording.frames[::20])
+    depths = np.array([depth[int(pixel.v), int(pixel.u)] for depth in looks])
+    # Nothing lies below the floor, and often nothing stands on it; half a row of pixels is 5 cm there.
+    assert max(depths) < ahead + 0.06
+    assert np.mean(np.abs(depths - ahead) < 0.06) > 0.1
+
+
+@pytest.mark.parametrize("waypoint", [(-1.0, 0.0, 0.0), (0.5, 2.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
+def test_a_floor_point_out_of_the_picture_has_no_pixel(waypoint: tuple[float, float, float]) -> None:
+    assert waypoint_in_image(np.array(waypoint), LENS) is None
+
+
+def test_a_point_at_the_height_of_a_level_camera_is_on_the_horizon() -> None:
+    pixel = waypoint_in_image(np.array([1.5, 0.0, 0.0]), LENS, height_m=LENS.height_m)
+    assert pixel == (LENS.width / 2, LENS.height / 2)
+
+
+def test_a_camera_that_looks_up_sees_the_floor_lower() -> None:
+    level = waypoint_in_image(np.array([3.0, 0.0, 0.0]), LENS)
+    up = waypoint_in_image(np.array([3.0, 0.0, 0.0]), LENS._replace(pitch_rad=0.1))
+    assert level is not None
+    assert up is not None
+    assert up.v > level.v
+
+
+def test_the_pole_over_a_near_waypoint_is_cut_at_the_lower_border() -> None:
+    pole = pole_in_image(np.array([1.0, 0.2, 0.0]), LENS)
+    assert pole is not None
+    top, foot = pole
+    assert (top.v, foot.v) == (LENS.height / 2, LENS.height)
+    assert top.u == foot.u < LENS.width / 2
+    assert pole_in_image(np.array([-1.0, 0.2, 0.0]), LENS) is None
+    assert pole_in_image(np.array([1.0, 2.0, 0.0]), LENS) is None

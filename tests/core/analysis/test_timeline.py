@@ -1,0 +1,177 @@
+"""One pass over the events: what it finds, and what it makes of events that are cut, twice there or in disorder."""
+
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.analysis.growing import GrowingTimeline
+from ltvn_core.analysis.timeline import Instant, MarkKind, Timeline
+from ltvn_core.graph.deltas import Cause, NodeDropped
+from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.nav.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
+from ltvn_core.recording.reader import Recording
+from tests.core.analysis import runs
+
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+
+
+@pytest.fixture(scope="module")
+def drive() -> Recording:
+    return Recording.open(RECORDINGS / "demo-drive.rrd")
+
+
+def test_a_real_drive_is_told_by_its_queries_attempts_and_changes(drive: Recording) -> None:
+    timeline = Timeline.of(drive.events)
+    assert [query.outcome for query in timeline.queries] == [Outcome.ARRIVED, Outcome.ARRIVED]
+    assert sum(len(query.attempts) for query in timeline.queries) == len(timeline.attempts) == 51
+    assert all(attempt.localised and attempt.ended for attempt in timeline.attempts)
+    assert (len(timeline.changes), timeline.changes[-1].version) == (760, 760)
+    assert timeline.notes == ()
+
+
+def test_the_map_at_any_step_is_that_of_the_recording(drive: Recording) -> None:
+    timeline = Timeline.of(drive.events)
+    for step in (0, 1260, 1500, 1879):
+        assert timeline.graph_at(Instant(step, 0.0)) == drive.graph_at(step)
+    assert timeline.graph_at() == drive.final_graph()
+
+
+def test_a_map_file_has_no_queries_and_one_map() -> None:
+    timeline = Timeline.of(Recording.open(RECORDINGS / "demo-map.rrd").events)
+    assert (timeline.queries, timeline.epochs) == ((), (0,))
+    assert [mark.kind for mark in timeline.marks] == [MarkKind.MAP]
+
+
+def test_marks_tell_what_a_slider_should_show() -> None:
+    marks = [(mark.kind, mark.instant.step) for mark in runs.timeline().marks]
+    assert (MarkKind.PRUNE, 140) in marks
+    assert (MarkKind.COLLISION, 55) in marks
+    assert [step for kind, step in marks if kind is MarkKind.FAILURE] == [60, 80, 140]
+    assert [step for kind, step in marks if kind is MarkKind.REPLAN] == [160]
+    assert [step for kind, step in marks if kind in (MarkKind.QUERY_START, MarkKind.QUERY_END)] == [20, 80, 100, 180]
+
+
+def test_one_can_step_by_mark_by_event_and_by_query() -> None:
+    timeline, start = runs.timeline(), Instant(20, 2.0)
+    prune = timeline.next_mark(start, MarkKind.PRUNE)
+    assert prune is not None
+    assert (prune.ids, prune.instant.step) == ((1, 2), 140)
+    assert timeline.next_mark(prune.instant, MarkKind.PRUNE) is None
+    back = timeline.previous_mark(prune.instant)
+    assert back is not None
+    assert back.instant.step == 100
+    assert timeline.next_event(start) == Instant(40, 4.0)
+    assert timeline.previous_event(start) == Instant(10, 1.0)
+    assert timeline.previous_event(Instant(10, 1.0)) is None
+    later = timeline.next_query(start)
+    assert later is not None
+    assert later.id == 1
+    assert timeline.next_query(later.begin) is None
+    earlier = timeline.previous_query(later.begin)
+    assert earlier is not None
+    assert earlier.id == 0
+
+
+def test_an_attempt_knows_where_the_robot_thought_it_was_and_what_it_touched() -> None:
+    attempt = runs.timeline().attempts_of_edge(1, 2)[0]
+    assert attempt.localised is not None
+    assert attempt.localised.node == 1
+    assert (attempt.collisions, attempt.failed) == (1, True)
+
+
+def test_a_leg_to_a_subgoal_farther_ahead_drives_all_edges_on_the_way() -> None:
+    far = runs.leg(0, 1, 0, 2, 20)
+    run = [*runs.square(), *runs.at(20, QueryStarted(0, 2), Planned(0, (0, 1, 2), 2.0), far)]
+    assert Timeline.of(run).attempts[0].edges == ((0, 1), (1, 2))
+
+
+def test_events_in_disorder_are_put_in_order_and_a_note_says_so() -> None:
+    run = runs.two_failures()
+    mixed = [*run[:20], *run[30:], *run[20:30]]
+    timeline = Timeline.of(mixed)
+    assert list(timeline.events) == run
+    assert any("come after a later one" in note for note in timeline.notes)
+
+
+@pytest.mark.parametrize("length", range(0, 40, 3))
+def test_a_run_cut_anywhere_is_told_as_far_as_it_goes(length: int) -> None:
+    run = runs.two_failures()[:length]
+    timeline = Timeline.of(run)
+    assert len(timeline.events) == len(run)
+    assert timeline.graph_at() == TopologicalGraph(
+        stamped.event.delta for stamped in run if isinstance(stamped.event, GraphChanged)
+    )
+
+
+def test_a_query_that_is_cut_has_no_end_and_neither_failed_nor_succeeded() -> None:
+    run = [stamped for stamped in runs.two_failures() if stamped.step <= 60]
+    (query,) = Timeline.of(run).queries
+    assert (query.end, query.outcome, query.succeeded) == (None, None, None)
+    assert query.attempts[-1].ended is None
+    assert Timeline.of(run).notes == ("Query 0 is cut: the events end before it does.",)
+
+
+def test_a_query_begun_before_the_last_one_ended_cuts_it() -> None:
+    run = [stamped for stamped in runs.two_failures() if not isinstance(stamped.event, QueryEnded) or stamped.step > 80]
+    first, second = Timeline.of(run).queries
+    assert (first.succeeded, second.succeeded) == (None, True)
+    assert first.last < second.first
+
+
+def test_ends_without_a_beginning_are_left_out_with_a_note() -> None:
+    timeline = Timeline.of([stamped for stamped in runs.two_failures() if stamped.step > 120])
+    assert (timeline.queries, len(timeline.attempts)) == ((), 1)
+    assert len(timeline.notes) == 3
+
+
+def test_a_second_map_begins_a_new_epoch_and_time_travel_does_not_mix_them() -> None:
+    second = [runs.node(frame, cause=Cause.LOAD) for frame in (0, 7)] + [runs.edge(0, 7, cause=Cause.LOAD)]
+    third = [runs.node(0, cause=Cause.LOAD)]
+    timeline = Timeline.of([*runs.two_failures(), *runs.at(200, *second), *runs.at(201, *third)])
+    assert len(timeline.epochs) == 3
+    assert set(timeline.graph_at(Instant(190, 0.0)).nodes) == {0, 1, 2, 3}
+    assert set(timeline.graph_at(Instant(200, 0.0)).edges) == {(0, 7)}
+    assert set(timeline.graph_at().nodes) == {0}
+    assert [mark.instant.step for mark in timeline.marks if mark.kind is MarkKind.MAP] == [10, 200, 201]
+
+
+def test_nothing_at_all_is_a_timeline_too() -> None:
+    timeline = Timeline.of([])
+    assert timeline.next_event(Instant(0, 0.0)) is None
+    assert timeline.next_mark(Instant(0, 0.0)) is None
+    assert timeline.query_at(0) is None
+    assert len(timeline.graph_at().nodes) == 0
+
+
+def test_a_run_that_goes_on_is_told_like_a_finished_one_at_every_event() -> None:
+    run, growing, told = runs.two_failures(), GrowingTimeline(), list[Timeline]()
+    for stamped in run:
+        growing.take(stamped)
+        told.append(growing.timeline())
+    for length, timeline in enumerate(told, 1):
+        expected = Timeline.of(run[:length])
+        rows = [(line.queries, line.attempts, line.plans, line.changes, line.marks) for line in (timeline, expected)]
+        assert rows[0] == rows[1]
+        assert (timeline.notes, timeline.epochs) == (expected.notes, expected.epochs)
+        assert timeline.changes_of_edge(1, 2) == expected.changes_of_edge(1, 2)
+        assert timeline.changes_of_node(2) == expected.changes_of_node(2)
+        assert timeline.attempts_of_edge(1, 2) == expected.attempts_of_edge(1, 2)
+
+
+def test_a_run_that_goes_on_in_disorder_is_put_in_order_too() -> None:
+    run, growing = runs.two_failures(), GrowingTimeline()
+    for stamped in [*run[:20], *run[30:], *run[20:30]]:
+        growing.take(stamped)
+    assert list(growing.timeline().events) == run
+    assert len(growing) == len(run)
+
+
+def test_time_travel_to_and_fro_over_many_changes_gives_the_same_maps_and_none_spoils_another() -> None:
+    nodes = [runs.at(step, runs.node(step, cause=Cause.ONLINE)) for step in range(25_000)]
+    fresh = runs.at(25_000, runs.node(0, cause=Cause.LOAD), runs.node(1, cause=Cause.LOAD))
+    timeline = Timeline.of([*(stamped for row in nodes for stamped in row), *fresh])
+    for step in (24_999, 10_000, 9_999, 3, 20_000, 24_999):
+        graph = timeline.graph_at(Instant(step, 0.0))
+        assert (len(graph.nodes), graph.version) == (step + 1, step + 1)
+        graph.apply(NodeDropped(0, Cause.HAND))
+    assert (len(timeline.graph_at().nodes), timeline.graph_at().version) == (2, 2)

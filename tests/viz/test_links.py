@@ -1,0 +1,62 @@
+"""Links that show somebody the same thing: what is written is read again, and nothing else gets through."""
+
+from urllib.parse import urlsplit
+
+import pytest
+
+from ltvn_core.errors import OptionError
+from ltvn_viz import commands as c
+from ltvn_viz.drive_messages import Link, parse
+from ltvn_viz.links import commands_of, link
+from ltvn_viz.why.tool import Selection, ToolName
+
+
+def test_a_link_is_read_as_it_was_written() -> None:
+    address = link("a b&c=ä.rrd", 12.34, ToolName.WHAT_IF, Selection(12, (12, 40)))
+
+    (opening,) = commands_of(urlsplit(address).query)
+
+    assert isinstance(opening, c.OpenRecording)
+    assert (opening.name, opening.at_s) == ("a b&c=ä.rrd", 12.34)
+    tool, pointing = opening.then
+    assert isinstance(tool, c.ChooseTool)
+    assert tool.name == ToolName.WHAT_IF
+    assert isinstance(pointing, c.PointAt)
+    assert (pointing.node, pointing.target) == (12, 40)
+
+
+def test_a_link_to_a_node_names_the_node_alone() -> None:
+    (opening,) = commands_of(urlsplit(link("a.rrd", 0.0, selection=Selection(7))).query)
+    assert isinstance(opening, c.OpenRecording)
+    (pointing,) = opening.then
+    assert isinstance(pointing, c.PointAt)
+    assert (pointing.node, pointing.target) == (7, None)
+
+
+@pytest.mark.parametrize("query", ["", "?", "token=x", "initialCameraPosition=1,2,3"])
+def test_an_address_that_is_no_link_asks_for_nothing(query: str) -> None:
+    assert commands_of(query) == ()
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "replay=a.rrd&at=soon",
+        "replay=a.rrd&at=-1",
+        "at=nan&replay=a",
+        "edge=1-2-3",
+        "edge=1",
+        "edge=x-y",
+        "node=1-2",
+        "node=-1",
+        "tool=explode",
+        "&".join(f"a{k}=1" for k in range(99)),
+    ],
+)
+def test_a_link_that_makes_no_sense_is_refused_in_words(query: str) -> None:
+    with pytest.raises(OptionError, match=r"[Ll]ink"):
+        commands_of(query)
+
+
+def test_a_link_travels_to_the_server_unread() -> None:
+    assert parse('{"type": "link", "query": "replay=a.rrd"}') == Link("replay=a.rrd")

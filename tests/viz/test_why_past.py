@@ -1,0 +1,193 @@
+"""Questions about the past: why it is so, what happened when, what failed; and the keys that go from event to event."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.analysis.records import MarkKind
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, Node, NodeAdded, PoseRow
+from ltvn_core.nav import events as e
+from ltvn_viz import commands as c
+from ltvn_viz import palette
+from ltvn_viz.actions import command_for
+from ltvn_viz.keymap import Action
+from ltvn_viz.live import CONTROL_STEP_S
+from ltvn_viz.modes import Mode
+from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.why.tool import ToolName
+from tests.viz.theatre import Theatre
+
+
+class Past(Theatre):
+    """A session that remembers two queries: the first failed and cost an edge, the second arrived and found a node."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.wait()  # With its first image the run begins.
+        self.pruned, self.kept = list(self.stage.mapping.graph.edges)[:2]
+        self._first()
+        self._second()
+
+    def happens(self, *events: e.Event) -> float:
+        """Let events happen, one each step; return when the last did, seconds."""
+        for event in events:
+            self.robot.advance()
+            self.stage.live.timeline.event(e.Stamped(self.robot.step, self.robot.stamp, event))
+        return self.robot.stamp
+
+    def _first(self) -> None:
+        source, target = self.pruned
+        self.begins_s = self.happens(e.QueryStarted(1, target))
+        self.happens(e.Localised(1, source, source, 0.3, 0.9, None, 0.2, "global"))
+        self.happens(e.Planned(1, self.pruned, 1.0))
+        for _ in range(30):
+            self.happens(e.StateChanged(e.NavigatorState.DRIVING))
+        self.happens(e.LegStarted(1, 1, source, target, source, PoseRow(1.0, 0.0, 0.0), 0.9))
+        ended = e.LegEnded(
+            1, 1, source, target, source, e.LegEnd.TIMEOUT, 2.0, 0.1, succeeded=False, reason="too <far>"
+        )
+        self.wrong_s = self.happens(ended)
+        belief = Belief(0.1, 1.0, 0.02)
+        self.happens(e.GraphChanged(BeliefUpdated(*self.pruned, belief, 1, 0, Cause.ATTEMPT), 1, 1))
+        self.pruned_s = self.happens(e.GraphChanged(EdgePruned(*self.pruned, Cause.ATTEMPT), 1, 1))
+        self.happens(e.QueryEnded(1, target, e.Outcome.STEP_LIMIT, 40, 0, 1.0))
+
+    def _second(self) -> None:
+        self.second_s = self.happens(e.QueryStarted(2, self.kept[1]))
+        self.happens(e.Planned(2, self.kept, 1.0))
+        self.stage.live.timeline.place(90_000, self.stage.live.timeline.pose(self.kept[0]))
+        self.happens(e.GraphChanged(NodeAdded(Node(90_000, PoseRow(1.0, 1.0, 0.0)), Cause.EXPAND), 2))
+        self.happens(e.QueryEnded(2, self.kept[1], e.Outcome.ARRIVED, 10, 0, 1.0))
+
+    def seconds(self, stamp: float) -> float:
+        return stamp - self.stage.live.timeline.start_s
+
+
+@pytest.fixture
+def past(tmp_path: Path) -> Past:
+    """A live run with a past."""
+    return Past(tmp_path)
+
+
+def words(snapshot: Snapshot) -> str:
+    return re.sub(r"<[^>]+>", "", snapshot.inspection.html)
+
+
+def follow(past: Past, label: str) -> Snapshot:
+    """Follow the first link of which the label contains these words."""
+    found = re.findall(r'data-id="(\d+)">([^<]*)</a>', past.now.inspection.html)
+    number = next(int(number) for number, text in found if label in text)
+    return past.do(c.Follow(number))
+
+
+def test_a_pruned_edge_is_told_from_birth_over_its_failed_attempt_to_its_end(past: Past) -> None:
+    told = words(past.do(c.ChooseTool(ToolName.BLAME), c.PointAt(*past.pruned)))
+
+    assert "Why is it gone?" in told
+    assert told.index("came in") < told.index("Attempt 1 in query 1 failed") < told.index("It was pruned after")
+    assert "too &lt;far&gt;" in told
+    assert "Why was it chosen?" in told
+
+
+def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past: Past) -> None:
+    past.do(c.ChooseTool(ToolName.BLAME), c.PointAt(*past.pruned))
+
+    told = words(past.do(c.Seek(past.seconds(past.begins_s))))
+
+    assert "Why is p =" in told
+    assert "Later it leaves the map" in told
+    assert "Why is it gone?" not in told
+
+
+def test_an_edge_that_never_was_can_be_asked_for_by_numbers_and_is_compared_by_the_network(past: Past) -> None:
+    nodes = list(past.stage.mapping.graph.nodes)
+    source, target = nodes[0], nodes[-1]
+    past.do(c.ChooseTool(ToolName.BLAME))
+
+    told = words(past.do(c.Tell(f"{source} {target}"), ticks=3))
+
+    assert "Why is it missing?" in told
+    assert "The network would" in told
+    assert past.do(c.Tell("three")).message is not None
+
+
+def test_two_nodes_without_an_edge_offer_the_question_between_them_and_name_what_was_pruned(past: Past) -> None:
+    nodes = list(past.stage.mapping.graph.nodes)
+    past.do(c.ChooseTool(ToolName.BLAME), c.Pick(nodes[-1]), c.Pick(past.pruned[0]))
+
+    assert "Why is node" in words(past.now)
+    assert "Edges that were pruned here" in words(past.now)
+    assert "There never was" in words(follow(past, "Why is there no edge"))
+
+
+def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -> None:
+    counted = past.do(c.ChooseTool(ToolName.TIME))
+
+    assert counted.inspection.view.overlay.nodes == {90_000: palette.CAME}
+    assert len(counted.inspection.view.overlay.strokes) == 1
+    assert "<svg" in counted.inspection.html
+
+    before = past.do(c.SeekMark(MarkKind.PRUNE, forwards=False))
+    assert before.moment.stamp == pytest.approx(past.pruned_s, abs=1e-3)
+    assert before.inspection.view.overlay.nodes == {}
+    assert len(before.inspection.view.overlay.strokes) == 1
+
+
+def test_keys_go_from_query_to_query_and_from_event_to_event_and_back_to_now(past: Past) -> None:
+    def press(action: Action) -> Snapshot:
+        command = command_for(action, None)
+        assert command is not None
+        return past.do(command)
+
+    assert press(Action.QUERY_BEFORE).moment.stamp == pytest.approx(past.second_s, abs=1e-3)
+    assert press(Action.QUERY_BEFORE).moment.stamp == pytest.approx(past.begins_s, abs=1e-3)
+    assert press(Action.EVENT_AFTER).moment.stamp == pytest.approx(past.begins_s + CONTROL_STEP_S, abs=1e-3)
+    assert press(Action.EVENT_BEFORE).moment.stamp == pytest.approx(past.begins_s, abs=1e-3)
+    assert press(Action.QUERY_AFTER).moment.stamp == pytest.approx(past.second_s, abs=1e-3)
+    press(Action.QUERY_AFTER)
+    assert past.stage.look_back is None
+
+
+def test_where_there_is_nothing_before_the_page_says_so(past: Past) -> None:
+    past.do(c.SeekMark(MarkKind.QUERY_START, forwards=False), c.SeekMark(MarkKind.QUERY_START, forwards=False))
+
+    shown = past.do(c.SeekMark(MarkKind.QUERY_START, forwards=False))
+
+    assert shown.message is not None
+    assert "no query before" in shown.message.text
+
+
+def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> None:
+    listed = past.do(c.ChooseTool(ToolName.FAILURES), ticks=2)
+    assert "1 of 2 queries failed" in words(listed)
+
+    there = follow(past, f"{past.seconds(past.wrong_s) - 1.0:.1f} s")
+
+    assert there.moment.stamp == pytest.approx(past.wrong_s - 1.0, abs=0.11)
+    assert "Now in query 1" in words(there)
+    assert len(there.inspection.view.overlay.strokes) == 1
+    assert follow(past, "edge").inspection.selection.edge == past.pruned
+
+
+def test_failures_can_be_narrowed_down_to_one_cause(past: Past) -> None:
+    past.do(c.ChooseTool(ToolName.FAILURES), ticks=2)
+
+    follow(past, "1")
+
+    assert "show all" in words(past.now)
+    assert "show all" not in words(follow(past, "show all"))
+    assert past.do(c.Tell("bad luck")).message is not None
+
+
+def test_the_debugger_works_the_same_in_a_replay(past: Past) -> None:
+    past.do(c.StartRecording())
+    tape = past.tapes[-1]
+    tape.events.extend(past.stage.live.timeline.events[-40:])
+    past.do(c.KeepRecording(), c.OpenRecording(tape.path.name), ticks=2)
+    assert past.now.mode is Mode.REPLAY
+
+    past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseTool(ToolName.TIME))
+    assert len(past.now.inspection.view.overlay.strokes) == 1
+    past.do(c.ChooseTool(ToolName.BLAME), c.PointAt(*past.pruned))
+    assert "Why is it gone?" in words(past.now)

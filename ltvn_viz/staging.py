@@ -87,7 +87,8 @@ def open_replay(library: Library, name: str) -> Replay:
     poses = recording.poses
     drawn = poses.odometry if poses.exact is None else poses.exact
     frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
-    return Replay(name, recording.meta.scene, timeline_of(frames, recording.events), recording)
+    timeline = timeline_of(frames, recording.events)
+    return Replay(name, recording.meta.scene, timeline, recording, weights=recording.meta.fingerprint)
 
 
 def _open_learning(options: AppOptions) -> Learning:

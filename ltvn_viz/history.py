@@ -37,13 +37,12 @@ class GraphView:
 
     def poses_of(self, nodes: tuple[NodeId, ...]) -> NDArray[np.float64]:
         """Return (K, 3) poses of those of `nodes` that are in the map, in their order."""
-        wanted = np.array(nodes, np.int64)
-        if not len(self.ids):
-            return self.poses
+        if not nodes or not len(self.ids):
+            return self.poses[:0]
         order = np.argsort(self.ids)
-        places = np.searchsorted(self.ids, wanted, sorter=order)
-        rows = order[np.minimum(places, len(order) - 1)]
-        return self.poses[rows[self.ids[rows] == wanted]]
+        places = np.searchsorted(self.ids, nodes, sorter=order).clip(max=len(order) - 1)
+        rows = order[places]
+        return self.poses[rows[self.ids[rows] == np.array(nodes)]]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

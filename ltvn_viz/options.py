@@ -30,6 +30,8 @@ class AppOptions:
     """Draws the robot's start and its odometry noise."""
     tuner: Tuner = field(default_factory=Tuner)
     """Teaches the network from the page."""
+    stream: int | None = None
+    """Port on 127.0.0.1 at which Rerun viewers can watch what is recorded."""
     replay: str | None = None
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""
     replay_at_s: float = 0.0

@@ -60,7 +60,7 @@ def open_stage(options: AppOptions, stack: ExitStack, thumbnails: Thumbnails) ->
     cast = open_body(options, known, stack)
     mapping = Mapping(predictor, method, np.random.default_rng(options.seed))
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
-    recorder = Recorder(library, lambda path: _new_recording(path, cast, mapping))
+    recorder = Recorder(library, lambda path: _new_recording(path, cast, mapping, options.stream))
     live = Live(cast.robot, recorder, Timeline())
     if known is not None:
         _take_map(live, mapping, known)
@@ -87,7 +87,8 @@ def open_replay(library: Library, name: str) -> Replay:
     poses = recording.poses
     drawn = poses.odometry if poses.exact is None else poses.exact
     frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
-    return Replay(name, recording.meta.scene, timeline_of(frames, recording.events), recording)
+    timeline = timeline_of(frames, recording.events)
+    return Replay(name, recording.meta.scene, timeline, recording, weights=recording.meta.fingerprint)
 
 
 def _open_learning(options: AppOptions) -> Learning:
@@ -116,7 +117,7 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
     return known
 
 
-def _new_recording(path: Path, cast: Cast, mapping: Mapping) -> RecordingWriter:
+def _new_recording(path: Path, cast: Cast, mapping: Mapping, live_port: int | None) -> RecordingWriter:
     """Begin a recording that holds the map as it is, so that it needs no other file."""
     if cast.simulation is None:
         raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
@@ -126,6 +127,7 @@ def _new_recording(path: Path, cast: Cast, mapping: Mapping) -> RecordingWriter:
         config=asdict(mapping.method),
         fingerprint=mapping.fingerprint,
         scene_glb=cast.simulation.scene.glb(with_ceiling=False),
+        live_port=live_port,
     )
     try:
         if mapping.graph.nodes:

@@ -15,6 +15,7 @@ import rerun.blueprint as rrb
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.framing import is_finished
+from ltvn_core.recording.live import live_sink
 from ltvn_core.recording.whole import claim
 from ltvn_core.types import FrameId
 
@@ -33,10 +34,11 @@ class DurableStream:
     """Rows go in; a `.rrd` file comes out that survives the death of the process up to its last third of a second.
 
     Raises RecordingError at the start when the file exists already or cannot be made, and once, from the next `log`,
-    when the disk stops taking data. After that rows are dropped, so that a robot can drive on.
+    when the disk stops taking data. After that rows are dropped, so that a robot can drive on. With a `live_port`,
+    Rerun viewers of this machine can watch there what is written; raises ServerError when it is taken.
     """
 
-    def __init__(self, path: Path, *, recording_id: str, reserve_bytes: int) -> None:
+    def __init__(self, path: Path, *, recording_id: str, reserve_bytes: int, live_port: int | None = None) -> None:
         self.path = path
         self._reserve_bytes = reserve_bytes
         self._failure: str | None = None
@@ -44,6 +46,7 @@ class DurableStream:
         self._closed = False
         self._time: tuple[int, FrameId, float] | None = None
         self._lock = threading.RLock()
+        sinks = [] if live_port is None else [live_sink(live_port)]
         claim(path)
         self._check_room()
         if self._failure:
@@ -54,7 +57,7 @@ class DurableStream:
             recording_id=recording_id,
             batcher_config=rr.ChunkBatcherConfig(flush_tick=_BATCH_S, flush_num_bytes=_BATCH_BYTES),
         )
-        self._rerun.save(path)
+        self._rerun.set_sinks(rr.FileSink(path), *sinks)
         self._stop = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="recording-watch", daemon=True)
         self._watcher.start()
@@ -135,6 +138,8 @@ class DurableStream:
             # A slow disk is no failure: the rows stay queued. A writer that gave up is one.
             if "timeout" in str(error).lower() or "timed out" in str(error).lower():
                 _LOG.warning("The disk is slow: %s has waited %g s for its data.", self.path, timeout_s)
+            elif "grpc" in str(error).lower():
+                _LOG.warning("Nobody can watch %s live any more (%s); the file goes on.", self.path, error)
             else:
                 self._failure = self._failure or _broken(self.path, str(error))
 

@@ -5,6 +5,7 @@ else. Owns the page and the server; the viewer itself comes from `viewer_assets`
 """
 
 import http.server
+import json
 import logging
 import secrets
 import shutil
@@ -19,6 +20,7 @@ from typing import NamedTuple
 from ltvn_core.errors import ServerError
 from ltvn_core.recording import framing
 from ltvn_core.recording.chunks import require_rrd
+from ltvn_core.recording.live import live_address, port_of
 from ltvn_core.recording.viewer_assets import viewer_assets
 
 _LOG = logging.getLogger(__name__)
@@ -44,8 +46,8 @@ _SCRIPT = """
   try {
     await wasm_bindgen({module_or_path: 're_viewer_bg.wasm'});
     const handle = new wasm_bindgen.WebHandle({
-      url: [new URL('recording.rrd', location.href).href], hide_welcome_screen: true, enable_history: false,
-      notebook: false, persist: false, theme: 'dark',
+      url: [LIVE_ADDRESS ?? new URL('recording.rrd', location.href).href],
+      hide_welcome_screen: true, enable_history: false, notebook: false, persist: false, theme: 'dark',
       panel_state_overrides: {top: 'Hidden', blueprint: 'Collapsed', selection: 'Collapsed', time: 'Collapsed'},
       on_viewer_event: text => { if (JSON.parse(text).type === 'recording_open') document.body.dataset.open = 'yes' },
     });
@@ -80,14 +82,18 @@ class ServedViewer(NamedTuple):
 def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
     """Serve a recording in the Rerun web viewer on 127.0.0.1 while the block runs; port 0 takes a free one.
 
-    Raises RecordingError for a file that is none, and ServerError when the port is taken.
+    In place of a file, `path` may be the address of a recording that is being written, see `recording.live`. Raises
+    RecordingError for a file that is none, and ServerError when the port is taken.
     """
-    path = Path(path)
-    require_rrd(path)
-    if not framing.is_finished(path):
-        _LOG.warning("%s is cut or unfinished; the viewer shows what is whole.", path)
+    live = port_of(str(path))
+    if live is None:
+        path = Path(path)
+        require_rrd(path)
+        if not framing.is_finished(path):
+            _LOG.warning("%s is cut or unfinished; the viewer shows what is whole.", path)
     token = secrets.token_urlsafe(16)
-    server = _bound(port, _answers(path, token))
+    source = Path(path) if live is None else live
+    server = _bound(port, _answers(source, token), _policy(source))
     address = f"127.0.0.1:{server.server_address[1]}"
     thread = threading.Thread(target=server.serve_forever, name="recording-viewer", daemon=True)
     thread.start()
@@ -101,27 +107,36 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
         thread.join()
 
 
-def _answers(path: Path, token: str) -> Mapping[str, _Answer]:
+def _policy(source: Path | int) -> str:
+    """Let the page talk to its own server, and to the one live recording that it shows."""
+    live = f" http://127.0.0.1:{source}" if isinstance(source, int) else ""
+    return _POLICY.replace("connect-src 'self'", f"connect-src 'self'{live}")
+
+
+def _answers(source: Path | int, token: str) -> Mapping[str, _Answer]:
     assets = viewer_assets()
-    return {
+    address = json.dumps(live_address(source) if isinstance(source, int) else None)
+    answers = {
         f"/{token}/": _Answer("text/html; charset=utf-8", _PAGE.encode()),
-        f"/{token}/page.js": _Answer("text/javascript", _SCRIPT.encode()),
+        f"/{token}/page.js": _Answer("text/javascript", _SCRIPT.replace("LIVE_ADDRESS", address).encode()),
         f"/{token}/re_viewer.js": _Answer("text/javascript", assets.script, gzipped=True),
         f"/{token}/re_viewer_bg.wasm": _Answer("application/wasm", assets.module, gzipped=True),
-        f"/{token}/recording.rrd": _Answer("application/octet-stream", path),
     }
+    if isinstance(source, Path):
+        answers[f"/{token}/recording.rrd"] = _Answer("application/octet-stream", source)
+    return answers
 
 
-def _bound(port: int, answers: Mapping[str, _Answer]) -> http.server.ThreadingHTTPServer:
+def _bound(port: int, answers: Mapping[str, _Answer], policy: str) -> http.server.ThreadingHTTPServer:
     try:
-        return http.server.ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, answers))
+        return http.server.ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, answers, policy))
     except (OSError, OverflowError) as error:
         raise ServerError(f"Port {port} on 127.0.0.1 cannot be used ({error}); name another, or 0 for any.") from error
 
 
 class _Handler(http.server.BaseHTTPRequestHandler):
-    def __init__(self, answers: Mapping[str, _Answer], *args: object) -> None:
-        self._answers = answers
+    def __init__(self, answers: Mapping[str, _Answer], policy: str, *args: object) -> None:
+        self._answers, self._policy = answers, policy
         super().__init__(*args)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
@@ -145,7 +160,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(size))
         if answer.gzipped:
             self.send_header("Content-Encoding", "gzip")
-        self.send_header("Content-Security-Policy", _POLICY)
+        self.send_header("Content-Security-Policy", self._policy)
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Referrer-Policy", "no-referrer")

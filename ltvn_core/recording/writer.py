@@ -56,18 +56,22 @@ class RecordingWriter:
         recording_id: str = "",
         started_at: str = "",
         reserve_bytes: int = RESERVE_BYTES,
+        live_port: int | None = None,
     ) -> None:
         """Begin a recording at `path`.
 
         `config` must be sayable in JSON. `scene_glb` is drawn and makes the file larger by its size. `recording_id` and
         `started_at` are for rewriting an older recording. Recording stops when the disk has less than `reserve_bytes`.
+        Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken.
         """
         intrinsics, recording_id = intrinsics or Intrinsics(), recording_id or str(uuid4())
         started_at = started_at or datetime.now(UTC).isoformat(timespec="seconds")
         versions = package_versions()
         meta = Meta(scene, config, fingerprint, intrinsics, schema.SCHEMA, versions, started_at, recording_id)
         description = meta_row(meta)
-        self._stream = DurableStream(Path(path), recording_id=recording_id, reserve_bytes=reserve_bytes)
+        self._stream = DurableStream(
+            Path(path), recording_id=recording_id, reserve_bytes=reserve_bytes, live_port=live_port
+        )
         self._frames: set[FrameId] = set()
         self._events = 0
         self._places = Places()

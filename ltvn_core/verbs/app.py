@@ -8,6 +8,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import RecordingError
+from ltvn_core.verbs.streaming import announced
 from ltvn_core.verbs.verb import Summary, Verb
 
 _LOG = logging.getLogger(__name__)
@@ -41,6 +42,8 @@ class App(Verb):
     """The method's settings: robust is ours, paper is the literal method."""
     seed: int = 0
     """Draws the robot's start and the odometry noise."""
+    stream: int | None = None
+    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
     def run(self) -> Summary:
         """Serve the page until interrupted; raises LtvnError."""
@@ -82,6 +85,7 @@ def _serve(options: App, replay: str | None, at_s: float = 0.0) -> Served:
             weights=options.weights,
             preset=options.preset,
             seed=options.seed,
+            stream=announced(options.stream),
             replay=replay,
             replay_at_s=at_s,
         ),

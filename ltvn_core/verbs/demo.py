@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from ltvn_core.errors import OptionError
+from ltvn_core.verbs.streaming import announced
 from ltvn_core.verbs.verb import Summary, Verb
 
 
@@ -63,13 +64,17 @@ class Demo(Verb):
     """The recording to write; by default runs/demo-SCENE-SEED-TIME.rrd."""
     map: Path | None = None
     """Also save the final map here."""
+    stream: int | None = None
+    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
     def run(self) -> Summary:
         """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
         if not self.headless:
             from ltvn_core.verbs.app import App
 
-            return App(scene=self.scene, seed=self.seed, predictor=self.predictor, weights=self.weights).run()
+            return App(
+                scene=self.scene, seed=self.seed, predictor=self.predictor, weights=self.weights, stream=self.stream
+            ).run()
         if self.queries < 0 or self.loops < 1:
             raise OptionError(
                 f"--queries must be 0 or more and --loops 1 or more, got {self.queries} and {self.loops}."
@@ -100,7 +105,7 @@ def _demonstrate(options: Demo) -> Demonstrated:
         "config": {"verb": "demo", "seed": options.seed, "loops": options.loops, "method": asdict(method)},
         "fingerprint": predictor.fingerprint,
     }
-    with RecordingWriter(path, **about) as writer:
+    with RecordingWriter(path, **about, live_port=announced(options.stream)) as writer:
         bench = Workbench(simulation, writer, Views(predictor), predictor, method, TopologicalGraph())
         observations = bench.collect(rng, options.loops)
         bench.build(observations, rng)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import MapError, OptionError
+from ltvn_core.verbs.streaming import announced
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ class Navigate(Verb):
     """Weights to use instead of the shipped ones."""
     seed: int = 0
     """Draws the start, the noise and the goals."""
+    stream: int | None = None
+    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
     def run(self) -> Summary:
         """Drive and learn; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
@@ -106,7 +109,7 @@ def _drive(options: Navigate) -> Navigated:
     views = Views(predictor)
     views.add(list(loaded.observations.values()))
     about = {"scene": scene, "config": options.settings(), "fingerprint": predictor.fingerprint}
-    with RecordingWriter(options.recording, **about) as writer:
+    with RecordingWriter(options.recording, **about, live_port=announced(options.stream)) as writer:
         writer.map(loaded.graph, loaded.observations.values())
         bench = Workbench(simulation, writer, views, predictor, options.method(), loaded.graph)
         outcome = bench.run_queries(options.goals(bench, rng), rng)

@@ -2,7 +2,6 @@
 
 import logging
 from dataclasses import dataclass
-from pathlib import Path
 
 from tyro.conf import Positional
 
@@ -22,8 +21,8 @@ class Viewed:
 class View(Verb):
     """Open a recording in the Rerun web viewer, served to this machine only."""
 
-    recording: Positional[Path]
-    """The .rrd file."""
+    recording: Positional[str]
+    """The .rrd file, or the address that a run with --stream says."""
     port: int = 9090
     """Port on 127.0.0.1; 0 takes a free one."""
 

@@ -49,6 +49,8 @@ class Case:
     """The thresholds in use."""
     predictor: Predictor
     """The network in use; a recording may have been made with another."""
+    weights: str
+    """Fingerprint of the network that the run was made with; empty where nobody knows."""
     mapping: "Mapping | None"
     """The live map and its images, to be touched within `later` alone; None in replay."""
     live: LiveTimeline

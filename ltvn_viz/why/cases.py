@@ -50,6 +50,7 @@ class Cases:
             picture=_live_picture(stage) if replay is None else replay.picture,
             method=stage.mapping.method,
             predictor=stage.mapping.predictor,
+            weights=stage.mapping.fingerprint if replay is None else replay.weights,
             mapping=stage.mapping if replay is None else None,
             live=stage.live.timeline,
             later=self._later,
@@ -77,6 +78,8 @@ class Cases:
 
 def _live_picture(stage: "Stage") -> Callable[[FrameId], Observation | None]:
     def picture(frame: FrameId) -> Observation | None:
+        if stage.live.seen is not None and stage.live.seen.step == frame:
+            return stage.live.seen
         try:
             return stage.mapping.views.observation(frame)
         except LtvnError:

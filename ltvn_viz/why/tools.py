@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from ltvn_viz.why.blame import BlameTool
 from ltvn_viz.why.breaks import BreakTool
+from ltvn_viz.why.coach import CoachTool
 from ltvn_viz.why.compare import CompareTool
 from ltvn_viz.why.edge import EdgeTool
 from ltvn_viz.why.failures import FailuresTool
@@ -14,6 +15,7 @@ from ltvn_viz.why.tool import Tool, ToolName
 from ltvn_viz.why.truth import TruthTool
 from ltvn_viz.why.watch import Watch
 from ltvn_viz.why.what_if import WhatIfTool
+from ltvn_viz.why.where import WhereTool
 
 
 def tools(watch: Watch) -> Mapping[ToolName, Tool]:
@@ -24,6 +26,8 @@ def tools(watch: Watch) -> Mapping[ToolName, Tool]:
         ToolName.TIME: HappenedTool(),
         ToolName.WHAT_IF: WhatIfTool(),
         ToolName.BREAK: BreakTool(watch),
+        ToolName.WHERE: WhereTool(),
+        ToolName.COACH: CoachTool(),
         ToolName.FAILURES: FailuresTool(),
         ToolName.COMPARE: CompareTool(),
         ToolName.TRUTH: TruthTool(),

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.reader import Recording
+from ltvn_core.types import Observation
 from ltvn_viz import commands as c
 from ltvn_viz import palette
 from ltvn_viz.links import commands_of
@@ -18,7 +20,8 @@ from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.staging import open_replay
 from ltvn_viz.why.compare import BEFORE
 from ltvn_viz.why.share import MAP, MOMENT, RERUN
-from ltvn_viz.why.tool import ToolName
+from ltvn_viz.why.tool import NOWHERE, ToolName
+from ltvn_viz.why.truth import TruthTool
 from tests.viz.theatre import Theatre
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
@@ -102,11 +105,14 @@ def test_the_truth_of_the_demo_is_told_with_strokes(demo: Theatre) -> None:
 
 
 def test_without_truth_one_sentence_says_why(demo: Theatre) -> None:
-    replay = demo.stage.activity
-    seen = replay.picture(next(iter(demo.stage.cases.of(demo.stage, demo.now.moment).graph.nodes)))
-    replay.picture = lambda frame: type(seen)(seen.rgb, seen.depth, seen.odometry, seen.stamp, seen.step)
-    shown = demo.do(c.ChooseTool(ToolName.TRUTH), ticks=3)
-    assert "Nobody knows the truth here" in words(shown)
+    case = demo.stage.cases.of(demo.stage, demo.now.moment)
+
+    def outside(frame: int) -> Observation | None:
+        seen = case.picture(frame)
+        return seen and Observation(seen.rgb, seen.depth, seen.odometry, seen.stamp, seen.step)
+
+    for picture in (outside, lambda _: None):
+        assert "Nobody knows the truth here" in TruthTool().look(replace(case, picture=picture), NOWHERE).html
 
 
 def test_a_truth_whose_scene_is_gone_is_said_in_words(tmp_path: Path) -> None:

@@ -1,0 +1,61 @@
+"""A recording that is watched while it is written: the file is the same, and the port belongs to nobody else."""
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from ltvn_core.errors import OptionError, ServerError
+from ltvn_core.nav.events import Note, Stamped
+from ltvn_core.recording.framing import is_finished
+from ltvn_core.recording.live import live_address, port_of
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.verbs.streaming import announced
+
+ABOUT = {"scene": "flat", "config": {}, "fingerprint": "flat"}
+
+
+@pytest.fixture
+def taken() -> Iterator[int]:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        yield other.getsockname()[1]
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_what_is_streamed_is_a_whole_recording_too_and_the_next_one_takes_the_same_port(tmp_path: Path) -> None:
+    port = free_port()
+    for name in ("first.rrd", "second.rrd"):
+        with RecordingWriter(tmp_path / name, **ABOUT, live_port=port) as writer:
+            writer.event(Stamped(1, 0.1, Note(name)))
+            listening = [c for c in psutil.Process().net_connections("inet") if c.status == psutil.CONN_LISTEN]
+            assert {c.laddr.ip for c in listening if c.laddr.port == port} == {"127.0.0.1"}
+        assert is_finished(tmp_path / name)
+        assert [stamped.event for stamped in Recording.open(tmp_path / name).events] == [Note(name)]
+
+
+def test_a_port_that_is_taken_is_said_before_a_file_is_made(tmp_path: Path, taken: int) -> None:
+    with pytest.raises(ServerError, match=str(taken)):
+        RecordingWriter(tmp_path / "a.rrd", **ABOUT, live_port=taken)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_address_is_read_as_it_was_written() -> None:
+    assert port_of(live_address(9877)) == 9877
+    assert port_of("rerun+http://elsewhere:9877/proxy") is None
+    assert port_of("a.rrd") is None
+
+
+@pytest.mark.parametrize("port", [0, -1, 65536])
+def test_a_number_that_is_no_port_is_refused(port: int) -> None:
+    with pytest.raises(OptionError, match="--stream"):
+        announced(port)

@@ -29,7 +29,7 @@ def show_life(case: Case, strip: LifelongStrip, page: Page) -> None:
         return
     now = f"{100 * strip.success[-1]:.0f} %"
     page.html(
-        f"<div>Success of the last queries, now <b>{now}</b>:</div>{_curve(strip, strip.success, palette.SOURCE)}"
+        f"<div>Success over the last queries, now <b>{now}</b>:</div>{_curve(strip, strip.success, palette.SOURCE)}"
     )
     for name, counts, colour in (("Nodes", strip.nodes, palette.NODE), ("Edges", strip.edges, palette.PLAN)):
         shares = counts / max(int(counts.max()), 1)

@@ -2,6 +2,7 @@
 
 import http.client
 import io
+import socket
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,7 +14,9 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, Request
 
+from ltvn_core.recording.live import live_address
 from ltvn_core.recording.viewer import ServedViewer, serve_viewer
+from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import scenario
 
 pytestmark = pytest.mark.browser
@@ -47,6 +50,25 @@ def test_the_recording_is_drawn_and_no_request_leaves_the_machine(chromium: Brow
     foreign = [r for r in sent if urlsplit(r.url).hostname not in ("127.0.0.1", None)]
     assert all(request.failure == "csp" for request in foreign), "the page's policy lets requests out"
     page.close()
+
+
+def test_a_recording_is_watched_while_it_is_written(chromium: Browser, tmp_path: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    about = {"scene": "demo", "config": {}, "fingerprint": "abc"}
+    with (
+        RecordingWriter(tmp_path / "live.rrd", **about, live_port=port) as writer,
+        serve_viewer(live_address(port)) as live,
+    ):
+        writer.frame(scenario.observation(0))
+        page = chromium.new_page(viewport={"width": 900, "height": 600})
+        page.goto(live.url)
+        _until(page, lambda: page.evaluate("document.body.dataset.open === 'yes'"), "the viewer opened the stream")
+        for step in range(1, 10):
+            writer.frame(scenario.observation(step))
+        _until(page, lambda: _colours(page) > 500, "the canvas shows pictures")
+        page.close()
 
 
 def test_only_the_secret_path_and_this_host_are_answered(viewer: ServedViewer) -> None:

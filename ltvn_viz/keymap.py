@@ -110,6 +110,11 @@ KEYS = (
 SLOW_HELP = ("Shift", "drive slowly while held")
 
 
+def caps_for(meaning: Direction | Action) -> str:
+    """Return what is printed on the keys that mean something; empty if none do."""
+    return next((binding.caps for binding in KEYS if binding.meaning is meaning), "")
+
+
 def help_rows() -> tuple[tuple[str, str], ...]:
     """Return (what is printed on the keys, what they do) of every binding, in the order of the help."""
     rows = [(binding.caps, binding.help) for binding in KEYS]

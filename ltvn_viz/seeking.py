@@ -4,10 +4,10 @@ Owns the way from event to event. Where the events are is `ltvn_core.analysis.ti
 """
 
 from ltvn_core.analysis.records import Instant, MarkKind
-from ltvn_core.analysis.timeline import Timeline
 from ltvn_viz.replay import Replay
 from ltvn_viz.stage import Stage
 from ltvn_viz.why.case import HAIR_S
+from ltvn_viz.why.stepping import neighbour, neighbour_mark
 
 
 def seek(stage: Stage, time_s: float) -> None:
@@ -25,7 +25,12 @@ def seek_mark(stage: Stage, kind: MarkKind | None, *, forwards: bool) -> None:
     if isinstance(stage.activity, Replay):
         stage.activity.play(playing=False)
     run, index = stage.cases.indexed(stage)
-    found = _neighbour(index, _instant(stage), kind, forwards=forwards)
+    at = _instant(stage)
+    if kind is None:
+        found = neighbour(index, at, forwards=forwards)
+    else:
+        mark = neighbour_mark(index, at, kind, forwards=forwards)
+        found = None if mark is None else mark.instant
     if found is not None:
         seek(stage, found.stamp - run.start_s + HAIR_S)
     elif forwards and not isinstance(stage.activity, Replay):
@@ -42,10 +47,3 @@ def _instant(stage: Stage) -> Instant:
         run = stage.live.timeline
         stamp = run.end_s if stage.look_back is None else stage.look_back
     return Instant(run.step_at(stamp), stamp)
-
-
-def _neighbour(timeline: Timeline, at: Instant, kind: MarkKind | None, *, forwards: bool) -> Instant | None:
-    if kind is None:
-        return timeline.next_event(at) if forwards else timeline.previous_event(at)
-    mark = timeline.next_mark(at, kind) if forwards else timeline.previous_mark(at, kind)
-    return None if mark is None else mark.instant

@@ -15,10 +15,9 @@ from joblib import delayed
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluate.lifetime import queries_between, run_until
-from ltvn_core.evaluate.plans import TrialFiles, TrialPlan, claim_files
-from ltvn_core.evaluate.preparation import prepare
+from ltvn_core.evaluate.plans import TrialFiles, TrialPlan
 from ltvn_core.evaluate.results import LifelongPoint, LifelongResult, load_results, save_results
-from ltvn_core.evaluate.trials import OnDone, finish_trial, kept_course, static_pieces
+from ltvn_core.evaluate.trials import Told, finish_trial, kept_course, prepare_all, static_pieces
 from ltvn_core.evaluate.truth import calibration
 from ltvn_core.evaluate.workers import Workers
 
@@ -53,22 +52,23 @@ class Schedule:
 
 
 def run_lifelong(
-    plans: Sequence[TrialPlan], folder: Path, schedule: Schedule, *, command: str, parallel: Workers, on_done: OnDone
+    plans: Sequence[TrialPlan],
+    folder: Path,
+    schedule: Schedule,
+    *,
+    command: str,
+    parallel: Workers,
+    told: Told,
 ) -> list[LifelongResult]:
     """Run the lifelong test of several plans, with one scene and seed each; what is done already is only read.
 
     Raises OptionError where the folder holds results of other settings, and the errors of the parts.
     """
-    tasks = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
-    for plan, files in tasks:
-        claim_files(plan, files)
-    for _ in parallel(delayed(prepare)(plan, files) for plan, files in tasks):
-        on_done(0)
+    tasks = prepare_all(plans, folder, parallel, told)
     for at in schedule.points:
         for done in parallel(_work_at(tasks, schedule, at)):
-            on_done(done)
-    for _ in parallel(delayed(_finish)(plan, files, schedule, command) for plan, files in tasks):
-        on_done(0)
+            told.added(done)
+    list(parallel(delayed(_finish)(plan, files, schedule, command) for plan, files in tasks))
     return [load_results(_result_file(files, schedule), LifelongResult) for _, files in tasks]
 
 

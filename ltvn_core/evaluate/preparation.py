@@ -105,8 +105,8 @@ def _build(
     rng = np.random.default_rng([plan.seed, 4])
     deltas = system.build(observations, views, predictor, rng=rng, goals=sights.goals)
     graph, kept = TopologicalGraph(deltas), [views.observation(frame) for frame in views.frames]
-    about = {"scene": scene.address, "fingerprint": predictor.fingerprint}
-    save_map(files.map(), graph, kept, config={"verb": "evaluate", "method": asdict(system.method)}, **about)
+    config = {"verb": "evaluate", "method": asdict(system.method)}
+    save_map(files.map(), graph, kept, scene=scene.address, fingerprint=predictor.fingerprint, config=config)
 
 
 def _observations(drive: Path) -> list[Observation]:

@@ -23,13 +23,21 @@ from ltvn_core.evaluate.protocol import EpisodePlan
 from ltvn_core.evaluate.results import EpisodeResult, TrialResult, load_results, save_results
 from ltvn_core.evaluate.truth import floorplan, map_facts
 from ltvn_core.evaluate.workers import Workers
+from ltvn_core.lessons.own_weights import prepare_lessons
 from ltvn_core.sim.scenes import load_scene
 
 EPISODES_AT_ONCE = 25
 """Episodes in a piece: small enough to share work out evenly and to lose little, large enough to load a map for."""
 
-OnDone = Callable[[int], object]
-"""Hears how many episodes were added."""
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """Whom to tell how far it is."""
+
+    maps: Callable[[int], object]
+    """Hears how many maps there are."""
+    added: Callable[[int], object]
+    """Hears how many more episodes, or queries, are done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,23 +81,32 @@ def kept_course(plan: TrialPlan, files: TrialFiles, queries: int) -> Course:
 
 
 def run_trials(
-    plans: Sequence[TrialPlan], folder: Path, *, episodes: int, command: str, parallel: Workers, on_done: OnDone
+    plans: Sequence[TrialPlan], folder: Path, *, episodes: int, command: str, parallel: Workers, told: Told
 ) -> list[TrialResult]:
     """Run the static test of several plans, with one scene and seed each; what is done already is only read.
 
     Raises OptionError where the folder holds results of other settings, and the errors of the parts.
     """
+    tasks = prepare_all(plans, folder, parallel, told)
+    for done in parallel(piece for plan, files in tasks for piece in static_pieces(plan, files, 0, episodes)):
+        told.added(done)
+    list(parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in tasks))
+    # Read back, because pieces of work come back in any order.
+    return [load_results(files.trial(episodes), TrialResult) for _, files in tasks]
+
+
+def prepare_all(
+    plans: Sequence[TrialPlan], folder: Path, parallel: Workers, told: Told
+) -> list[tuple[TrialPlan, TrialFiles]]:
+    """Make drives, weights and maps side by side; raises as `run_trials`."""
     tasks = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
     for plan, files in tasks:
         claim_files(plan, files)
-    for _ in parallel(delayed(prepare)(plan, files) for plan, files in tasks):
-        on_done(0)
-    for done in parallel(piece for plan, files in tasks for piece in static_pieces(plan, files, 0, episodes)):
-        on_done(done)
-    for _ in parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in tasks):
-        on_done(0)
-    # Read back, because pieces of work come back in any order.
-    return [load_results(files.trial(episodes), TrialResult) for _, files in tasks]
+    for system in {plan.system for plan, files in tasks if plan.finetuned and not files.weights.exists()}:
+        prepare_lessons(system)  # Once for all processes.
+    for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in tasks), 1):
+        told.maps(ready)
+    return tasks
 
 
 def static_pieces(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int) -> Iterator[Any]:

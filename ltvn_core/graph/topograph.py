@@ -137,10 +137,13 @@ class TopologicalGraph:
         edge = delta.edge
         self._require_node(edge.source)
         self._require_node(edge.target)
-        _require(edge.source != edge.target, f"Node {edge.source} cannot have an edge to itself.")
-        _require(edge.target not in self._successors[edge.source], f"{_name(edge)} is in the map already.")
-        _require(all(map(math.isfinite, edge.waypoint)), f"{_name(edge)} has a waypoint that is not finite.")
-        _check_belief(edge)
+        if edge.source == edge.target:
+            raise MapError(f"Node {edge.source} cannot have an edge to itself.")
+        if edge.target in self._successors[edge.source]:
+            raise MapError(f"{_name(edge)} is in the map already.")
+        if not all(map(math.isfinite, edge.waypoint)):
+            raise MapError(f"{_name(edge)} has a waypoint that is not finite.")
+        _check_edge(edge)
         self._edges[edge.source, edge.target] = edge
         self._successors[edge.source][edge.target] = None
         self._predecessors[edge.target][edge.source] = None
@@ -148,7 +151,7 @@ class TopologicalGraph:
     def _update_belief(self, delta: BeliefUpdated) -> None:
         edge = self._existing(delta.source, delta.target)
         changed = replace(edge, belief=delta.belief, attempts=delta.attempts, successes=delta.successes)
-        _check_belief(changed)
+        _check_edge(changed)
         self._edges[delta.source, delta.target] = changed
 
     def _prune_edge(self, delta: EdgePruned) -> None:
@@ -193,22 +196,25 @@ class TopologicalGraph:
             self._reserve.pop(frame, None)
 
     def _require_node(self, node: NodeId) -> None:
-        _require(node in self._nodes, f"Node {node} is not in the map, which has {len(self._nodes)} nodes.")
+        if node not in self._nodes:
+            raise MapError(f"Node {node} is not in the map, which has {len(self._nodes)} nodes.")
 
     def _existing(self, source: NodeId, target: NodeId) -> Edge:
-        _require((source, target) in self._edges, f"Edge {source} -> {target} is not in the map.")
+        if (source, target) not in self._edges:
+            raise MapError(f"Edge {source} -> {target} is not in the map.")
         return self._edges[source, target]
 
 
-def _check_belief(edge: Edge) -> None:
+def _check_edge(edge: Edge) -> None:
+    """Raise MapError for an edge that cannot be; the words are only made then, for maps are folded from many edges."""
     belief: Belief = edge.belief
+    counts = 0 <= edge.successes <= edge.attempts
+    if counts and 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf:
+        return
     _require(0 <= belief.p <= 1, f"{_name(edge)} has p = {belief.p}; it must lie in [0, 1].")
     _require(0 <= belief.mu < math.inf, f"{_name(edge)} has mu = {belief.mu}; it must be finite and not negative.")
     _require(0 < belief.sigma2 < math.inf, f"{_name(edge)} has sigma2 = {belief.sigma2}; it must be positive.")
-    _require(
-        0 <= edge.successes <= edge.attempts,
-        f"{_name(edge)} counts {edge.successes} successes in {edge.attempts} attempts.",
-    )
+    _require(counts, f"{_name(edge)} counts {edge.successes} successes in {edge.attempts} attempts.")
 
 
 def _name(edge: Edge) -> str:

@@ -31,10 +31,11 @@ class Bench(Verb):
         from tqdm import tqdm
 
         from ltvn_core.benchmarks import camera, learning, matching, planning, recording
-        from ltvn_viz import latency
+        from ltvn_viz import latency, long_replay
 
         jobs = {
             "camera": camera.render_large_mesh,
+            "debugger": long_replay.open_and_travel,
             "driving": latency.key_to_command,
             "learning": learning.learn,
             "matching": matching.localise_and_build,

@@ -5,7 +5,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NoReturn
 
 from ltvn_core.errors import OptionError
 from ltvn_core.verbs.verb import Summary, Verb
@@ -13,9 +13,12 @@ from ltvn_core.verbs.verb import Summary, Verb
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tqdm import tqdm
+
     from ltvn_core.evaluate.plans import TrialPlan
     from ltvn_core.evaluate.protocol import Protocol
     from ltvn_core.evaluate.results import TrialResult
+    from ltvn_core.evaluate.trials import Told
 
 
 @dataclass(frozen=True)
@@ -144,9 +147,8 @@ class Evaluate(ProtocolOptions):
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=self.episodes * len(plans), desc="evaluate", unit="episode") as bar,
         ):
-            trials = run_trials(
-                plans, self.folder, episodes=self.episodes, command=command(), parallel=parallel, on_done=bar.update
-            )
+            made_by = {"command": command(), "parallel": parallel, "told": told_by(bar, len(plans))}
+            trials = run_trials(plans, self.folder, episodes=self.episodes, **made_by)
             if self.record_failures:
                 tasks = [(plan, TrialFiles.of(plan, self.folder)) for plan in plans]
                 again = zip(tasks, trials, strict=True)
@@ -177,6 +179,14 @@ class Evaluate(ProtocolOptions):
             folder=self.folder,
             wall_s=wall_s,
         )
+
+
+def told_by(bar: "tqdm[NoReturn]", maps: int) -> "Told":
+    """Return whom to tell how far it is: a progress bar, for so many maps."""
+    from ltvn_core.evaluate.trials import Told
+
+    bar.set_postfix_str(f"preparing {maps} maps")
+    return Told(lambda ready: bar.set_postfix_str(f"{ready} of {maps} maps ready"), bar.update)
 
 
 def command() -> str:

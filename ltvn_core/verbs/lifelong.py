@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ltvn_core.verbs.evaluate import ProtocolOptions, command
+from ltvn_core.verbs.evaluate import ProtocolOptions, command, told_by
 from ltvn_core.verbs.verb import Summary
 
 if TYPE_CHECKING:
@@ -58,9 +58,8 @@ class Lifelong(ProtocolOptions):
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=schedule.work * len(plans), desc="lifelong", unit="query") as bar,
         ):
-            results = run_lifelong(
-                plans, self.folder, schedule, command=command(), parallel=parallel, on_done=bar.update
-            )
+            told = told_by(bar, len(plans))
+            results = run_lifelong(plans, self.folder, schedule, command=command(), parallel=parallel, told=told)
         return self._summary(results, time.monotonic() - started)
 
     def _summary(self, results: "Sequence[LifelongResult]", wall_s: float) -> Lived:

@@ -37,7 +37,7 @@ class WhyLayer:
         segments = np.array([(each.start, each.end) for each in overlay.strokes], np.float64).reshape(-1, 2, 2)
         colours = np.array([each.colour for each in overlay.strokes], np.uint8).reshape(-1, 3)
         self._lines.draw(points(segments, _WHY_Z), colours)
-        there = set(snapshot.moment.graph.ids.tolist())
+        there = set(snapshot.moment.graph.ids.tolist()) if overlay.nodes else set()
         known = [node for node in overlay.nodes if node in there]
         marked = snapshot.moment.graph.poses_of(tuple(known))
         self._nodes.place(marked, NODE_Z + 0.02)

@@ -9,10 +9,11 @@ function takeLink() {
     if (words.has(word)) query.set(word, words.get(word));
     words.delete(word);
   }
-  if (query.size === 0) return null;
+  // A page that has its cookie already is not sent on by the server, so the key still stands in its address.
+  words.delete("token");
   // Before viser reads the address: it would write it back without escaping anything.
   history.replaceState(null, "", words.size === 0 ? location.pathname : `${location.pathname}?${words}`);
-  return query.toString();
+  return query.size === 0 ? null : query.toString();
 }
 
 function openLink() {

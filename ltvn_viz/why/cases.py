@@ -1,12 +1,13 @@
 """Makes the case that tools look at, of the live run or of an open recording.
 
-Owns the index of each run's events, and how often that of a growing run is made anew.
+Owns the index of the run's events, and how often that of a growing run is looked at anew.
 """
 
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ltvn_core.analysis.growing import GrowingTimeline
 from ltvn_core.analysis.timeline import Timeline as Index
 from ltvn_core.errors import LtvnError
 from ltvn_core.types import FrameId, Observation
@@ -19,9 +20,7 @@ if TYPE_CHECKING:
     from ltvn_viz.stage import Stage
 
 _ANEW_EVERY_S = 1.0
-"""A run that goes on is indexed once a second at most."""
-_ANEW_SHARE = 0.05
-"""Indexing is linear in the events, so of a long run it is done more rarely: it takes this share of the time."""
+"""A run that goes on is looked at once a second at most, because tools answer anew each time."""
 
 
 class Cases:
@@ -30,7 +29,9 @@ class Cases:
     def __init__(self, later: Later, clock: Callable[[], float] = time.monotonic) -> None:
         """Let tools compute slowly by `later`."""
         self._later, self._clock = later, clock
-        self._indexed: tuple[Timeline | None, int, Index] = (None, 0, Index.of(()))
+        self._run: Timeline | None = None
+        self._growing = GrowingTimeline()
+        self._index = self._growing.timeline()
         self._due = float("-inf")
 
     def of(self, stage: "Stage", moment: Moment) -> Case:
@@ -64,13 +65,15 @@ class Cases:
     def indexed(self, stage: "Stage") -> tuple[Timeline, Index]:
         """Return the run that the page shows and its index, which may lack what happened just now."""
         run = stage.activity.timeline if isinstance(stage.activity, Replay) else stage.live.timeline
-        known, count, _ = self._indexed
-        if run is not known or (len(run.events) != count and self._clock() > self._due):
-            begin = self._clock()
-            self._indexed = run, len(run.events), Index.of(run.events)
-            took = self._clock() - begin
-            self._due = begin + max(_ANEW_EVERY_S, took / _ANEW_SHARE)
-        return run, self._indexed[2]
+        if run is not self._run:
+            self._run, self._growing = run, GrowingTimeline()
+            self._index = self._growing.timeline()
+            self.anew()
+        if len(run.events) != len(self._growing) and self._clock() > self._due:
+            for stamped in run.events[len(self._growing) :]:
+                self._growing.take(stamped)
+            self._index, self._due = self._growing.timeline(), self._clock() + _ANEW_EVERY_S
+        return run, self._index
 
 
 def _live_picture(stage: "Stage") -> Callable[[FrameId], Observation | None]:

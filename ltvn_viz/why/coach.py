@@ -8,7 +8,7 @@ import numpy as np
 from ltvn_core.analysis.coach import Advice, advise
 from ltvn_core.analysis.where import image_of
 from ltvn_core.config import Method
-from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -17,7 +17,7 @@ from ltvn_viz import palette
 from ltvn_viz.commands import CloseRecording, PointAt
 from ltvn_viz.mapping import Mapping
 from ltvn_viz.why.case import Case
-from ltvn_viz.why.newest import Newest
+from ltvn_viz.why.later import Latest
 from ltvn_viz.why.overlay import NOTHING, Overlay, stroke
 from ltvn_viz.why.tool import Page, Selection, ToolView
 
@@ -32,7 +32,7 @@ class CoachTool:
 
     def __init__(self) -> None:
         """Begin without advice."""
-        self._advice = Newest()
+        self._advice = Latest()
 
     def look(self, case: Case, selection: Selection) -> ToolView:
         """Show the latest advice, which is renewed once a second at most."""
@@ -48,8 +48,8 @@ class CoachTool:
             return page.view()
         question = "coach", int(case.moment.stamp), case.predictor.fingerprint
         found = self._advice(case.later, question, _advise(case.mapping, case.graph, seen, case.predictor, case.method))
-        if found is None or isinstance(found, str):
-            page.line(found or "Looking at what you drove …")
+        if found is None:
+            page.line("Looking at what you drove …")
             return page.view()
         _say(found, page)
         return page.view(_overlay(case, found, seen))
@@ -61,19 +61,16 @@ class CoachTool:
 
 def _advise(
     mapping: Mapping, graph: TopologicalGraph, seen: Observation, predictor: Predictor, method: Method
-) -> Callable[[], Advice | str]:
-    def look_over() -> Advice | str:
+) -> Callable[[], Advice]:
+    def look_over() -> Advice:
         """Run in the worker's thread, which owns the images."""
         drive = {each.step: each.odometry for each in mapping.images() if each.step <= seen.step}
         drive[seen.step] = seen.odometry
         steps = sorted(drive)
         matcher = Matcher(predictor, mapping.views, method.matching)
-        try:
-            nodes = [node for node in graph.nodes if node in mapping.views]
-            current = matcher.match(image_of(seen, matcher, predictor), nodes) if nodes else None
-            return advise(graph, steps, np.array([drive[step] for step in steps]), current)
-        except LtvnError as error:
-            return str(error)
+        nodes = [node for node in graph.nodes if node in mapping.views]
+        current = matcher.match(image_of(seen, matcher, predictor), nodes) if nodes else None
+        return advise(graph, steps, np.array([drive[step] for step in steps]), current)
 
     return look_over
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ltvn_core.analysis.compare import EdgeDifference, Figures, MapDifference, compare, figures
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.nav.events import Stamped
@@ -56,6 +57,7 @@ class CompareTool:
         """Compare with nothing yet."""
         self._other = ""
         self._latest = Latest()
+        self._start: tuple[Timeline, Side] | None = None
 
     def look(self, case: Case, selection: Selection) -> ToolView:
         """Offer recordings, or show what is different in the chosen one."""
@@ -87,7 +89,9 @@ class CompareTool:
 
     def _there(self, case: Case) -> Side | None:
         if self._other == BEFORE:
-            return _before(case)
+            if self._start is None or self._start[0] is not case.timeline:
+                self._start = case.timeline, _before(case)
+            return self._start[1]
         path = case.library.path(self._other)
         return case.later(("open", self._other, path.stat().st_mtime_ns), lambda: _opened(path))
 

@@ -8,12 +8,18 @@ from itertools import islice
 
 from ltvn_core.analysis.records import Mark, MarkKind
 from ltvn_core.errors import OptionError
+from ltvn_viz.keymap import Action, caps_for
 from ltvn_viz.why.case import Case
+from ltvn_viz.why.stepping import neighbour_mark
 from ltvn_viz.why.strip import KINDS, marks_strip
 from ltvn_viz.why.tool import Page, Selection, ToolView
 from ltvn_viz.why.traces import Traces
 
 _LAST = 3
+_KEYS = (
+    f"Keys: {caps_for(Action.EVENT_BEFORE)} and {caps_for(Action.EVENT_AFTER)} go from event to event, "
+    f"{caps_for(Action.QUERY_BEFORE)} and {caps_for(Action.QUERY_AFTER)} from query to query."
+)
 
 
 class HappenedTool:
@@ -36,7 +42,7 @@ class HappenedTool:
         past = reversed(case.timeline.marks_until(case.instant))
         for mark in islice((mark for mark in past if mark.kind is not MarkKind.QUERY_END), _LAST):
             page.html(f"<div>{page.jump(case.seconds(mark.instant))} {escape(mark.text)}</div>")
-        page.line("Keys: ; and ' go from event to event, - and = from query to query.")
+        page.line(_KEYS)
         return page.view(self._traces.at(case))
 
     def told(self, case: Case, text: str) -> None:
@@ -46,7 +52,7 @@ class HappenedTool:
 
 def _row(case: Case, kind: MarkKind, page: Page) -> tuple[str, ...]:
     timeline, at = case.timeline, case.instant
-    before, after = timeline.previous_mark(at, kind), timeline.next_mark(at, kind)
+    before, after = (neighbour_mark(timeline, at, kind, forwards=forwards) for forwards in (False, True))
     name, colour = KINDS[kind]
     counts = len(timeline.marks_until(at, kind)), len(timeline.marks_until(None, kind))
     chip = f'<span style="color:{colour.css}">■</span> {escape(name)}'

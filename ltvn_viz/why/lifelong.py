@@ -29,7 +29,7 @@ def show_life(case: Case, strip: LifelongStrip, page: Page) -> None:
         return
     now = f"{100 * strip.success[-1]:.0f} %"
     page.html(
-        f"<div>Success of the last queries, now <b>{now}</b>:</div>{_curve(strip, strip.success, palette.SOURCE)}"
+        f"<div>Success over the last queries, now <b>{now}</b>:</div>{_curve(strip, strip.success, palette.SOURCE)}"
     )
     for name, counts, colour in (("Nodes", strip.nodes, palette.NODE), ("Edges", strip.edges, palette.PLAN)):
         shares = counts / max(int(counts.max()), 1)
@@ -48,7 +48,7 @@ def _dip(case: Case, strip: LifelongStrip, dip: Dip, page: Page) -> None:
     """Say where success fell, and what happened to the map on the way down."""
     first, last = strip.queries[dip.peak], strip.queries[dip.low]
     ends = [
-        page.jump(case.seconds(dip.before), f"after query {first}"),
+        page.jump(case.seconds(dip.before), f"query {first}"),
         page.jump(case.seconds(dip.after), f"query {last}"),
     ]
     within = slice(dip.peak + 1, dip.low + 1)

@@ -23,7 +23,7 @@ def image(seen: Observation | None, caption: str, waypoint: Waypoint | None = No
     """Return a figure of an image, with a waypoint (3,) drawn into it; a grey one if there is no image."""
     if seen is None:
         return f'<figure><div class="lt-none">no image</div><figcaption>{escape(caption)}</figcaption></figure>'
-    rgb = cv2.resize(seen.rgb, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_CUBIC)
+    rgb = np.asarray(cv2.resize(seen.rgb, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_CUBIC), np.uint8)
     if waypoint is not None:
         _draw_pole(rgb, waypoint)
     picture = f'<img src="{_data_url(rgb)}" alt="{escape(caption)}">'

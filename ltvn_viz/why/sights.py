@@ -10,7 +10,7 @@ from ltvn_core.graph.views import Views
 from ltvn_core.types import NodeId, Observation
 from ltvn_viz.why.case import Case
 
-_AT_ONCE = 48
+_AT_ONCE = 24
 """Images read between two pictures of the page."""
 MOST = 2000
 """So many nodes of a recording are compared, so that a long one fits into memory."""

@@ -26,11 +26,11 @@ def tools(watch: Watch) -> Mapping[ToolName, Tool]:
         ToolName.TIME: HappenedTool(),
         ToolName.WHAT_IF: WhatIfTool(),
         ToolName.BREAK: BreakTool(watch),
+        ToolName.WHERE: WhereTool(),
+        ToolName.COACH: CoachTool(),
         ToolName.FAILURES: FailuresTool(),
         ToolName.COMPARE: CompareTool(),
         ToolName.TRUTH: TruthTool(),
-        ToolName.WHERE: WhereTool(),
-        ToolName.COACH: CoachTool(),
         ToolName.HAND: HandTool(),
         ToolName.SHARE: ShareTool(),
     }

@@ -1,5 +1,6 @@
 """Truth: in simulation, which edges nobody can drive, which ones are missing, and whether p keeps its promise."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -145,15 +146,17 @@ def _spurious(page: Page, judged: Judged) -> None:
 def _missing(page: Page, missing: Sequence[Missing]) -> None:
     if not missing:
         return
+    # Most ways are missing in both directions, and one row says so.
+    pairs = {(min(pair.source, pair.target), max(pair.source, pair.target)): pair for pair in reversed(missing)}
     rows = [
-        (
-            _edge(page, (pair.source, pair.target)),
-            f"{pair.distance:.2f}",
-            f"{pair.path:.1f}" if pair.path < float("inf") else "none",
-        )
-        for pair in missing[:_MISSING]
+        (_edge(page, (pair.source, pair.target)), f"{pair.distance:.2f}", _way(pair))
+        for pair in list(reversed(pairs.values()))[:_MISSING]
     ]
-    page.table(("missing", "apart", "way in the map"), rows)
+    page.table(("missing, one way or both", "apart", "way in the map"), rows)
+
+
+def _way(pair: Missing) -> str:
+    return f"{pair.path:.1f}" if math.isfinite(pair.path) else "none, or far longer"
 
 
 def _edge(page: Page, key: EdgeKey) -> str:

@@ -14,11 +14,10 @@ from weakref import WeakKeyDictionary
 from ltvn_core.analysis.breakpoint_kinds import Breakpoint
 from ltvn_core.analysis.breakpoints import Hit, Watcher
 from ltvn_core.nav.events import Stamped
+from ltvn_viz.why.case import HAIR_S
 
 _KEPT = 1000
 """A live run remembers so many of its latest hits."""
-_AFTER_S = 1e-6
-"""A stop lies a hair after its event, so that rounding never hides what happened."""
 
 
 class Stop(NamedTuple):
@@ -97,4 +96,4 @@ def _stops(watcher: Watcher, events: Iterable[Stamped], start_s: float) -> Itera
 
 
 def _time(stamp: float, start_s: float) -> float:
-    return max(0.0, stamp - start_s) + _AFTER_S
+    return max(0.0, stamp - start_s) + HAIR_S

@@ -45,6 +45,8 @@ class Answer(NamedTuple):
     plans: Replanned
     pruned: PruneCounts | None
     """Where R_p is imagined."""
+    asked: Situation
+    """The question that the new plan answers."""
 
 
 Outcome: TypeAlias = Answer | str
@@ -172,7 +174,8 @@ def _imagine(graph: TopologicalGraph, situation: Situation, method: Method, chan
         return str(error)
     levels = [each.value for each in changes if isinstance(each, ThresholdSet) and each.threshold is Threshold.R_P]
     failures = method.believing.prune_after_failures
-    return Answer(plans, prune_dry_run(graph, levels[-1], failures=failures) if levels else None)
+    pruned = prune_dry_run(graph, levels[-1], failures=failures) if levels else None
+    return Answer(plans, pruned, _placed(situation, changes))
 
 
 def _placed(situation: Situation, changes: tuple[Change, ...]) -> Situation:
@@ -222,8 +225,9 @@ def _say(answer: Answer, page: Page) -> None:
         page.line(answer.pruned.sentence)
     for note in plans.notes:
         page.line(note)
-    if plans.old.nodes or plans.new.nodes:
-        page.html(f"<div><b>{escape(plans.sentence)}</b></div>")
+    asked = answer.asked
+    if asked.source is not None and asked.goal is not None:
+        page.html(f"<div>From {asked.source} to {asked.goal}: <b>{escape(plans.sentence)}</b></div>")
         _table(plans, page)
 
 

@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from ltvn_core.analysis.lookalikes import Lookalike, find_lookalikes
+from ltvn_core.analysis.records import Instant
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.where import Heat, Margins, heat, image_of, margins
 from ltvn_core.config import Method
@@ -19,7 +20,7 @@ from ltvn_viz import palette
 from ltvn_viz.commands import PointAt, Seek, Tell
 from ltvn_viz.palette import Rgb8
 from ltvn_viz.why.case import Case
-from ltvn_viz.why.newest import Newest
+from ltvn_viz.why.later import Latest
 from ltvn_viz.why.overlay import NOTHING, Overlay, Stroke, stroke
 from ltvn_viz.why.pictures import curve
 from ltvn_viz.why.sights import Sights
@@ -48,9 +49,10 @@ class WhereTool:
 
     def __init__(self) -> None:
         """Begin with nothing compared."""
-        self._sights, self._heat = Sights(), Newest()
+        self._sights, self._heat = Sights(), Latest()
         self._margins: tuple[Timeline | None, Margins] = (None, margins(()))
         self._asked: tuple[object, ...] | None = None
+        self._run = ""
 
     def look(self, case: Case, selection: Selection) -> ToolView:
         """Colour the nodes and say which are best."""
@@ -71,6 +73,9 @@ class WhereTool:
 
     def _compared(self, case: Case, page: Page) -> Shown | None:
         nodes, frame = tuple(case.graph.nodes), case.moment.frame
+        if case.name != self._run:
+            self._run = case.name
+            self._heat.forget()
         seen = None if frame is None else case.picture(frame)
         if not nodes or seen is None:
             page.line("The map is empty." if not nodes else "There is no image of this moment to compare.")
@@ -99,7 +104,7 @@ class WhereTool:
         if not rows:
             return
         page.line(f"Margin of best over second in the last {len(rows)} looks (from 0 to 1 and above):")
-        times = [max(0.0, float(looks.stamps[k]) - case.start_s) for k in rows]
+        times = [case.seconds(Instant(int(looks.steps[k]), float(looks.stamps[k]))) for k in rows]
         points = [(time, min(1.0, float(looks.margins[k]))) for time, k in zip(times, rows, strict=True)]
         page.html(curve(points, lines=((_SMALL, "ambiguous"),), colour=palette.SOURCE))
         self._smallest(looks, rows, times, page)
@@ -121,7 +126,7 @@ class WhereTool:
             return ()
         found = case.later(self._asked, _lookalikes(case.graph, views, case.predictor, case.method))
         if found is None or isinstance(found, str):
-            page.line(found or "Searching for places that look alike, which takes some seconds …")
+            page.line(found or "Searching for places that look alike, which takes its time …")
             return ()
         return _pairs(case, found, page)
 
@@ -135,10 +140,7 @@ def _heat(
         if not known:
             return "There are no images of the nodes to compare with."
         matcher = Matcher(predictor, views, method.matching)
-        try:
-            found = heat(image_of(seen, matcher, predictor), known, matcher, method.localising)
-        except LtvnError as error:
-            return str(error)
+        found = heat(image_of(seen, matcher, predictor), known, matcher, method.localising)
         return Shown(found, _colours(found, method.localising.distance))
 
     return compare

@@ -43,6 +43,8 @@ def test_help_names_every_verb() -> None:
         "report",
         "view",
         "info",
+        "export",
+        "plant",
     ):
         assert verb in shown
 

@@ -2,10 +2,14 @@
 
 import http.client
 import io
+import socket
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from urllib.error import URLError
 from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import numpy as np
 import psutil
@@ -13,7 +17,11 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, Request
 
+from ltvn_core.errors import RecordingError
+from ltvn_core.recording.live import live_address
 from ltvn_core.recording.viewer import ServedViewer, serve_viewer
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_viz.rerun_views import RerunViews
 from tests.core.recording import scenario
 
 pytestmark = pytest.mark.browser
@@ -49,6 +57,25 @@ def test_the_recording_is_drawn_and_no_request_leaves_the_machine(chromium: Brow
     page.close()
 
 
+def test_a_recording_is_watched_while_it_is_written(chromium: Browser, tmp_path: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    about = {"scene": "demo", "config": {}, "fingerprint": "abc"}
+    with (
+        RecordingWriter(tmp_path / "live.rrd", **about, live_port=port) as writer,
+        serve_viewer(live_address(port)) as live,
+    ):
+        writer.frame(scenario.observation(0))
+        page = chromium.new_page(viewport={"width": 900, "height": 600})
+        page.goto(live.url)
+        _until(page, lambda: page.evaluate("document.body.dataset.open === 'yes'"), "the viewer opened the stream")
+        for step in range(1, 10):
+            writer.frame(scenario.observation(step))
+        _until(page, lambda: _colours(page) > 500, "the canvas shows pictures")
+        page.close()
+
+
 def test_only_the_secret_path_and_this_host_are_answered(viewer: ServedViewer) -> None:
     address = urlsplit(viewer.url)
 
@@ -59,6 +86,20 @@ def test_only_the_secret_path_and_this_host_are_answered(viewer: ServedViewer) -
     assert _status(viewer, f"{address.path}../../etc/passwd") == 404
     assert _status(viewer, address.path, host="rebound.example") == 403
     assert _status(viewer, address.path, host=f"rebound.example:{address.port}") == 403
+
+
+def test_the_page_serves_each_recording_once_until_it_closes(tmp_path: Path) -> None:
+    scenario.write(tmp_path / "a.rrd")
+    with ExitStack() as stack:
+        views = RerunViews(stack)
+        address = views.address(tmp_path / "a.rrd")
+        assert views.address(tmp_path / "a.rrd") == address
+        with urlopen(address) as answer:
+            assert answer.status == 200
+        with pytest.raises(RecordingError, match="gone"):
+            views.address(tmp_path / "gone.rrd")
+    with pytest.raises(URLError):
+        urlopen(address)
 
 
 def test_it_listens_on_the_loopback_only(viewer: ServedViewer) -> None:

@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import queue
 import socket
 from collections.abc import Iterator
 from urllib.parse import urlsplit
@@ -12,6 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from ltvn_core.errors import ServerError
+from ltvn_viz.drive_socket import DriveListener
 from ltvn_viz.server import GuardedServer
 
 THUMB = b"\xff\xd8 a picture"
@@ -63,6 +65,29 @@ def test_the_printed_address_earns_a_cookie_and_hides_the_token(server: GuardedS
     earned = answer.getheader("Set-Cookie") or ""
     assert "HttpOnly" in earned
     assert "SameSite=Strict" in earned
+
+
+def test_a_link_keeps_what_it_asks_for_and_loses_the_token(server: GuardedServer) -> None:
+    asked = "replay=a%26b.rrd&at=3&x=%0d%0aSet-Cookie:%20y"
+    answer = get(server, f"/?{asked}&token={server.token}")
+    assert answer.getheader("Location") == "/?replay=a%26b.rrd&at=3&x=%0D%0ASet-Cookie%3A+y"
+    from_elsewhere = {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "navigate", "Sec_Fetch_Dest": "document"}
+    page = get(server, f"/?token={server.token}&replay=%22%3E%3Cb%3E&at=3", **from_elsewhere)
+    assert b"url=/?replay=%22%3E%3Cb%3E&amp;at=3" in page.body  # type: ignore[attr-defined]
+    assert server.token.encode() not in page.body  # type: ignore[attr-defined]
+
+
+def test_a_link_reaches_the_app_unless_somebody_else_drives(server: GuardedServer) -> None:
+    heard: queue.Queue[str] = queue.Queue()
+    server.listen(DriveListener(on_link=lambda _, query: heard.put(query)))
+    with open_socket(server, "/drive", origin=f"http://127.0.0.1:{server.port}", with_cookie=True) as page:
+        page.send(json.dumps({"type": "link", "query": "replay=a.rrd"}))
+        assert heard.get(timeout=10) == "replay=a.rrd"
+        with open_socket(server, "/drive", origin=f"http://127.0.0.1:{server.port}", with_cookie=True) as other:
+            other.send(json.dumps({"type": "link", "query": "replay=b.rrd"}))
+            while json.loads(other.recv(timeout=10))["type"] != "refused":
+                pass
+    assert heard.empty()
 
 
 @pytest.mark.parametrize("path", ["/", "/thumb/17.jpg", "/assets/x.js", "/?token=wrong"])

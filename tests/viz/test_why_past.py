@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ltvn_core.analysis.records import MarkKind
@@ -12,9 +13,12 @@ from ltvn_viz import commands as c
 from ltvn_viz import palette
 from ltvn_viz.actions import command_for
 from ltvn_viz.keymap import Action
+from ltvn_viz.library import Library
 from ltvn_viz.live import CONTROL_STEP_S
 from ltvn_viz.modes import Mode
+from ltvn_viz.replay import Replay
 from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.staging import open_replay
 from ltvn_viz.why.tool import ToolName
 from tests.viz.theatre import Theatre
 
@@ -56,7 +60,7 @@ class Past(Theatre):
     def _second(self) -> None:
         self.second_s = self.happens(e.QueryStarted(2, self.kept[1]))
         self.happens(e.Planned(2, self.kept, 1.0))
-        self.stage.live.timeline.place(90_000, self.stage.live.timeline.pose(self.kept[0]))
+        self.stage.live.timeline.place(90_000, np.array([2.0, 1.0, 0.0]))
         self.happens(e.GraphChanged(NodeAdded(Node(90_000, PoseRow(1.0, 1.0, 0.0)), Cause.EXPAND), 2))
         self.happens(e.QueryEnded(2, self.kept[1], e.Outcome.ARRIVED, 10, 0, 1.0))
 
@@ -191,3 +195,53 @@ def test_the_debugger_works_the_same_in_a_replay(past: Past) -> None:
     assert len(past.now.inspection.view.overlay.strokes) == 1
     past.do(c.ChooseTool(ToolName.BLAME), c.PointAt(*past.pruned))
     assert "Why is it gone?" in words(past.now)
+
+
+def test_a_dip_of_success_leads_to_its_queries_and_to_the_edges_it_touched(past: Past) -> None:
+    goal = past.kept[1]
+    for query in range(3, 27):
+        past.happens(e.QueryStarted(query, goal))
+        if query == 16:
+            past.happens(e.GraphChanged(EdgePruned(*past.kept, Cause.ATTEMPT), query))
+        past.happens(e.QueryEnded(query, goal, e.Outcome.ARRIVED if query < 15 else e.Outcome.LOST, 10, 0, 1.0))
+
+    told = words(past.do(c.ChooseTool(ToolName.FAILURES), ticks=2))
+
+    assert "Dip: success fell by 100 % from query 14 to query 24" in told
+    assert "1 edges went" in told
+    assert f"{past.kept[0]} → {past.kept[1]} pruned" in told
+
+
+@pytest.fixture(scope="module")
+def faulty() -> Replay:
+    """The recording with planted faults: a wall that the map ignores, a look-alike pair, a missing edge."""
+    return open_replay(Library(Path(__file__).parents[2] / "recordings"), "demo-fault.rrd")
+
+
+def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(past: Past, faulty: Replay) -> None:
+    past.stage.open_replay = lambda _: faulty
+    listed = words(past.do(c.OpenRecording("demo-fault.rrd"), c.ChooseTool(ToolName.FAILURES), ticks=3))
+    assert "4 of 4 queries failed" in listed
+    assert all(trouble in listed for trouble in ("collision 1", "wrong arrival 1", "no path 1"))
+
+    pruned = past.stage.cases.indexed(past.stage)[1].marks_until(None, MarkKind.PRUNE)[0]
+    told = words(
+        past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseTool(ToolName.BLAME), c.PointAt(*pruned.ids))
+    )
+    assert "Why is it gone?" in told
+    assert "It was pruned after attempt" in told
+    assert past.now.inspection.view.overlay.strokes
+
+
+def test_every_kind_of_mark_is_reached_forwards_and_backwards(past: Past, faulty: Replay) -> None:
+    past.stage.open_replay = lambda _: faulty
+    past.do(c.OpenRecording("demo-fault.rrd"), ticks=2)
+    index = past.stage.cases.indexed(past.stage)[1]
+    for kind in {mark.kind for mark in index.marks} - {MarkKind.MAP}:
+        stamps = sorted({mark.instant.stamp for mark in index.marks_until(None, kind)})
+        begin = past.do(c.Seek(0.0)).moment.stamp
+        ahead = [stamp for stamp in stamps if stamp > begin]
+        there = [past.do(c.SeekMark(kind, forwards=True)).moment.stamp for _ in ahead]
+        back = [past.do(c.SeekMark(kind, forwards=False)).moment.stamp for _ in stamps[1:]]
+        assert there == pytest.approx(ahead, abs=1e-3)
+        assert back == pytest.approx(stamps[-2::-1], abs=1e-3)

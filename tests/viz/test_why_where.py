@@ -71,7 +71,7 @@ def replayed() -> Iterator[list[Snapshot]]:
         stage = open_stage(options, stack, Thumbnails())
         shown: list[Snapshot] = []
         session = Session(stage, PuppetDriver(), shown.append)
-        session.send(c.OpenRecording("demo-drive.rrd", at_s=20.0))
+        session.send(c.OpenRecording("demo-drive.rrd", at_s=150.0))
         session.send(c.ChooseTool(ToolName.WHERE))
         for _ in range(40):
             session.tick()

@@ -10,7 +10,7 @@ from ltvn_core.evaluate.failures import record_failures
 from ltvn_core.evaluate.plans import TrialFiles, TrialPlan
 from ltvn_core.evaluate.protocol import Protocol
 from ltvn_core.evaluate.results import TrialResult, load_results, save_results
-from ltvn_core.evaluate.trials import run_trials
+from ltvn_core.evaluate.trials import Told, run_trials
 from ltvn_core.nav.events import QueryEnded
 from ltvn_core.recording.reader import Recording
 from tests.core.sim.box_house import box_house, save
@@ -29,8 +29,10 @@ def _plan(folder: Path, *, seed: int = 0, step_limit: int = 250) -> TrialPlan:
 def _run(plan: TrialPlan, folder: Path, episodes: int = EPISODES) -> TrialResult:
     parallel = Parallel(n_jobs=1, return_as="generator_unordered")
     done: list[int] = []
-    (trial,) = run_trials([plan], folder, episodes=episodes, command="test", parallel=parallel, on_done=done.append)
-    assert sum(done) == episodes
+    maps: list[int] = []
+    told = Told(maps.append, done.append)
+    (trial,) = run_trials([plan], folder, episodes=episodes, command="test", parallel=parallel, told=told)
+    assert (sum(done), maps) == (episodes, [1])
     return trial
 
 

@@ -1,0 +1,91 @@
+"""A link that was sent by somebody, in a real browser: the page shows what they saw, or says what is missing."""
+
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from ltvn_viz.links import link
+from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.staging import open_replay
+from ltvn_viz.why.share import MOMENT
+from ltvn_viz.why.tool import Selection, ToolName
+from tests.e2e.flat_app import FlatApp, serving
+
+pytestmark = pytest.mark.browser
+
+PATIENCE_S = 120.0
+DRIVE = "demo-drive.rrd"
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
+    """The page, with the demo's drive in its folder."""
+    folder = tmp_path_factory.mktemp("recordings")
+    shutil.copy(Path(__file__).parents[2] / "recordings" / DRIVE, folder / DRIVE)
+    with serving(folder) as app:
+        app.theatre.stage.open_replay = lambda name: open_replay(app.theatre.library, name)
+        yield app
+
+
+@pytest.fixture(scope="module")
+def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
+    page = chromium.new_page(viewport={"width": 1000, "height": 640})
+    page.set_default_timeout(PATIENCE_S * 1000)
+    yield page
+    page.close()
+
+
+def opened(app: FlatApp, page: Page, address: str) -> None:
+    """Open a link, with the key that the terminal printed."""
+    page.goto(f"{app.server.url}&{address.removeprefix('/?')}")
+    page.get_by_text("Next:").wait_for()
+
+
+def until(app: FlatApp, holds: Callable[[Snapshot], bool]) -> Snapshot:
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        now = app.theatre.now if app.theatre.shown else Snapshot()
+        if holds(now):
+            return now
+        time.sleep(0.02)
+    raise AssertionError(f"never happened; at last {app.theatre.now}")
+
+
+def test_a_link_shows_the_recording_the_moment_and_the_edge(app: FlatApp, page: Page) -> None:
+    source, target = 728, 724
+    opened(app, page, link(DRIVE, 42.5, ToolName.EDGE, Selection(None, (source, target))))
+
+    now = until(app, lambda now: now.replay is not None and bool(now.inspection.html))
+
+    assert now.replay is not None
+    assert (now.replay.name, now.replay.time_s) == (DRIVE, 42.5)
+    assert now.inspection.selection.edge == (source, target)
+    page.get_by_role("tab", name="Why").click()
+    page.get_by_text(f"{source} → {target}").first.wait_for()
+    assert "replay" not in page.url
+    assert "token" not in page.url
+
+
+def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, page: Page) -> None:
+    page.get_by_role("tab", name="Why").click()
+    boxes = page.locator("input:visible").all()
+    next(box for box in boxes if box.input_value() == ToolName.EDGE.value).click()
+    page.get_by_role("option", name=ToolName.SHARE.value).click()
+    copied = page.get_by_role("link", name="Link to this moment").get_attribute("href") or ""
+    assert re.fullmatch(r"/\?replay=demo-drive\.rrd&at=42\.5&edge=728-724&tool=edge", copied)
+
+    page.get_by_text(MOMENT).click()
+
+    expect(page.get_by_text("Written: moment-demo-drive")).to_be_visible(timeout=PATIENCE_S * 1000)
+    assert list(app.theatre.library.folder.glob("moment-*.rrd"))
+
+
+def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(app: FlatApp, page: Page) -> None:
+    opened(app, page, "/?replay=<b>gone.rrd&at=3")
+    page.get_by_text("There is no recording").first.wait_for()
+    assert until(app, lambda now: now.message is not None).message is not None

@@ -58,6 +58,7 @@ class Debugger:
 
     def follow(self, label: str | re.Pattern[str]) -> None:
         """Click the first link whose whole label is this, and wait until the page has answered."""
+        self.settled()  # A link of an older view asks for nothing.
         before = self.shown
         self.link(label).click()
         self.until(lambda: self.shown is not before)
@@ -82,11 +83,10 @@ class Debugger:
         self.until(lambda: bool(self.page.evaluate(_IS_SHOWN, self.shown.html)))
         return self.answer
 
-    def says(self, text: str | re.Pattern[str]) -> Locator:
-        """Wait until the answer says something, and return the line."""
-        found = self.answer.get_by_text(text).first
-        found.wait_for()
-        return found
+    def says(self, *words: str) -> str:
+        """Wait until the answer has all these words in it and is at work no more, and return it as text."""
+        self.until(lambda: all(word in self.shown.html for word in words) and "…</div>" not in self.shown.html)
+        return self.settled().inner_text()
 
     def until(self, holds: Callable[[], bool]) -> None:
         """Wait until something holds in the app."""
@@ -101,6 +101,17 @@ class Debugger:
         activity = self.app.session.stage.activity
         assert isinstance(activity, Replay)
         return activity.time_s
+
+    @property
+    def is_replay(self) -> bool:
+        """Tell whether the recording is on show, not the robot."""
+        return self.app.session.mode is Mode.REPLAY
+
+    @property
+    def is_playing(self) -> bool:
+        """Tell whether the recording runs."""
+        activity = self.app.session.stage.activity
+        return isinstance(activity, Replay) and activity.playing
 
     @property
     def shown(self) -> Inspection:

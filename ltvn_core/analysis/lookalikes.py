@@ -162,9 +162,7 @@ def _ends(pair: Lookalike) -> tuple[NodeId, NodeId]:
     return pair.first, pair.second
 
 
-def _lengths(
-    graph: TopologicalGraph, without: set[EdgeKey], sources: set[NodeId]
-) -> dict[NodeId, dict[NodeId, float]]:
+def _lengths(graph: TopologicalGraph, without: set[EdgeKey], sources: set[NodeId]) -> dict[NodeId, dict[NodeId, float]]:
     """Return the length by mu of the shortest ways from each source, leaving out some edges."""
     mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))

@@ -15,6 +15,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, Locator, Page
 
 from ltvn_viz.app import App, AppOptions, opened
+from ltvn_viz.commands import ChooseTool, Command, PointAt
 from ltvn_viz.driving import DriverSeat
 from ltvn_viz.modes import Mode
 from ltvn_viz.replay import Replay
@@ -50,7 +51,8 @@ class Debugger:
     def ask(self, tool: ToolName) -> Locator:
         """Choose a question of the list, and return where its answer will stand."""
         box = self.page.get_by_label("Question", exact=True).locator("visible=true")
-        if box.input_value() != tool.value:
+        if self.shown.tool is not tool:
+            self.until(lambda: box.input_value() == self.shown.tool.value)
             box.click()
             self.page.get_by_role("option", name=tool.value, exact=True).click()
             self.until(lambda: self.shown.tool is tool)
@@ -59,10 +61,21 @@ class Debugger:
     def follow(self, label: str | re.Pattern[str]) -> None:
         """Click the first link whose whole label is this, and wait until the page has answered."""
         self.settled()  # A link of an older view asks for nothing.
-        before = self.shown
-        self.link(label).click()
-        self.until(lambda: self.shown is not before)
+        before, link = self.shown, self.link(label)
+        command = self.app.session.stage.inspector.link(int(link.get_attribute("data-id") or -1))
+        link.click()
+        self.until(lambda: self._obeyed(command, before))
         self.settled()
+
+    def _obeyed(self, command: Command | None, before: Inspection) -> bool:
+        match command:
+            case ChooseTool(tool):
+                return self.shown.tool.value == tool
+            case PointAt(node, target) if target is not None:
+                return self.shown.selection.edge == (node, target)
+            case PointAt(node):
+                return self.shown.selection.node == node
+        return self.shown is not before
 
     def link(self, label: str | re.Pattern[str]) -> Locator:
         """Return the first link with this label."""
@@ -124,7 +137,7 @@ def debugging(chromium: Browser, folder: Path, name: str, *, at_s: float = 0.0) 
     """Open a page on a copy of a shipped recording, the other one beside it, with the “Why” tab open."""
     for path in RECORDINGS.glob("demo-*.rrd"):
         shutil.copy(path, folder)
-    options = AppOptions(port=0, recordings=folder, replay=name, replay_at_s=at_s)
+    options = AppOptions(port=0, map=folder / "demo-map.rrd", recordings=folder, replay=name, replay_at_s=at_s)
     # A page drawn by software may stall for longer than the lease of a real one.
     with opened(options, seat=DriverSeat(lease_s=5.0)) as app:
         thread = threading.Thread(target=app.session.run, name="session")

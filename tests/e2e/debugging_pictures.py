@@ -14,13 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from ltvn_viz.commands import OpenRecording
 from ltvn_viz.why.tool import ToolName
 from tests.e2e.chromium import chromium_path
 from tests.e2e.conftest import FLAGS
-from tests.e2e.debugger import Debugger, debugging
+from tests.e2e.debugger import WINDOW, Debugger, debugging
 
 FOLDER = Path(__file__).parents[2] / "docs" / "images" / "debugging"
 MOST_BYTES = 150_000
@@ -172,11 +172,11 @@ def main(names: list[str]) -> int:
                     _drawn(debugger)
                     _save(debugger.page, FOLDER / f"{name}.png")
             if not names or "rerun" in names:
-                _rerun(debugger)
+                _rerun(browser, debugger)
     return 0
 
 
-def _rerun(debugger: Debugger) -> None:
+def _rerun(browser: Browser, debugger: Debugger) -> None:
     """The recording in Rerun's viewer, as the page opens it."""
     if not debugger.is_replay:
         debugger.app.session.send(OpenRecording("demo-fault.rrd", 9.0))
@@ -186,9 +186,8 @@ def _rerun(debugger: Debugger) -> None:
     debugger.says("Rerun is open here")
     address = debugger.answer.get_by_text("Rerun is open here").get_attribute("href")
     assert address is not None
-    viewer = debugger.page.context.new_page()
+    viewer = browser.new_page(viewport=WINDOW)
     viewer.goto(address)
-    viewer.wait_for_function("document.body.dataset.open === 'yes'", timeout=_RERUN_S * 1000)
     deadline = time.monotonic() + _RERUN_S
     while len(_shown(viewer).getcolors(2**24) or ()) < _COLOURS and time.monotonic() < deadline:
         viewer.wait_for_timeout(500)

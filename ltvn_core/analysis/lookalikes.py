@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ltvn_core.config import Building, Method
 from ltvn_core.graph.lookalike import signatures
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.graph.travel import Travel
 from ltvn_core.types import NodeId
 
@@ -43,15 +43,18 @@ class Lookalike:
     contradicted: bool
     """Odometry rules the claimed waypoint out, its drift allowed for."""
     path_mu: float
-    """Length of the shortest way through the map, the better direction; infinite without one."""
+    """Length of the shortest way through the map, the better direction; infinite without one. Leaves out edges whose
+    ends odometry puts apart, so that a false edge does not vouch for itself.
+    """
     joined: bool
-    """An edge joins them: if they are contradicted, a false one."""
+    """An edge joins them: a false one, unless odometry drifted away."""
 
     @property
     def sentence(self) -> str:
         """What is odd about the pair, in one line."""
         claim = f"{self.first} and {self.second} look {self.distance:.2f} apart (r {self.reachability:.2f})"
-        way = f"{self.path_mu:.1f} through the map" if math.isfinite(self.path_mu) else "no way in the map"
+        rest = "rest of the " if self.joined else ""
+        way = f"{self.path_mu:.1f} through the {rest}map" if math.isfinite(self.path_mu) else "no way in the map"
         edge = ", and an edge joins them" if self.joined else ""
         return f"{claim}, yet they are {self.odometry_m:.1f} m apart by odometry, {way}{edge}."
 
@@ -140,27 +143,37 @@ def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:
 
 
 def _far_ones(graph: TopologicalGraph, pairs: Sequence[Lookalike], far: float) -> tuple[Lookalike, ...]:
-    """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map."""
-    odd = [pair for pair in pairs if pair.contradicted or not pair.joined]
-    lengths = _lengths(graph, {node for pair in odd for node in _ends(pair)})
+    """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map.
+
+    An edge is no witness for itself: where odometry puts its ends apart, the way is measured without it.
+    """
+    doubted = {_ends(pair) for pair in pairs if pair.joined and pair.odometry_m > far / 2}
+    odd = [pair for pair in pairs if pair.contradicted or not pair.joined or _ends(pair) in doubted]
+    lengths = _lengths(graph, {node for pair in odd for node in _ends(pair)}, doubted)
     far_ones = []
     for pair in odd:
         first, second = _ends(pair)
         length = min(lengths[first].get(second, math.inf), lengths[second].get(first, math.inf))
         if pair.contradicted or length > far:
             far_ones.append(replace(pair, path_mu=length))
-    return tuple(sorted(far_ones, key=lambda pair: (not (pair.joined and pair.contradicted), -pair.reachability)))
+    return tuple(sorted(far_ones, key=lambda pair: (not pair.joined, not pair.contradicted, -pair.reachability)))
 
 
-def _ends(pair: Lookalike) -> tuple[NodeId, NodeId]:
+def _ends(pair: Lookalike) -> EdgeKey:
     return pair.first, pair.second
 
 
-def _lengths(graph: TopologicalGraph, sources: set[NodeId]) -> dict[NodeId, dict[NodeId, float]]:
-    """Return the length by mu of the shortest ways from each source."""
+def _lengths(graph: TopologicalGraph, sources: set[NodeId], doubted: set[EdgeKey]) -> dict[NodeId, dict[NodeId, float]]:
+    """Return the length by mu of the shortest ways from each source that lead through no doubted edge."""
     mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
-    mirror.add_edges_from([(index[a], index[b], edge.belief.mu) for (a, b), edge in graph.edges.items()])
+    mirror.add_edges_from(
+        [
+            (index[a], index[b], edge.belief.mu)
+            for (a, b), edge in graph.edges.items()
+            if (min(a, b), max(a, b)) not in doubted
+        ]
+    )
     return {
         source: {
             mirror[k]: length

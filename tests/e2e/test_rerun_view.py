@@ -5,8 +5,11 @@ import io
 import socket
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from urllib.error import URLError
 from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import numpy as np
 import psutil
@@ -14,9 +17,11 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, Request
 
+from ltvn_core.errors import RecordingError
 from ltvn_core.recording.live import live_address
 from ltvn_core.recording.viewer import ServedViewer, serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_viz.rerun_views import RerunViews
 from tests.core.recording import scenario
 
 pytestmark = pytest.mark.browser
@@ -81,6 +86,20 @@ def test_only_the_secret_path_and_this_host_are_answered(viewer: ServedViewer) -
     assert _status(viewer, f"{address.path}../../etc/passwd") == 404
     assert _status(viewer, address.path, host="rebound.example") == 403
     assert _status(viewer, address.path, host=f"rebound.example:{address.port}") == 403
+
+
+def test_the_page_serves_each_recording_once_until_it_closes(tmp_path: Path) -> None:
+    scenario.write(tmp_path / "a.rrd")
+    with ExitStack() as stack:
+        views = RerunViews(stack)
+        address = views.address(tmp_path / "a.rrd")
+        assert views.address(tmp_path / "a.rrd") == address
+        with urlopen(address) as answer:
+            assert answer.status == 200
+        with pytest.raises(RecordingError, match="gone"):
+            views.address(tmp_path / "gone.rrd")
+    with pytest.raises(URLError):
+        urlopen(address)
 
 
 def test_it_listens_on_the_loopback_only(viewer: ServedViewer) -> None:

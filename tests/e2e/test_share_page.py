@@ -18,7 +18,7 @@ from tests.e2e.flat_app import FlatApp, serving
 
 pytestmark = pytest.mark.browser
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 DRIVE = "demo-drive.rrd"
 
 

@@ -48,7 +48,7 @@ def _dip(case: Case, strip: LifelongStrip, dip: Dip, page: Page) -> None:
     """Say where success fell, and what happened to the map on the way down."""
     first, last = strip.queries[dip.peak], strip.queries[dip.low]
     ends = [
-        page.jump(case.seconds(dip.before), f"after query {first}"),
+        page.jump(case.seconds(dip.before), f"query {first}"),
         page.jump(case.seconds(dip.after), f"query {last}"),
     ]
     within = slice(dip.peak + 1, dip.low + 1)

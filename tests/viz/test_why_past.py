@@ -197,6 +197,21 @@ def test_the_debugger_works_the_same_in_a_replay(past: Past) -> None:
     assert "Why is it gone?" in words(past.now)
 
 
+def test_a_dip_of_success_leads_to_its_queries_and_to_the_edges_it_touched(past: Past) -> None:
+    goal = past.kept[1]
+    for query in range(3, 27):
+        past.happens(e.QueryStarted(query, goal))
+        if query == 16:
+            past.happens(e.GraphChanged(EdgePruned(*past.kept, Cause.ATTEMPT), query))
+        past.happens(e.QueryEnded(query, goal, e.Outcome.ARRIVED if query < 15 else e.Outcome.LOST, 10, 0, 1.0))
+
+    told = words(past.do(c.ChooseTool(ToolName.FAILURES), ticks=2))
+
+    assert "Dip: success fell by 100 % from query 14 to query 24" in told
+    assert "1 edges went" in told
+    assert f"{past.kept[0]} → {past.kept[1]} pruned" in told
+
+
 @pytest.fixture(scope="module")
 def faulty() -> Replay:
     """The recording with planted faults: a wall that the map ignores, a look-alike pair, a missing edge."""

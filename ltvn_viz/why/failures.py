@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+from ltvn_core.analysis.records import Query
 from ltvn_core.analysis.strip import LifelongStrip, lifelong_strip
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.triage import FailedQuery, Place, Trouble, by_place, by_trouble, failed_queries
 from ltvn_core.errors import OptionError
+from ltvn_core.graph.topograph import EdgeKey
 from ltvn_viz import palette
 from ltvn_viz.commands import ChooseTool, PointAt, Tell
 from ltvn_viz.why.case import Case
@@ -18,6 +20,15 @@ from ltvn_viz.why.lifelong import show_life
 from ltvn_viz.why.overlay import NOTHING, Label, Overlay, stroke
 from ltvn_viz.why.tool import Page, Selection, ToolName, ToolView
 
+_NEXT = {
+    Trouble.WRONG_ARRIVAL: (ToolName.EDGE, ToolName.WHERE),
+    Trouble.LOST: (ToolName.WHERE, ToolName.BLAME),
+    Trouble.NO_PATH: (ToolName.TRUTH, ToolName.WHAT_IF),
+    Trouble.COLLISION: (ToolName.BLAME, ToolName.EDGE),
+    Trouble.FAILED_EDGE: (ToolName.BLAME, ToolName.EDGE),
+    Trouble.TOO_SLOW: (ToolName.BLAME, ToolName.EDGE),
+}
+"""What to ask next."""
 WINDOW = 10
 """Queries over which success is counted."""
 _ROWS = 10
@@ -124,11 +135,19 @@ def _detail(case: Case, failure: FailedQuery, page: Page) -> None:
     began = page.jump(case.seconds(query.begin), "its beginning")
     page.html(f"<div>Now in <b>query {query.id}</b> to node {query.goal} ({began}): {failure.trouble}.</div>")
     page.html(f"<div>{wrong} {escape(failure.text)}</div>")
-    if failure.edge is not None:
-        source, target = failure.edge
-        point = page.link(f"edge {source} → {target}", PointAt(source, target))
-        why = page.link(str(ToolName.BLAME), ChooseTool(ToolName.BLAME))
-        page.html(f"<div>It drove {point}; point at it, then ask “{why}”</div>")
+    asks = " or ".join(f"“{page.link(str(tool), ChooseTool(tool))}”" for tool in _NEXT[failure.trouble])
+    edge = failure.edge or _last_edge(query)
+    if edge is None:
+        page.html(f"<div>Then ask {asks}</div>")
+    else:
+        point = page.link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge))
+        page.html(f"<div>It drove {point}; point at it, then ask {asks}</div>")
+
+
+def _last_edge(query: Query) -> EdgeKey | None:
+    """Return the edge that was driven last, which led to where the robot thought that it had arrived."""
+    driven = [(leg.source, leg.target) for leg in (attempt.started for attempt in query.attempts)]
+    return next(((source, target) for source, target in reversed(driven) if source is not None), None)
 
 
 def _drawing(case: Case, places: Sequence[Place], shown: Sequence[FailedQuery], now: FailedQuery | None) -> Overlay:

@@ -1,0 +1,143 @@
+"""The page with a recording open, and a person's hands in its “Why” tab; for the browser tests and the pictures.
+
+Owns how one asks, clicks, types and waits. What is asked is the business of whoever uses it.
+"""
+
+import re
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from playwright.sync_api import Browser, Locator, Page
+
+from ltvn_viz.app import App, AppOptions, opened
+from ltvn_viz.driving import DriverSeat
+from ltvn_viz.modes import Mode
+from ltvn_viz.replay import Replay
+from ltvn_viz.why.inspector import Inspection
+from ltvn_viz.why.tool import ToolName
+
+RECORDINGS = Path(__file__).parents[2] / "recordings"
+PATIENCE_S = 120.0
+WINDOW = {"width": 1040, "height": 680}
+
+_IS_SHOWN = """html => {
+  const wanted = document.createElement("div");
+  wanted.innerHTML = html;
+  const shown = [...document.querySelectorAll("div.lt")].map(each => each.outerHTML);
+  return html === "" || shown.includes(wanted.firstElementChild.outerHTML);
+}"""
+
+
+@dataclass(frozen=True)
+class Debugger:
+    """A page that shows a recording, its “Why” tab open."""
+
+    app: App
+    page: Page
+    folder: Path
+    """The recordings folder; files that the page makes go there."""
+
+    @property
+    def answer(self) -> Locator:
+        """What the tool on show says."""
+        return self.page.locator(".lt-why")
+
+    def ask(self, tool: ToolName) -> Locator:
+        """Choose a question of the list, and return where its answer will stand."""
+        box = self.page.get_by_label("Question", exact=True).locator("visible=true")
+        if box.input_value() != tool.value:
+            box.click()
+            self.page.get_by_role("option", name=tool.value, exact=True).click()
+            self.until(lambda: self.shown.tool is tool)
+        return self.settled()
+
+    def follow(self, label: str | re.Pattern[str]) -> None:
+        """Click the first link whose whole label is this, and wait until the page has answered."""
+        self.settled()  # A link of an older view asks for nothing.
+        before = self.shown
+        self.link(label).click()
+        self.until(lambda: self.shown is not before)
+        self.settled()
+
+    def link(self, label: str | re.Pattern[str]) -> Locator:
+        """Return the first link with this label."""
+        whole = re.compile(f"^{re.escape(label)}$") if isinstance(label, str) else label
+        return self.answer.locator("a", has_text=whole).first
+
+    def tell(self, text: str) -> None:
+        """Type something into the tool's field and press the button beside it."""
+        before = self.shown
+        field = self.page.locator("input[type=text]:visible, textarea:visible").last
+        field.fill(text)
+        self.page.get_by_role("button", name="Tell", exact=True).click()
+        self.until(lambda: self.shown is not before)
+        self.settled()
+
+    def settled(self) -> Locator:
+        """Wait until the page shows what the app says, and return it."""
+        self.until(lambda: bool(self.page.evaluate(_IS_SHOWN, self.shown.html)))
+        return self.answer
+
+    def says(self, *words: str) -> str:
+        """Wait until the answer has all these words in it and is at work no more, and return it as text."""
+        self.until(lambda: all(word in self.shown.html for word in words) and "…</div>" not in self.shown.html)
+        return self.settled().inner_text()
+
+    def until(self, holds: Callable[[], bool]) -> None:
+        """Wait until something holds in the app."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not holds():
+            assert time.monotonic() < deadline, f"never happened; the answer is: {self.answer.inner_text()}"
+            self.page.wait_for_timeout(50)
+
+    @property
+    def seconds(self) -> float:
+        """Where in the recording the page is."""
+        activity = self.app.session.stage.activity
+        assert isinstance(activity, Replay)
+        return activity.time_s
+
+    @property
+    def is_replay(self) -> bool:
+        """Tell whether the recording is on show, not the robot."""
+        return self.app.session.mode is Mode.REPLAY
+
+    @property
+    def is_playing(self) -> bool:
+        """Tell whether the recording runs."""
+        activity = self.app.session.stage.activity
+        return isinstance(activity, Replay) and activity.playing
+
+    @property
+    def shown(self) -> Inspection:
+        """What the app shows in the tab."""
+        return self.app.session.stage.inspector.shown
+
+
+@contextmanager
+def debugging(chromium: Browser, folder: Path, name: str, *, at_s: float = 0.0) -> Iterator[Debugger]:
+    """Open a page on a copy of a shipped recording, the other one beside it, with the “Why” tab open."""
+    for path in RECORDINGS.glob("demo-*.rrd"):
+        shutil.copy(path, folder)
+    options = AppOptions(port=0, recordings=folder, replay=name, replay_at_s=at_s)
+    # A page drawn by software may stall for longer than the lease of a real one.
+    with opened(options, seat=DriverSeat(lease_s=5.0)) as app:
+        thread = threading.Thread(target=app.session.run, name="session")
+        thread.start()
+        page = chromium.new_page(viewport=WINDOW)
+        page.set_default_timeout(PATIENCE_S * 1000)
+        try:
+            page.goto(app.server.url)
+            page.get_by_role("tab", name="Why").click()
+            debugger = Debugger(app, page, folder)
+            debugger.until(lambda: app.session.mode is Mode.REPLAY)
+            yield debugger
+        finally:
+            page.close()
+            app.session.stop()
+            thread.join(timeout=30)

@@ -1,0 +1,155 @@
+"""The thirteen tools of the “Why” tab as a person uses them, in a real browser, on a good run and on one with faults.
+
+The faults were planted by `ltvn plant`: an edge through a wall, an edge between look-alike places, missing edges. The
+tests know none of them beforehand; they follow links from “it failed” to the edge that is to blame.
+"""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser
+
+from ltvn_core.recording.reader import Recording
+from ltvn_viz.why.tool import ToolName
+from tests.e2e.debugger import RECORDINGS, Debugger, debugging
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def fault(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Debugger]:
+    """The recording with planted faults."""
+    with debugging(chromium, tmp_path_factory.mktemp("recordings"), "demo-fault.rrd") as debugger:
+        yield debugger
+
+
+@pytest.fixture(scope="module")
+def planted() -> dict[str, set[tuple[int, int]]]:
+    """Return the planted edges by kind, as the recording's own settings tell them."""
+    found: dict[str, set[tuple[int, int]]] = {}
+    for each in Recording.open(RECORDINGS / "demo-fault.rrd").meta.config["faults"]:
+        found.setdefault(each["kind"], set()).update((source, target) for source, target in each["edges"])
+    return found
+
+
+def go_to_failure(debugger: Debugger, query: int) -> str:
+    """Ask what failed, click the moment of a query, and return what is said of it."""
+    debugger.ask(ToolName.FAILURES)
+    debugger.says("queries failed")
+    row = debugger.answer.locator("tbody tr").nth(query)
+    row.locator("a").first.click()
+    return debugger.says(f"Now in <b>query {query}</b>")
+
+
+def test_a_failed_query_leads_to_the_edge_through_the_wall(
+    fault: Debugger, planted: dict[str, set[tuple[int, int]]]
+) -> None:
+    told = go_to_failure(fault, 0)
+    assert "4 of 4 queries failed" in told
+    assert "collision" in told
+    fault.follow(re.compile("^edge "))
+    edge = fault.shown.selection.edge
+    assert edge in planted["spurious-edge"]
+    fault.follow(ToolName.BLAME)
+    assert f"planned 1 edge to {edge[1]}" in fault.says("Why was it chosen?", "The best path without it costs")
+    attempts = fault.ask(ToolName.EDGE)
+    assert attempts.locator("figure img").count() == 2
+    assert attempts.get_by_text("failed (blocked)").count() >= 3
+    fault.ask(ToolName.TRUTH)
+    fault.says("precision")
+    spurious = fault.answer.locator("table").first.inner_text()
+    assert "cannot be driven" in spurious
+    assert f"{edge[0]} → {edge[1]}" in spurious
+
+
+def test_imagining_the_edge_away_shows_the_way_around(fault: Debugger) -> None:
+    go_to_failure(fault, 0)
+    fault.follow(re.compile("^edge "))
+    fault.ask(ToolName.WHAT_IF)
+    fault.follow(re.compile("^without "))
+    assert re.search(r"\d\d nodes at cost [\d.]+, instead of 2 nodes", fault.says("instead of"))
+    fault.follow("forget")
+
+
+def test_a_wrong_arrival_leads_to_the_pair_of_look_alikes(
+    fault: Debugger, planted: dict[str, set[tuple[int, int]]]
+) -> None:
+    assert "wrong arrival" in go_to_failure(fault, 2)
+    fault.follow(re.compile("^edge "))
+    edge = fault.shown.selection.edge
+    assert edge in planted["look-alike"]
+    fault.follow(ToolName.EDGE)
+    assert fault.answer.locator("figure img").count() == 2
+    fault.ask(ToolName.WHERE)
+    fault.says("nodes near enough")
+    fault.follow(re.compile("^search for places"))
+    told = fault.says("look-alike pairs", "but for the edge that joins them")
+    assert f"{min(edge)} ↔ {max(edge)}" in told
+    fault.follow(f"{min(edge)} ↔ {max(edge)}")
+    assert fault.shown.selection.edge == (min(edge), max(edge))
+
+
+def test_no_path_leads_to_an_edge_that_is_missing(fault: Debugger) -> None:
+    assert "no path" in go_to_failure(fault, 3)
+    fault.follow(ToolName.TRUTH)
+    fault.says("missing", "way in the map")
+    fault.answer.locator("table").nth(1).locator("a").first.click()
+    fault.until(lambda: fault.shown.selection.edge is not None and "its pictures" in fault.shown.html)
+    fault.ask(ToolName.WHAT_IF)
+    fault.follow(re.compile("^with "))
+    assert "forget" in fault.says("with ")
+    fault.follow("forget")
+
+
+def test_the_history_leads_to_the_prune(fault: Debugger) -> None:
+    go_to_failure(fault, 0)
+    fault.ask(ToolName.TIME)
+    row = fault.answer.locator("tr", has_text="pruned")
+    row.locator("a", has_text="›").click()
+    assert "pruned" in fault.says("‹ 9.6 s")
+    assert fault.seconds == pytest.approx(9.6, abs=0.2)
+
+
+def test_a_replay_stops_at_a_breakpoint_that_was_typed(fault: Debugger) -> None:
+    go_to_failure(fault, 1)
+    fault.ask(ToolName.BREAK)
+    fault.tell("prune")
+    assert "once" in fault.says("Met <b>once</b>")
+    fault.page.keyboard.press("Escape")
+    fault.page.get_by_role("tab", name="Replay").click()
+    fault.page.get_by_role("button", name="Play").click()
+    fault.until(lambda: fault.seconds > 9.0 and not fault.is_playing)
+    assert fault.seconds == pytest.approx(9.6, abs=0.2)
+    fault.page.get_by_role("tab", name="Why").click()
+    fault.follow("remove")
+
+
+def test_the_map_is_compared_with_the_good_one(
+    fault: Debugger, planted: dict[str, set[tuple[int, int]]]
+) -> None:
+    fault.ask(ToolName.COMPARE)
+    fault.follow("demo-map.rrd")
+    told = fault.says("nodes", "edges", "pieces")
+    edges = {tuple(map(int, pair)) for pair in re.findall(r"(\d+) → (\d+)", told)}
+    assert edges & planted["look-alike"], told
+    fault.follow("choose another")
+
+
+def test_a_moment_is_saved_for_somebody_else(fault: Debugger) -> None:
+    go_to_failure(fault, 2)
+    fault.ask(ToolName.SHARE)
+    assert fault.answer.get_by_text("Link to this moment").get_attribute("href") is not None
+    fault.follow("save this moment")
+    assert "Written: " in fault.says("Written: ")
+    (saved,) = fault.folder.glob("moment-*.rrd")
+    assert Recording.open(saved).events
+    assert [*fault.folder.glob("test_moment_*.py")]
+
+
+def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: Debugger) -> None:
+    fault.ask(ToolName.COACH)
+    assert "The coach helps while one drives" in fault.answer.inner_text()
+    fault.follow("go back to the robot")
+    fault.until(lambda: not fault.is_replay)
+    assert "pieces" in fault.says("Loops not closed") or "one piece" in fault.answer.inner_text()

@@ -125,9 +125,7 @@ def test_a_replay_stops_at_a_breakpoint_that_was_typed(fault: Debugger) -> None:
     fault.follow("remove")
 
 
-def test_the_map_is_compared_with_the_good_one(
-    fault: Debugger, planted: dict[str, set[tuple[int, int]]]
-) -> None:
+def test_the_map_is_compared_with_the_good_one(fault: Debugger, planted: dict[str, set[tuple[int, int]]]) -> None:
     fault.ask(ToolName.COMPARE)
     fault.follow("demo-map.rrd")
     told = fault.says("nodes", "edges", "pieces")

@@ -22,14 +22,14 @@ from ltvn_viz.why.inspector import Inspection
 from ltvn_viz.why.tool import ToolName
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
-PATIENCE_S = 120.0
+PATIENCE_S = 60.0
 WINDOW = {"width": 1040, "height": 680}
 
 _IS_SHOWN = """html => {
   const wanted = document.createElement("div");
   wanted.innerHTML = html;
   const shown = [...document.querySelectorAll("div.lt")].map(each => each.outerHTML);
-  return html === "" || shown.includes(wanted.firstElementChild.outerHTML);
+  return shown.includes(wanted.firstElementChild.outerHTML);
 }"""
 
 
@@ -72,7 +72,7 @@ class Debugger:
     def tell(self, text: str) -> None:
         """Type something into the tool's field and press the button beside it."""
         before = self.shown
-        field = self.page.locator("input[type=text]:visible, textarea:visible").last
+        field = self.page.locator("input:not([readonly]):visible, textarea:visible").last
         field.fill(text)
         self.page.get_by_role("button", name="Tell", exact=True).click()
         self.until(lambda: self.shown is not before)
@@ -80,7 +80,7 @@ class Debugger:
 
     def settled(self) -> Locator:
         """Wait until the page shows what the app says, and return it."""
-        self.until(lambda: bool(self.page.evaluate(_IS_SHOWN, self.shown.html)))
+        self.until(lambda: (html := self.shown.html) != "" and self.page.evaluate(_IS_SHOWN, html))
         return self.answer
 
     def says(self, *words: str) -> str:

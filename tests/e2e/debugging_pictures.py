@@ -1,0 +1,231 @@
+"""Take the pictures of `docs/debugging.md`: the page in a browser, asked as the tests ask it.
+
+    python -m tests.e2e.debugging_pictures [NAME ...]
+
+Needs Chromium. Owns which pictures there are and how they are made small.
+"""
+
+import io
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+from ltvn_viz.commands import OpenRecording
+from ltvn_viz.why.tool import ToolName
+from tests.e2e.chromium import chromium_path
+from tests.e2e.conftest import FLAGS
+from tests.e2e.debugger import Debugger, debugging
+
+FOLDER = Path(__file__).parents[2] / "docs" / "images" / "debugging"
+MOST_BYTES = 150_000
+_CAMERA_PX = 520
+_RERUN_S = 120.0
+_COLOURS = 2000
+"""A viewer that is still loading shows fewer."""
+
+
+def failure(debugger: Debugger, query: int) -> None:
+    """Show a failed query."""
+    debugger.ask(ToolName.FAILURES)
+    debugger.says("queries failed")
+    debugger.answer.locator("tbody tr").nth(query).locator("a").first.click()
+    debugger.says(f"Now in <b>query {query}</b>")
+
+
+def wall(debugger: Debugger) -> None:
+    """Point at the edge through the wall."""
+    failure(debugger, 0)
+    debugger.follow(re.compile("^edge "))
+
+
+def alike(debugger: Debugger) -> None:
+    """Point at the edge between look-alikes."""
+    failure(debugger, 2)
+    debugger.follow(re.compile("^edge "))
+
+
+def edge(debugger: Debugger) -> None:
+    """Both images of the edge to blame."""
+    alike(debugger)
+    debugger.ask(ToolName.EDGE)
+
+
+def blame(debugger: Debugger) -> None:
+    """Why the robot set out through a wall."""
+    wall(debugger)
+    debugger.ask(ToolName.BLAME)
+    debugger.says("The best path without it costs")
+
+
+def history(debugger: Debugger) -> None:
+    """The moment of the prune."""
+    failure(debugger, 0)
+    debugger.ask(ToolName.TIME)
+    debugger.answer.locator("tr", has_text="pruned").locator("a", has_text="›").click()
+    debugger.says("pruned (attempt)")
+
+
+def what_if(debugger: Debugger) -> None:
+    """The way around the wall."""
+    wall(debugger)
+    debugger.ask(ToolName.WHAT_IF)
+    debugger.follow(re.compile("^without "))
+    debugger.says("instead of")
+
+
+def where(debugger: Debugger) -> None:
+    """The pair that looks alike."""
+    failure(debugger, 2)
+    debugger.ask(ToolName.WHERE)
+    debugger.says("nodes near enough")
+    if "look-alike pairs" not in debugger.shown.html:
+        debugger.follow(re.compile("^search for places"))
+    debugger.says("look-alike pairs")
+
+
+def breaks(debugger: Debugger) -> None:
+    """Stops at a condition on p."""
+    failure(debugger, 1)
+    debugger.ask(ToolName.BREAK)
+    debugger.follow("failed leg")
+
+
+def compare(debugger: Debugger) -> None:
+    """The faulty map against the good one."""
+    debugger.ask(ToolName.COMPARE)
+    debugger.follow("demo-map.rrd")
+    debugger.says("nodes", "edges", "pieces", "believed differently")
+
+
+def truth(debugger: Debugger) -> None:
+    """All faults at once."""
+    alike(debugger)
+    debugger.ask(ToolName.TRUTH)
+    debugger.says("precision")
+
+
+def failures(debugger: Debugger) -> None:
+    """The list, and the query that the walk is about."""
+    failure(debugger, 2)
+
+
+def share(debugger: Debugger) -> None:
+    """A moment that was saved."""
+    failure(debugger, 2)
+    debugger.ask(ToolName.SHARE)
+    debugger.follow("save this moment")
+    debugger.says("Written: ")
+
+
+def coach(debugger: Debugger) -> None:
+    """The robot itself."""
+    debugger.ask(ToolName.COACH)
+    if debugger.is_replay:
+        debugger.follow("go back to the robot")
+    debugger.says("Loops not closed")
+
+
+def hand(debugger: Debugger) -> None:
+    """A change that can be undone."""
+    debugger.ask(ToolName.COMPARE)
+    debugger.follow("demo-fault.rrd")
+    debugger.says("believed differently")
+    debugger.answer.locator("table").nth(1).locator("a").first.click()
+    debugger.says("its pictures and attempts")
+    debugger.ask(ToolName.HAND)
+    debugger.follow(re.compile("^cut "))
+    debugger.says("undo")
+
+
+PICTURES: dict[str, Callable[[Debugger], None]] = {
+    "failures": failures,
+    "edge": edge,
+    "where": where,
+    "truth": truth,
+    "blame": blame,
+    "history": history,
+    "what-if": what_if,
+    "breaks": breaks,
+    "compare": compare,
+    "share": share,
+    "coach": coach,
+    "hand": hand,
+}
+"""In this order: the last ones leave the recording."""
+
+
+def main(names: list[str]) -> int:
+    """Take the named pictures, or all."""
+    with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
+        browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
+        with debugging(browser, Path(folder), "demo-fault.rrd") as debugger:
+            _clear_the_view(debugger.page)
+            for name, show in PICTURES.items():
+                if not names or name in names:
+                    show(debugger)
+                    _drawn(debugger)
+                    _save(debugger.page, FOLDER / f"{name}.png")
+            if not names or "rerun" in names:
+                _rerun(debugger)
+    return 0
+
+
+def _rerun(debugger: Debugger) -> None:
+    """The recording in Rerun's viewer, as the page opens it."""
+    if not debugger.is_replay:
+        debugger.app.session.send(OpenRecording("demo-fault.rrd", 9.0))
+        debugger.until(lambda: debugger.is_replay)
+    debugger.ask(ToolName.SHARE)
+    debugger.follow("open in Rerun")
+    debugger.says("Rerun is open here")
+    address = debugger.answer.get_by_text("Rerun is open here").get_attribute("href")
+    assert address is not None
+    viewer = debugger.page.context.new_page()
+    viewer.goto(address)
+    viewer.wait_for_function("document.body.dataset.open === 'yes'", timeout=_RERUN_S * 1000)
+    deadline = time.monotonic() + _RERUN_S
+    while len(_shown(viewer).getcolors(2**24) or ()) < _COLOURS and time.monotonic() < deadline:
+        viewer.wait_for_timeout(500)
+    _save(viewer, FOLDER / "rerun.png")
+    viewer.close()
+
+
+def _shown(page: Page) -> Image.Image:
+    return Image.open(io.BytesIO(page.screenshot(timeout=_RERUN_S * 1000))).convert("RGB")
+
+
+def _clear_the_view(page: Page) -> None:
+    """Put away what has nothing to do with the debugger: the driving pad, notices, the camera's window."""
+    page.add_style_tag(content=".ltvn-pad, .mantine-Notification-root {display: none !important}")
+    box = page.get_by_text("Camera and depth").bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + _CAMERA_PX - 40, box["y"] - 12)
+
+
+def _drawn(debugger: Debugger) -> None:
+    """Wait until the browser has drawn the scene anew."""
+    client = next(iter(debugger.app.server.viser.get_clients().values()))
+    client.get_render(60, 80, timeout=60.0)
+    debugger.page.mouse.move(5, 5)
+
+
+def _save(page: Page, path: Path) -> None:
+    """Save what the window shows with as many colours as fit."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shown = _shown(page)
+    for colours in (256, 128, 64, 32):
+        shown.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+        if path.stat().st_size <= MOST_BYTES:
+            break
+    sys.stdout.write(f"{path.name}: {path.stat().st_size // 1000} kB, {colours} colours\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

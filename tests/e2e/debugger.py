@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from playwright.sync_api import Browser, Locator, Page
+from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
 from ltvn_viz.app import App, AppOptions, opened
 from ltvn_viz.driving import DriverSeat
@@ -23,7 +23,7 @@ from ltvn_viz.why.tool import ToolName
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 PATIENCE_S = 60.0
-WINDOW = {"width": 1040, "height": 680}
+WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
 _IS_SHOWN = """html => {
   const wanted = document.createElement("div");

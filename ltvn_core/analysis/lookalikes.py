@@ -22,8 +22,6 @@ _DRIFT = Building().odometry_drift
 """Allowed where the method itself does not use odometry."""
 _FAR_FACTOR = 4.0
 """Nodes farther apart in the map than this many D_l are far."""
-_APART_FACTOR = 2.0
-"""An edge between nodes that odometry puts farther apart than this many D_l is worth a look (ours)."""
 _ROWS = 512
 
 Progress = Callable[[int, int], None]
@@ -45,17 +43,19 @@ class Lookalike:
     contradicted: bool
     """Odometry rules the claimed waypoint out, its drift allowed for."""
     path_mu: float
-    """Length of the shortest way through the map without edges between look-alikes, the better direction; infinite
-    without one."""
+    """Length of the shortest way through the map, the better direction; infinite without one. Leaves out edges whose
+    ends odometry puts apart, so that a false edge does not vouch for itself.
+    """
     joined: bool
-    """An edge joins them, most likely a false one."""
+    """An edge joins them: a false one, unless odometry drifted away."""
 
     @property
     def sentence(self) -> str:
         """What is odd about the pair, in one line."""
         claim = f"{self.first} and {self.second} look {self.distance:.2f} apart (r {self.reachability:.2f})"
-        way = f"{self.path_mu:.1f} through the map" if math.isfinite(self.path_mu) else "no way in the map"
-        edge = " but for the edge that joins them" if self.joined else ""
+        rest = "rest of the " if self.joined else ""
+        way = f"{self.path_mu:.1f} through the {rest}map" if math.isfinite(self.path_mu) else "no way in the map"
+        edge = ", and an edge joins them" if self.joined else ""
         return f"{claim}, yet they are {self.odometry_m:.1f} m apart by odometry, {way}{edge}."
 
 
@@ -86,7 +86,7 @@ def find_lookalikes(
                 found[key] = pair
         if progress is not None:
             progress(k + 1, len(nodes))
-    return _far_ones(graph, tuple(found.values()), method.localising.distance)
+    return _far_ones(graph, tuple(found.values()), _FAR_FACTOR * method.localising.distance)
 
 
 def _travel(matcher: Matcher, method: Method) -> Travel:
@@ -142,32 +142,38 @@ def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:
     return (claims.distances < method.localising.distance) & (claims.reachability > method.localising.reachability)
 
 
-def _far_ones(graph: TopologicalGraph, pairs: Sequence[Lookalike], near: float) -> tuple[Lookalike, ...]:
-    """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map."""
-    apart, far = _APART_FACTOR * near, _FAR_FACTOR * near
-    odd = [pair for pair in pairs if pair.contradicted or not pair.joined or pair.odometry_m > apart]
-    # An edge must not shorten the very way that speaks against it.
-    suspects = {ends for pair in odd if pair.joined for ends in (_ends(pair), _ends(pair)[::-1])}
-    lengths = _lengths(graph, suspects, {node for pair in odd for node in _ends(pair)})
+def _far_ones(graph: TopologicalGraph, pairs: Sequence[Lookalike], far: float) -> tuple[Lookalike, ...]:
+    """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map.
+
+    An edge is no witness for itself: where odometry puts its ends apart, the way is measured without it.
+    """
+    doubted = {_ends(pair) for pair in pairs if pair.joined and pair.odometry_m > far / 2}
+    odd = [pair for pair in pairs if pair.contradicted or not pair.joined or _ends(pair) in doubted]
+    lengths = _lengths(graph, {node for pair in odd for node in _ends(pair)}, doubted)
     far_ones = []
     for pair in odd:
         first, second = _ends(pair)
         length = min(lengths[first].get(second, math.inf), lengths[second].get(first, math.inf))
         if pair.contradicted or length > far:
             far_ones.append(replace(pair, path_mu=length))
-    return tuple(sorted(far_ones, key=lambda pair: (not pair.joined, -pair.reachability)))
+    return tuple(sorted(far_ones, key=lambda pair: (not pair.joined, not pair.contradicted, -pair.reachability)))
 
 
-def _ends(pair: Lookalike) -> tuple[NodeId, NodeId]:
+def _ends(pair: Lookalike) -> EdgeKey:
     return pair.first, pair.second
 
 
-def _lengths(graph: TopologicalGraph, without: set[EdgeKey], sources: set[NodeId]) -> dict[NodeId, dict[NodeId, float]]:
-    """Return the length by mu of the shortest ways from each source, leaving out some edges."""
+def _lengths(graph: TopologicalGraph, sources: set[NodeId], doubted: set[EdgeKey]) -> dict[NodeId, dict[NodeId, float]]:
+    """Return the length by mu of the shortest ways from each source that lead through no doubted edge."""
     mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
-    kept = ((ends, edge) for ends, edge in graph.edges.items() if ends not in without)
-    mirror.add_edges_from([(index[a], index[b], edge.belief.mu) for (a, b), edge in kept])
+    mirror.add_edges_from(
+        [
+            (index[a], index[b], edge.belief.mu)
+            for (a, b), edge in graph.edges.items()
+            if (min(a, b), max(a, b)) not in doubted
+        ]
+    )
     return {
         source: {
             mirror[k]: length

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from ltvn_core.composition import open_predictor
+from ltvn_core.composition import SystemName, open_predictor
 from ltvn_core.evaluate.course import Course
 from ltvn_core.evaluate.plans import TrialFiles, TrialPlan, claim_files, open_system
 from ltvn_core.evaluate.preparation import prepare, tuned_weights
@@ -102,7 +102,8 @@ def prepare_all(
     tasks = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
     for plan, files in tasks:
         claim_files(plan, files)
-    for system in {plan.system for plan, files in tasks if plan.finetuned and not files.weights.exists()}:
+    untaught: set[SystemName] = {plan.system for plan, files in tasks if plan.finetuned and not files.weights.exists()}
+    for system in untaught:
         prepare_lessons(system)  # Once for all processes.
     for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in tasks), 1):
         told.maps(ready)

@@ -1,13 +1,9 @@
 """What would have been otherwise: old and new plan side by side, and what other thresholds would do to the map."""
 
-from collections.abc import Callable, Hashable
-from dataclasses import replace
+from collections.abc import Hashable
 from functools import partial
 from html import escape
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
-
-import numpy as np
 
 from ltvn_core.analysis.change_text import change_text, parse_change
 from ltvn_core.analysis.changes import (
@@ -15,42 +11,23 @@ from ltvn_core.analysis.changes import (
     Change,
     EdgeBarred,
     EdgeForced,
-    GoalSet,
-    StartSet,
-    Threshold,
     ThresholdSet,
 )
-from ltvn_core.analysis.dry_run import PruneCounts, prune_dry_run, rebuild_dry_run
-from ltvn_core.analysis.situation import Situation, situation_at
-from ltvn_core.analysis.what_if import PricedEdge, Replanned, replan
-from ltvn_core.config import Method
-from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.analysis.situation import situation_at
+from ltvn_core.analysis.what_if import PricedEdge, Replanned
+from ltvn_core.errors import OptionError
 from ltvn_core.graph.planner import Path
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_viz import palette
 from ltvn_viz.commands import PointAt, Tell
 from ltvn_viz.palette import Rgb8
 from ltvn_viz.why.case import Case
+from ltvn_viz.why.imagining import Answer, Outcome, dry_run, imagined, rebuilt_with
 from ltvn_viz.why.overlay import NOTHING, Overlay, Stroke, stroke
 from ltvn_viz.why.tool import Page, Selection, ToolView
 
 _ROWS = 12
 _FORGET, _ALL = "forget ", "all"
-_REBUILT = (Threshold.D_M, Threshold.D_C)
-
-
-class Answer(NamedTuple):
-    """What imagining came to."""
-
-    plans: Replanned
-    pruned: PruneCounts | None
-    """Where R_p is imagined."""
-    asked: Situation
-    """The question that the new plan answers."""
-
-
-Outcome: TypeAlias = Answer | str
-"""An answer, or why there is none."""
 
 
 class WhatIfTool:
@@ -110,7 +87,7 @@ class WhatIfTool:
         graph, situation, changes = case.graph, situation_at(case.timeline.events, case.step), self._all
         known = len(case.timeline.changes_until(case.instant)), situation.source, situation.goal
         question = "what if", case.name, self._told, *known, *situation.failures.items()
-        outcome: Outcome | None = case.later(question, partial(_imagine, graph, situation, case.method, changes))
+        outcome: Outcome | None = case.later(question, partial(imagined, graph, situation, case.method, changes))
         if outcome is None:
             page.line("Planning both ways …")
             return NOTHING
@@ -125,14 +102,14 @@ class WhatIfTool:
         return tuple(self._changes.values())
 
     def _rebuilt(self, case: Case, page: Page) -> None:
-        changed = _building(case.method, self._all)
+        changed = rebuilt_with(case.method, self._all)
         if changed is None:
             return
         if case.mapping is None:
             page.line("How many nodes a rebuild would make is counted live only, where all images are at hand.")
             return
         question = "dry run", self._told
-        counted = case.later(question, _dry_run(case, changed))
+        counted = case.later(question, dry_run(case, changed))
         if counted is None:
             page.line("Building two maps to compare, without using either: takes tens of seconds, and tasks wait.")
         else:
@@ -163,60 +140,6 @@ def _about_edge(graph: TopologicalGraph, selection: Selection) -> tuple[str, ...
 
 def _about_node(selection: Selection) -> tuple[str, ...]:
     return () if selection.node is None else (f"goal {selection.node}", f"from {selection.node}")
-
-
-def _imagine(graph: TopologicalGraph, situation: Situation, method: Method, changes: tuple[Change, ...]) -> Outcome:
-    if not all(isinstance(each, GoalSet | StartSet) for each in changes):
-        situation = _placed(situation, changes)
-    try:
-        plans = replan(graph, situation, method, changes)
-    except LtvnError as error:
-        return str(error)
-    levels = [each.value for each in changes if isinstance(each, ThresholdSet) and each.threshold is Threshold.R_P]
-    failures = method.believing.prune_after_failures
-    pruned = prune_dry_run(graph, levels[-1], failures=failures) if levels else None
-    return Answer(plans, pruned, _placed(situation, changes))
-
-
-def _placed(situation: Situation, changes: tuple[Change, ...]) -> Situation:
-    """Return the situation at the imagined place, so that both plans lead from there and differ by the rest alone."""
-    for each in changes:
-        match each:
-            case GoalSet(goal):
-                situation = replace(situation, goal=goal)
-            case StartSet(source):
-                situation = replace(situation, source=source)
-    return situation
-
-
-def _building(method: Method, changes: tuple[Change, ...]) -> Method | None:
-    """Return the method with the imagined thresholds of Algorithm 1; None where none is imagined."""
-    values = {each.threshold: each.value for each in changes if isinstance(each, ThresholdSet)}
-    if not values.keys() & set(_REBUILT):
-        return None
-    building = replace(
-        method.building,
-        merge_distance=values.get(Threshold.D_M, method.building.merge_distance),
-        connect_distance=values.get(Threshold.D_C, method.building.connect_distance),
-    )
-    reverse = max(method.matching.reverse_within, 1.2 * building.connect_distance)
-    return replace(method, building=building, matching=replace(method.matching, reverse_within=reverse))
-
-
-def _dry_run(case: Case, changed: Method) -> Callable[[], str]:
-    mapping, method = case.mapping, case.method
-    assert mapping is not None
-
-    def count() -> str:
-        """Run in the worker's thread, which owns the images."""
-        rng = np.random.default_rng(0)
-        try:
-            seen = mapping.images()
-            return rebuild_dry_run(seen, mapping.views, mapping.predictor, method, changed, rng).sentence
-        except LtvnError as error:
-            return str(error)
-
-    return count
 
 
 def _say(answer: Answer, page: Page) -> None:

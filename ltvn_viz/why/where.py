@@ -30,6 +30,8 @@ _COLOURED = 1000
 _LOOKS = 200
 _SMALLEST = 5
 _PAIRS = 8
+_CANDIDATES = 8
+"""Nodes with the most similar pictures that each node is compared with; more takes longer."""
 _SMALL = 0.3
 _ALIKE = "look-alikes"
 
@@ -172,7 +174,7 @@ def _lookalikes(
     def search() -> tuple[Lookalike, ...] | str:
         """Run in the worker's thread, which owns the images."""
         try:
-            return find_lookalikes(graph, Matcher(predictor, views, method.matching), method)
+            return find_lookalikes(graph, Matcher(predictor, views, method.matching), method, candidates=_CANDIDATES)
         except LtvnError as error:
             return str(error)
 

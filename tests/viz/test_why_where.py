@@ -13,7 +13,9 @@ from ltvn_viz.session import Session
 from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.staging import open_stage
 from ltvn_viz.thumbnails import Thumbnails
-from ltvn_viz.why.tool import ToolName
+from ltvn_viz.timeline import Moment
+from ltvn_viz.why.tool import NOWHERE, ToolName
+from ltvn_viz.why.where import WhereTool
 from tests.viz.theatre import PuppetDriver, Theatre
 from tests.viz.why_links import follow
 
@@ -44,7 +46,7 @@ def test_after_a_drive_the_margin_over_time_leads_to_the_least_sure_look(theatre
     theatre.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     end = theatre.now.moment.stamp
 
-    shown = theatre.wait(3)
+    shown = theatre.until(lambda snapshot: "lt-curve" in snapshot.inspection.html)
     then = follow(theatre, shown, " at ")
 
     assert "lt-curve" in shown.inspection.html
@@ -58,9 +60,11 @@ def test_look_alikes_are_searched_on_demand_alone(theatre: Theatre) -> None:
 
 
 def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
-    shown = Theatre(tmp_path, mapped=False).do(c.ChooseTool(ToolName.WHERE), ticks=3)
+    stage = Theatre(tmp_path, mapped=False).stage
 
-    assert "no image of this moment" in shown.inspection.html or "map is empty" in shown.inspection.html
+    shown = WhereTool().look(stage.cases.of(stage, Moment()), NOWHERE)
+
+    assert "The map is empty" in shown.html
 
 
 @pytest.fixture

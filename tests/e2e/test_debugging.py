@@ -91,7 +91,7 @@ def test_a_wrong_arrival_leads_to_the_pair_of_look_alikes(fault: Debugger, plant
     fault.ask(ToolName.WHERE)
     fault.says("nodes near enough")
     fault.follow(re.compile("^search for places"))
-    told = fault.says("look-alike pairs", "but for the edge that joins them")
+    told = fault.says("look-alike pairs", "an edge joins them")
     assert f"{min(edge)} ↔ {max(edge)}" in told
     fault.follow(f"{min(edge)} ↔ {max(edge)}")
     assert fault.shown.selection.edge == (min(edge), max(edge))

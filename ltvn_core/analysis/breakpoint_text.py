@@ -3,7 +3,6 @@
 Owns the short text form, both ways.
 """
 
-import math
 import re
 
 from ltvn_core.analysis.breakpoint_kinds import (
@@ -17,6 +16,7 @@ from ltvn_core.analysis.breakpoint_kinds import (
     On,
     Quantity,
 )
+from ltvn_core.analysis.typed_number import typed_number
 from ltvn_core.config import ROBUST, Believing
 from ltvn_core.errors import OptionError
 
@@ -51,16 +51,20 @@ def parse_breakpoint(text: str, config: Believing = ROBUST.believing) -> Breakpo
     """
     words = " ".join(text.split())
     if found := _LOOK.fullmatch(words):
-        return LookCondition(Quantity(found[1].lower()), found[2] == "<", _number(found[3], text))
+        return LookCondition(Quantity(found[1].lower()), found[2] == "<", typed_number(found[3], text, "no breakpoint"))
     if found := _ON_EDGE.fullmatch(words):
         edge = int(found[2]), int(found[3])
-        return EdgeCondition(Quantity(found[1].lower()), edge, found[4] == "<", _number(found[5], text))
+        return EdgeCondition(
+            Quantity(found[1].lower()), edge, found[4] == "<", typed_number(found[5], text, "no breakpoint")
+        )
     if found := _AT_EDGE.fullmatch(words):
         return AtEdge((int(found[1]), int(found[2])))
     if found := _AT_NODE.fullmatch(words):
         return AtNode(int(found[1]))
     if found := _CROSSING.fullmatch(words):
-        return Crossing(config.prune_below if found[1].lower() == "r_p" else _number(found[1], text))
+        return Crossing(
+            config.prune_below if found[1].lower() == "r_p" else typed_number(found[1], text, "no breakpoint")
+        )
     if words.lower() in _HAPPENINGS:
         return On(Happening(words.lower()))
     raise OptionError(f"{text[:60]!r} is no breakpoint; write one of: {', '.join(EXAMPLES)}.")
@@ -81,13 +85,3 @@ def breakpoint_text(breakpoint_: Breakpoint) -> str:
             return f"edge {edge[0]}->{edge[1]}"
         case AtNode(node):
             return f"node {node}"
-
-
-def _number(word: str, text: str) -> float:
-    try:
-        number = float(word)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise OptionError(f"{text[:60]!r} is no breakpoint: {word[:20]!r} is not a number; write for instance 0.5.")
-    return number

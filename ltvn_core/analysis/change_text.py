@@ -3,7 +3,6 @@
 Owns the short text form, both ways. What a change does is `analysis.imagined`.
 """
 
-import math
 import re
 
 from ltvn_core.analysis.changes import (
@@ -17,6 +16,7 @@ from ltvn_core.analysis.changes import (
     ThresholdSet,
 )
 from ltvn_core.analysis.hand_work import add_edge
+from ltvn_core.analysis.typed_number import typed_number
 from ltvn_core.config import ROBUST, Believing
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
@@ -50,13 +50,13 @@ def parse_change(text: str, graph: TopologicalGraph, config: Believing = ROBUST.
         edge = int(found[2]), int(found[3])
         return _forced(edge, graph, config) if found[1].lower() == "with" else EdgeBarred(*edge)
     if found := _BELIEF.fullmatch(words):
-        edge, value = (int(found[2]), int(found[3])), _number(found[4], text)
+        edge, value = (int(found[2]), int(found[3])), typed_number(found[4], text, "nothing to imagine")
         return BeliefSet(*edge, p=value) if found[1].lower() == "p" else BeliefSet(*edge, mu=value)
     if found := _PLACE.fullmatch(words):
         return GoalSet(int(found[2])) if found[1].lower() == "goal" else StartSet(int(found[2]))
     found = _THRESHOLD.fullmatch(words)
     if found and (threshold := _THRESHOLDS.get(found[1].lower())) is not None:
-        return ThresholdSet(threshold, _number(found[2], text))
+        return ThresholdSet(threshold, typed_number(found[2], text, "nothing to imagine"))
     raise OptionError(f"{text[:60]!r} is nothing to imagine; write one of: {', '.join(EXAMPLES)}.")
 
 
@@ -82,15 +82,3 @@ def change_text(change: Change) -> str:
 def _forced(edge: EdgeKey, graph: TopologicalGraph, config: Believing) -> EdgeForced:
     known = graph.edges.get(edge)
     return EdgeForced(*edge, add_edge(graph, *edge, config).edge.belief if known is None else known.belief)
-
-
-def _number(word: str, text: str) -> float:
-    try:
-        number = float(word)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise OptionError(
-            f"{text[:60]!r} is nothing to imagine: {word[:20]!r} is not a number; write for instance 0.5."
-        )
-    return number

@@ -9,6 +9,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.evaluate.course import Course
 from ltvn_core.evaluate.plans import TrialFiles, TrialPlan
 from ltvn_core.evaluate.preparation import prepare
+from ltvn_core.evaluate.protocol import EpisodePlan
 from ltvn_core.evaluate.results import TrialResult
 from ltvn_core.evaluate.trials import episode_dice, open_course
 from ltvn_core.nav.events import Event, Stamped
@@ -26,14 +27,18 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
     failed = [episode.episode for episode in trial.episodes if not episode.reached][:count]
     missing = [number for number in failed if not files.failure(number).exists()]
     if missing:
-        course = open_course(plan, files, trial.queries)
+        course, drawn = (
+            open_course(plan, files, trial.queries),
+            prepare(plan, files).episodes(max(missing) + 1, plan.seed),
+        )
         for number in missing:
-            _record(plan, files, course, trial, number)
+            _record(plan, files, course, trial, drawn[number], number)
     return len(failed)
 
 
-def _record(plan: TrialPlan, files: TrialFiles, course: Course, trial: TrialResult, number: int) -> None:
-    episode = prepare(plan, files).episodes(number + 1, plan.seed)[number]
+def _record(
+    plan: TrialPlan, files: TrialFiles, course: Course, trial: TrialResult, episode: EpisodePlan, number: int
+) -> None:
     settings = {"verb": "evaluate", "episode": number, "seed": plan.seed, "method": asdict(course.system.method)}
     about = {"scene": course.scene.address, "config": settings, "fingerprint": course.fingerprint}
     with written_whole(files.failure(number)) as part, RecordingWriter(part, **about) as writer:

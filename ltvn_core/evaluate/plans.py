@@ -72,7 +72,7 @@ def shipped_weights(system: SystemName) -> Path:
     return SHIPPED_RIVALS.get(system, SHIPPED)
 
 
-def open_system(plan: TrialPlan, weights: Path | None, scene: Scene, *, maintain: bool) -> System:
+def open_system(plan: TrialPlan, weights: Path, scene: Scene, *, maintain: bool) -> System:
     """Return the system of a plan with the constants of its weights. Raises OptionError and WeightsError."""
     method = open_method(plan.preset, plan.predictor, weights)
     limits = {"step_limit": plan.protocol.steps_in(scene), "collision_limit": plan.protocol.collision_limit}

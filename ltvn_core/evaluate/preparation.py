@@ -47,16 +47,15 @@ class Sights:
 def prepare(plan: TrialPlan, files: TrialFiles) -> Sights:
     """Make what is not there yet: drive, weights and map. Raises the errors of the parts."""
     sights = _drive(plan, files)
-    start = files.folder / files.label
-    start.mkdir(parents=True, exist_ok=True)
+    files.map().parent.mkdir(parents=True, exist_ok=True)
     if not files.map().exists():
         observations = _observations(files.drive)
         _build(plan, files, observations, sights, tuned_weights(plan, files, observations))
     return sights
 
 
-def tuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation] = ()) -> Path | None:
-    """Return the weights of a plan, fine-tuned on its drive at the first call; None stands for the shipped ones."""
+def tuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation] = ()) -> Path:
+    """Return the weights of a plan, fine-tuned on its drive at the first call."""
     start = plan.weights or shipped_weights(plan.system)
     if not plan.finetuned:
         return start
@@ -96,7 +95,7 @@ def _drive(plan: TrialPlan, files: TrialFiles) -> Sights:
 
 
 def _build(
-    plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation], sights: Sights, weights: Path | None
+    plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation], sights: Sights, weights: Path
 ) -> None:
     scene = load_scene(plan.scene)
     predictor = open_predictor(plan.predictor, plan.scene, weights)

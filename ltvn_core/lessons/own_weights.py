@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from shutil import rmtree
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
+from ltvn_core.composition import SystemName
 from ltvn_core.errors import WeightsError
 from ltvn_core.lessons.card import LessonCard
 from ltvn_core.lessons.data import CHECKED, MIXED, label_drive, render_simulation, with_simulation
@@ -20,12 +21,9 @@ if TYPE_CHECKING:
     from ltvn_core.data.trajectory_pairs import DriveRule, TrajectoryPairs
     from ltvn_core.model.finetuning import FineTuningData, FineTuningPlan
 
-System: TypeAlias = Literal["ltvn", "sptm", "ving"]
-"""Systems that learn from a drive, each by labels of its own."""
-
 
 def finetune_for(
-    system: System,
+    system: SystemName,
     observations: Sequence[Observation],
     start: Path,
     plan: "FineTuningPlan",
@@ -60,7 +58,7 @@ def finetune_for(
     return output
 
 
-def prepare_lessons(system: System, data: Path | None = None) -> None:
+def prepare_lessons(system: SystemName, data: Path | None = None) -> None:
     """Render the simulated scenes that a system sees beside a drive, once for all processes. Raises DatasetError."""
     if system != "ltvn":
         labelled_walks(system, (*MIXED, *CHECKED), _walks(data))
@@ -68,14 +66,14 @@ def prepare_lessons(system: System, data: Path | None = None) -> None:
         render_simulation()
 
 
-def _rule(system: System) -> "DriveRule":
+def _rule(system: SystemName) -> "DriveRule":
     from ltvn_core.data.temporal_rules import RULES
     from ltvn_core.data.trajectory_pairs import PairRule
 
     return PairRule() if system == "ltvn" else RULES[system]
 
 
-def _with_lessons(system: System, drive: "TrajectoryPairs", data: Path | None, *, judged: bool) -> "FineTuningData":
+def _with_lessons(system: SystemName, drive: "TrajectoryPairs", data: Path | None, *, judged: bool) -> "FineTuningData":
     """Add simulated pairs to a drive, labelled as the system does it."""
     from ltvn_core.model.finetuning import FineTuningData
 
@@ -91,7 +89,7 @@ def _walks(data: Path | None) -> Path:
     return (data or user_cache_path("ltvn")) / "walks"
 
 
-def _run(system: System, lessons: "FineTuningData", start: Path, plan: "FineTuningPlan") -> dict[str, object]:
+def _run(system: SystemName, lessons: "FineTuningData", start: Path, plan: "FineTuningPlan") -> dict[str, object]:
     """Return what tells this run from others."""
     from ltvn_core.model.finetuning import drive_fingerprint
     from ltvn_core.model.weights import weights_fingerprint

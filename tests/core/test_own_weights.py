@@ -6,13 +6,14 @@ from pathlib import Path
 import pytest
 import torch
 
+from ltvn_core.composition import SystemName
 from ltvn_core.data.generate import DatasetRecipe, make_shard
 from ltvn_core.data.random_walk import WalkRecipe
 from ltvn_core.data.sampling import ClusterSampling
 from ltvn_core.data.shards import shard_path, write_shard
 from ltvn_core.errors import WeightsError
 from ltvn_core.lessons.data import CHECKED, MIXED
-from ltvn_core.lessons.own_weights import System, finetune_for
+from ltvn_core.lessons.own_weights import finetune_for
 from ltvn_core.model.finetuning import FineTuningPlan
 from ltvn_core.model.learning_plan import LearningPlan
 from ltvn_core.model.network import PairNetwork
@@ -62,7 +63,9 @@ def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, star
 
 
 @pytest.mark.parametrize("system", ["sptm", "ving"])
-def test_a_rival_learns_the_same_drive_by_time_alone(tmp_path: Path, start: Path, walks: Path, system: System) -> None:
+def test_a_rival_learns_the_same_drive_by_time_alone(
+    tmp_path: Path, start: Path, walks: Path, system: SystemName
+) -> None:
     output = tmp_path / f"scene-0-{system}.safetensors"
     finetune_for(system, look(WAY), start, PLAN, tmp_path / "work", output, data=walks)
     assert weights_fingerprint(output) != weights_fingerprint(start)

@@ -1,7 +1,8 @@
 """The real page on a flat world, for browser tests: everything but simulator and network is the app's own."""
 
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,6 +24,10 @@ from tests.viz.theatre import Theatre
 
 WAY = ((1.0, 1.0), (1.0, 2.0), (3.0, 2.0), (5.0, 2.0), (5.0, 3.2))
 """A tour through the door of the two rooms."""
+
+
+PATIENCE_S = 30.0
+"""A page drawn by software takes its time."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,17 @@ def serving(folder: Path) -> Iterator[FlatApp]:
             session.stop()
             thread.join(timeout=10)
             painters[0].close()
+
+
+def until(app: FlatApp, holds: Callable[[Snapshot], bool], patience_s: float = PATIENCE_S) -> Snapshot:
+    """Wait until what the page is told to show fulfils something."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        now = app.theatre.now if app.theatre.shown else Snapshot()
+        if holds(now):
+            return now
+        time.sleep(0.02)
+    raise AssertionError(f"never happened; at last {app.theatre.now}")
 
 
 def _show(theatre: Theatre, painter: Painter, snapshot: Snapshot) -> None:

@@ -1,7 +1,6 @@
 """What a person sees and does on the page, in a real headless Chromium."""
 
 import re
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,11 +11,10 @@ from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.modes import Mode
 from ltvn_viz.snapshot import Snapshot
-from tests.e2e.flat_app import FlatApp, serving
+from tests.e2e.flat_app import PATIENCE_S, FlatApp, serving, until
 
 pytestmark = pytest.mark.browser
 
-PATIENCE_S = 30.0
 
 expect.set_options(timeout=PATIENCE_S * 1000)
 
@@ -42,17 +40,6 @@ def idle(app: FlatApp, page: Page) -> Iterator[None]:
     yield
     page.keyboard.press("Escape")
     until(app, lambda now: now.mode in (Mode.TELEOP, Mode.REPLAY))
-
-
-def until(app: FlatApp, holds: Callable[[Snapshot], bool], patience_s: float = PATIENCE_S) -> Snapshot:
-    """Wait until what the page is told to show fulfils something."""
-    deadline = time.monotonic() + patience_s
-    while time.monotonic() < deadline:
-        now = app.theatre.now if app.theatre.shown else Snapshot()
-        if holds(now):
-            return now
-        time.sleep(0.02)
-    raise AssertionError(f"never happened; at last {app.theatre.now}")
 
 
 def drive(app: FlatApp, page: Page, key: str, holds: Callable[[Snapshot], bool]) -> None:

@@ -2,19 +2,17 @@
 
 import re
 import shutil
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.links import link
-from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.staging import open_replay
 from ltvn_viz.why.share import MOMENT
 from ltvn_viz.why.tool import Selection, ToolName
-from tests.e2e.flat_app import FlatApp, serving
+from tests.e2e.flat_app import FlatApp, serving, until
 
 pytestmark = pytest.mark.browser
 
@@ -46,21 +44,11 @@ def opened(app: FlatApp, page: Page, address: str) -> None:
     page.get_by_text("Next:").wait_for()
 
 
-def until(app: FlatApp, holds: Callable[[Snapshot], bool]) -> Snapshot:
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        now = app.theatre.now if app.theatre.shown else Snapshot()
-        if holds(now):
-            return now
-        time.sleep(0.02)
-    raise AssertionError(f"never happened; at last {app.theatre.now}")
-
-
 def test_a_link_shows_the_recording_the_moment_and_the_edge(app: FlatApp, page: Page) -> None:
     source, target = 728, 724
     opened(app, page, link(DRIVE, 42.5, ToolName.EDGE, Selection(None, (source, target))))
 
-    now = until(app, lambda now: now.replay is not None and bool(now.inspection.html))
+    now = until(app, lambda now: now.replay is not None and bool(now.inspection.html), PATIENCE_S)
 
     assert now.replay is not None
     assert (now.replay.name, now.replay.time_s) == (DRIVE, 42.5)
@@ -88,4 +76,4 @@ def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, p
 def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(app: FlatApp, page: Page) -> None:
     opened(app, page, "/?replay=<b>gone.rrd&at=3")
     page.get_by_text("There is no recording").first.wait_for()
-    assert until(app, lambda now: now.message is not None).message is not None
+    assert until(app, lambda now: now.message is not None, PATIENCE_S).message is not None

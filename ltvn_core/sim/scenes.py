@@ -41,6 +41,7 @@ def _recipes() -> dict[str, _Recipe]:
     recipes |= {f"apartment-{area}": _Recipe(9000 + area, float(area)) for area in (57, 70, 124, 129)}
     recipes |= {f"train-{k:02d}": _Recipe(1000 + k, 45.0 + (k * 37) % 85) for k in range(40)}
     recipes |= {f"tune-{k}": _Recipe(5000 + k, 55.0 + 13 * (k % 6) + 5 * (k // 6)) for k in range(9)}
+    recipes |= {f"tune-large-{k}": _Recipe(6000 + k, 125.0) for k in range(6)}
     return recipes
 
 

@@ -41,9 +41,9 @@ class RivalCard:
     """All that is known of the weights of a rival."""
 
     rival: str
-    parent: str
-    """Fingerprint of the weights that training started from: backbone and pose are theirs."""
-    parent_card: Mapping[str, Any]
+    parent: str | None
+    """Fingerprint of the weights that training started from: backbone and pose are theirs; None if it began afresh."""
+    parent_card: Mapping[str, Any] | None
     """Their card."""
     rule: Mapping[str, Any]
     """The rule that labels pairs."""
@@ -55,8 +55,8 @@ class RivalCard:
     minutes: float
     commands: Sequence[str]
     """What makes these weights again, up to the time that training took elsewhere."""
-    before: RivalFigures
-    """Of the weights that training started from,"""
+    before: RivalFigures | None
+    """Of the weights that training started from, if there were any,"""
     after: RivalFigures
     """and of these."""
 

@@ -22,10 +22,11 @@ def rival_learning(rival: str, learning: LearningPlan) -> LearningPlan:
     return replace(learning, far=_ONLY_OTHER_SCENES, confusions=0, hardness=0.0, evened=evened)
 
 
-def rival_training(rival: str, *, minutes: float, steps: int | None, seed: int) -> TrainingPlan:
-    """Return how a rival's network is trained from the shipped weights (all ours): for steps, or else for minutes."""
+def rival_training(rival: str, *, minutes: float, steps: int | None, seed: int, fresh: bool = False) -> TrainingPlan:
+    """Return how a rival's network is trained (all ours): from the shipped weights or `fresh`, for steps or minutes."""
+    rate = 2e-3 if fresh else 5e-4
     learning = LearningPlan(
-        seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=5e-4, warm_up=0.1, average=0.99
+        seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=rate, warm_up=0.1, average=0.99
     )
     plan = TrainingPlan(rival_learning(rival, learning), Architecture(), minutes=minutes, validations=3, minings=0)
     return plan if steps is None else replace(plan, minutes=None, steps=steps)

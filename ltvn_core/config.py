@@ -26,6 +26,10 @@ class Matching:
     """Trust r only as far as the median with the frames before and after both images agrees (ours)."""
     support_gap: float = 0.8
     """d by odometry within which two frames of a recording count as neighbours in time (ours)."""
+    closure_reach: int = 10
+    """An edge between two passes of a drive must hold along so many images before and after its ends; 0 = off (ours)."""
+    closure_share: float = 0.5
+    """Share of the images asked about that must lie as the edge foretells (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +242,7 @@ ROBUST = Method()
 """The default: the paper's method with every departure that measurement showed to be needed."""
 
 PAPER = Method(
-    matching=Matching(reverse_within=2.5, temporal_support=False),
+    matching=Matching(reverse_within=2.5, temporal_support=False, closure_reach=0),
     building=Building(
         merge_distance=0.55,
         connect_distance=1.5,

@@ -11,6 +11,7 @@ import numpy as np
 
 from ltvn_core.config import Method
 from ltvn_core.errors import MapError
+from ltvn_core.graph.closures import Closures
 from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import Gates, connectable, mergeable, node_of, node_with_edges
@@ -43,9 +44,10 @@ def build(
     check_trajectory(observations, goals)
     views.add(observations)
     matcher, travel = Matcher(predictor, views, method.matching), Travel(observations, method.building)
+    closures = Closures(predictor, views, method.matching)
     best: _Construction | None = None
     for start in _starts(observations, goals, method.building.restarts, rng):
-        attempt = _Construction(matcher, travel, method, goals)
+        attempt = _Construction(matcher, travel, closures, method, goals)
         attempt.run(start, observations, rng, progress or _silent)
         if best is None or len(attempt.nodes) > len(best.nodes):
             best = attempt
@@ -83,8 +85,10 @@ def _starts(
 class _Construction:
     """One run of Algorithm 1 from one start."""
 
-    def __init__(self, matcher: Matcher, travel: Travel, method: Method, goals: Collection[FrameId]) -> None:
-        self._matcher = matcher
+    def __init__(
+        self, matcher: Matcher, travel: Travel, closures: Closures, method: Method, goals: Collection[FrameId]
+    ) -> None:
+        self._matcher, self._closures = matcher, closures
         self._travel = travel
         self._method = method
         self._gates = Gates.building(method.building)
@@ -152,6 +156,7 @@ class _Construction:
         gates = self._weak_gates if second else self._gates
         near = connectable(known, gates)
         trusted = self._matcher.supported(known.take(near), seen.step)
+        trusted = self._closures.proven(seen.step, trusted, connectable(trusted, gates))
         chosen = trusted.take(connectable(trusted, gates))
         if second:
             best = np.argsort(-chosen.reachability, kind="stable")

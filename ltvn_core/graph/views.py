@@ -81,6 +81,11 @@ class Views:
         near = [distance(relative(odometry, self._observations[other].odometry)) < gap for other in beside]
         return tuple(other for other, is_near in zip(beside, near, strict=True) if is_near)
 
+    def around(self, frame: FrameId, reach: int) -> tuple[FrameId, ...]:
+        """Return up to `reach` frames before a frame and as many after it, without the frame itself, in order."""
+        here = bisect_left(self._order, frame)
+        return (*self._order[max(here - reach, 0) : here], *self._order[here + 1 : here + 1 + reach])
+
     def _store(self, seen: Observation, row: np.ndarray) -> None:
         store = self._with_room(row)
         place = self._free.pop() if self._free else len(self._rows)

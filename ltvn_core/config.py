@@ -27,7 +27,7 @@ class Matching:
     support_gap: float = 0.8
     """d by odometry within which two frames of a recording count as neighbours in time (ours)."""
     closure_reach: int = 10
-    """An edge between two passes of a drive must hold along so many images before and after its ends; 0 = off (ours)."""
+    """An edge between two passes of a drive must hold for so many images around its ends too; 0 = off (ours)."""
     closure_share: float = 0.5
     """Share of the images asked about that must lie as the edge foretells (ours)."""
 
@@ -72,6 +72,10 @@ class Localising:
     """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
     shortlist: int = 5
     """How many of the best nodes are asked for temporal support, without which none is believed; 0 = off (ours)."""
+    trail_share: float = 0.34
+    """Share of what the robot saw on its way here that must fit to the drive past a node; 0 = not asked (ours)."""
+    doubt_after_failures: int = 3
+    """Failed legs in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +256,7 @@ PAPER = Method(
         keep_merged=False,
         restarts=0,
     ),
-    localising=Localising(reachability_weight=0.0, shortlist=0),
+    localising=Localising(reachability_weight=0.0, shortlist=0, trail_share=0.0, doubt_after_failures=0),
     planning=Planning(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
     driving=Driving(
         look_every_steps=0,

@@ -44,7 +44,7 @@ def build(
     check_trajectory(observations, goals)
     views.add(observations)
     matcher, travel = Matcher(predictor, views, method.matching), Travel(observations, method.building)
-    closures = Closures(predictor, views, method.matching)
+    closures = Closures(matcher)
     best: _Construction | None = None
     for start in _starts(observations, goals, method.building.restarts, rng):
         attempt = _Construction(matcher, travel, closures, method, goals)

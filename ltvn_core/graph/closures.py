@@ -1,21 +1,21 @@
-"""Loop closures: an edge between two passes of a drive must hold along a stretch of both, not at one place alone.
+"""Loop closures: where two stretches of driving are said to meet, they must fit along both, not at one place alone.
 
 Two rooms may look alike from one place; what is seen a metre on, or after a turn, tells them apart. Odometry over so
-short a stretch is exact, so the edge foretells how the images around its ends lie to each other, and the network is
-asked whether they do. Owns that question (ours). Images close in time need no such proof.
+short a stretch is exact, so a match foretells how the images around its ends lie to each other, and the network is
+asked whether they do. Owns that question (ours), for edges between two passes of a drive and for the robot on its way.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import Matching
-from ltvn_core.geometry import compose, distance, invert, relative, wrap_angle
-from ltvn_core.graph.matching import Matches
-from ltvn_core.graph.views import Views
-from ltvn_core.types import FrameId, Predictor, Waypoint
+from ltvn_core.geometry import compose, distance, relative, wrap_angle
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.types import Features, FrameId, Waypoint
 
 _PAIRS = 8
-"""So many pairs of images are asked about one edge, those farthest from its ends."""
+"""So many pairs of images are asked about one match, those farthest from its ends."""
 _FEWEST = 3
 """Where fewer could see each other, nothing can be said."""
 _NEAR = 0.9
@@ -25,65 +25,79 @@ _GAP_M, _GAP_RAD = 0.35, 0.35
 _LEAST_R = 0.5
 
 
-class Closures:
-    """Checks edges of one drive."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Images taken on the way past one place, without the one taken there."""
 
-    def __init__(self, predictor: Predictor, views: Views, config: Matching) -> None:
-        """Compare images in `views`, which hold the whole drive."""
-        self._predictor, self._views, self._config = predictor, views, config
+    features: Features
+    """(K, F)."""
+    poses: Waypoint
+    """(K, 3): where odometry puts them, seen from that place."""
+
+
+class Closures:
+    """Asks whether a match fits along the way."""
+
+    def __init__(self, matcher: Matcher) -> None:
+        """Ask through `matcher`, whose views hold the drives."""
+        self._matcher, self._views = matcher, matcher.views
+        self._reach, self._share = matcher.config.closure_reach, matcher.config.closure_share
 
     def proven(self, frame: FrameId, matches: Matches, asked: NDArray[np.bool_]) -> Matches:
-        """Return the matches of a held frame; those of `asked` (N,) that do not hold along the drive lose all trust."""
-        reach = self._config.closure_reach
-        trusted = matches.reachability.copy()
-        for k in np.flatnonzero(asked) if reach else ():
-            if not self._holds(frame, matches.nodes[k], matches.waypoints[k], reach):
-                trusted[k] = 0.0
+        """Return the matches of a held frame; those of `asked` (N,) that do not fit along the drive lose all trust.
+
+        Images close in time need no such proof.
+        """
+        trusted, here = matches.reachability.copy(), None
+        near = set(self._views.around(frame, self._reach))
+        for k in np.flatnonzero(asked) if self._reach else ():
+            if matches.nodes[k] not in near:
+                here = here or self._stretch(frame)
+                trusted[k] *= self.fits(here, matches.nodes[k], matches.waypoints[k], self._share)
         return matches.with_reachability(trusted)
 
-    def _holds(self, frame: FrameId, node: FrameId, waypoint: Waypoint, reach: int) -> bool:
-        here, there = self._views.around(frame, reach), self._views.around(node, reach)
-        if node in here:
-            return True
-        first, second, expected = self._foretold(frame, node, waypoint, here, there)
+    def fits(self, here: Stretch, node: FrameId, waypoint: Waypoint, share: float) -> bool:
+        """Tell whether a node at `waypoint` (3,) fits to the stretch that leads here, True where nothing can be said.
+
+        Of the images around both that should see each other at least `share` must, and where they should.
+        """
+        there = self._stretch(node)
+        first, second, expected = _foretold(here.poses, compose(waypoint, there.poses))
         if len(first) < _FEWEST:
             return True
-        agreed = self._agree([here[k] for k in first], [there[k] for k in second], expected)
-        return bool(agreed.mean() >= self._config.closure_share)
+        agreed = self._agree(here.features[first], there.features[second], expected)
+        return bool(agreed.mean() >= share)
 
-    def _foretold(
-        self, frame: FrameId, node: FrameId, waypoint: Waypoint, here: tuple[FrameId, ...], there: tuple[FrameId, ...]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], Waypoint]:
-        """Return which images around both ends should see each other, and how they should lie, (P, 3)."""
-        from_frame, from_node = self._moved(frame, here), self._moved(node, there)
-        lie = relative(from_frame[:, None], compose(waypoint, from_node)[None])
-        apart = distance(lie)
-        far = np.linalg.norm(from_frame, axis=-1)[:, None] + np.linalg.norm(from_node, axis=-1)[None]
-        first, second = np.nonzero(apart < _NEAR)
-        order = np.argsort(-far[first, second], kind="stable")
-        # Not one image over and over: each takes part once.
-        chosen, taken = list[int](), set[tuple[str, int]]()
-        for k in order:
-            ends = {("first", int(first[k])), ("second", int(second[k]))}
-            if not ends & taken and len(chosen) < _PAIRS:
-                chosen.append(int(k))
-                taken |= ends
-        rows = np.array(chosen, np.intp)
-        return first[rows], second[rows], lie[first[rows], second[rows]]
+    def _stretch(self, frame: FrameId) -> Stretch:
+        """Return what the drive saw before and after a frame."""
+        beside = self._views.around(frame, self._reach)
+        odometry = np.array([self._views.observation(other).odometry for other in beside]).reshape(-1, 3)
+        return Stretch(self._views.features(beside), relative(self._views.observation(frame).odometry, odometry))
 
-    def _moved(self, frame: FrameId, others: tuple[FrameId, ...]) -> Waypoint:
-        """Return (K, 3) where odometry puts other images, seen from a frame."""
-        odometry = np.array([self._views.observation(other).odometry for other in others])
-        return relative(self._views.observation(frame).odometry, odometry)
-
-    def _agree(self, first: list[FrameId], second: list[FrameId], expected: Waypoint) -> NDArray[np.bool_]:
-        """Tell for P pairs of images whether the network sees them as they should lie, one way or the other."""
-        sources, targets = self._views.features(first), self._views.features(second)
-        answers = self._predictor.predict(np.concatenate([sources, targets]), np.concatenate([targets, sources]))
-        count = len(first)
-        ahead = answers.reachability[:count] >= answers.reachability[count:]
-        reachability = np.maximum(answers.reachability[:count], answers.reachability[count:])
-        waypoints = np.where(ahead[:, None], answers.waypoints[:count], invert(answers.waypoints[count:]))
+    def _agree(self, first: Features, second: Features, expected: Waypoint) -> NDArray[np.bool_]:
+        """Tell for P pairs of images whether the network sees them as they should lie, (P, 3), one way or the other."""
+        reachability, waypoints = self._matcher.pairs(first, second)
         gap = relative(expected, waypoints)
         near = (np.hypot(gap[:, 0], gap[:, 1]) < _GAP_M) & (np.abs(wrap_angle(gap[:, 2])) < _GAP_RAD)
         return near & (reachability > _LEAST_R)
+
+
+def _foretold(here: Waypoint, there: Waypoint) -> tuple[NDArray[np.intp], NDArray[np.intp], Waypoint]:
+    """Return which of (K, 3) and (L, 3) images should see each other, and how they should lie, (P, 3)."""
+    lie = relative(here[:, None], there[None])
+    far = np.linalg.norm(here[:, :2], axis=-1)[:, None] + np.linalg.norm(there[:, :2], axis=-1)[None]
+    first, second = np.nonzero(distance(lie) < _NEAR)
+    rows = _each_once(first, second, np.argsort(-far[first, second], kind="stable"))
+    return first[rows], second[rows], lie[first[rows], second[rows]]
+
+
+def _each_once(first: NDArray[np.intp], second: NDArray[np.intp], order: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the first few pairs in order in which no image takes part twice."""
+    chosen, used_first, used_second = list[int](), set[int](), set[int]()
+    for k in order.tolist():
+        a, b = int(first[k]), int(second[k])
+        if a not in used_first and b not in used_second and len(chosen) < _PAIRS:
+            chosen.append(k)
+            used_first.add(a)
+            used_second.add(b)
+    return np.array(chosen, np.intp)

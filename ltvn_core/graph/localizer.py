@@ -3,19 +3,41 @@
 Owns the score and the gates. Does not own what happens when no node is near enough.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Localising
+from ltvn_core.graph.closures import Closures, Stretch
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.types import Features, NodeId, Waypoint
 
 LOCAL, GLOBAL = "local", "global"
 _LEAST_R = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recall:
+    """What the robot remembers of the query that helps to tell where it is."""
+
+    plan: Sequence[NodeId] = ()
+    """The nodes of the last plan."""
+    trail: Stretch | None = None
+    """What it saw on its way here."""
+    doubted: Collection[NodeId] = ()
+    """Nodes that it does not believe to be at any more."""
+
+    def candidates(self, graph: TopologicalGraph) -> tuple[NodeId, ...]:
+        """Return all nodes it may be at."""
+        return tuple(node for node in graph.nodes if node not in self.doubted)
+
+
+NOTHING = Recall()
+"""At the beginning of a query."""
 
 
 class Fix(NamedTuple):
@@ -42,15 +64,22 @@ class Localizer:
         """Localise with `matcher`."""
         self._matcher = matcher
         self._config = config
+        self._closures = Closures(matcher)
 
-    def localise(self, image: Features, graph: TopologicalGraph, plan: Sequence[NodeId] = ()) -> Fix:
+    def localise(self, image: Features, graph: TopologicalGraph, recall: Recall = NOTHING) -> Fix:
         """Return where the image (1, F) is: a neighbour of the last plan if one is near enough, else any node."""
-        nearby = around(graph, plan)
+        nearby = [node for node in around(graph, recall.plan) if node not in recall.doubted]
         if nearby:
-            fix = self._best(self._believable(image, self._matcher.match(image, nearby)), LOCAL)
+            fix = self._best_of(nearby, image, recall, LOCAL)
             if fix.node is not None:
                 return fix
-        return self._best(self._believable(image, self._matcher.match(image, tuple(graph.nodes))), GLOBAL)
+        return self._best_of(recall.candidates(graph), image, recall, GLOBAL)
+
+    def _best_of(self, nodes: Sequence[NodeId], image: Features, recall: Recall, scope: str) -> Fix:
+        matches = self._believable(image, self._matcher.match(image, nodes))
+        if recall.trail is not None and self._config.trail_share:
+            matches = self._on_the_way(matches, recall.trail)
+        return self._best(matches, scope)
 
     def nearest_nodes(self, image: Features, graph: TopologicalGraph, count: int) -> tuple[tuple[NodeId, float], ...]:
         """Return the `count` nodes that look most like the image (1, F), best first, with their reachability."""
@@ -72,6 +101,16 @@ class Localizer:
             return matches
         order = np.argsort(self._scores(matches)[candidates], kind="stable")
         return self._matcher.witnessed(matches.take(candidates[order[: self._config.shortlist]]), image)
+
+    def _on_the_way(self, matches: Matches, trail: Stretch) -> Matches:
+        """Take all trust from the best nodes up to the first that fits to the way here."""
+        candidates = np.flatnonzero(self._near_enough(matches))
+        trusted = matches.reachability.copy()
+        for k in candidates[np.argsort(self._scores(matches)[candidates], kind="stable")]:
+            if self._closures.fits(trail, matches.nodes[k], matches.waypoints[k], self._config.trail_share):
+                break
+            trusted[k] = 0.0
+        return matches.with_reachability(trusted)
 
     def _best(self, matches: Matches, scope: str) -> Fix:
         return best_fix(matches, self._scores(matches), self._near_enough(matches), scope)

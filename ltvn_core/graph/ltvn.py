@@ -3,7 +3,6 @@
 Owns how these parts are put together; each lives in its own module.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,7 +11,7 @@ import numpy as np
 from ltvn_core.config import Localising, Method
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.expansion import expand
-from ltvn_core.graph.localizer import Fix, Localizer
+from ltvn_core.graph.localizer import Fix, Localizer, Recall
 from ltvn_core.graph.maintenance import Attempt, Lost, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import edge_cost
@@ -60,7 +59,5 @@ class LifelongMaintenance:
         return novel_node(graph, lost.observation, matcher.match(lost.image, tuple(graph.nodes)), self.method)
 
 
-def _localise(
-    image: Features, graph: TopologicalGraph, plan: Sequence[NodeId], matcher: Matcher, *, config: Localising
-) -> Fix:
-    return Localizer(matcher, config).localise(image, graph, plan)
+def _localise(image: Features, graph: TopologicalGraph, recall: Recall, matcher: Matcher, *, config: Localising) -> Fix:
+    return Localizer(matcher, config).localise(image, graph, recall)

@@ -68,6 +68,11 @@ class Matcher:
         self._config = config
 
     @property
+    def config(self) -> Matching:
+        """How images are compared."""
+        return self._config
+
+    @property
     def views(self) -> Views:
         """The images that can be compared against."""
         return self._views
@@ -82,6 +87,14 @@ class Matcher:
         distances = np.where(_says_nothing(reachability, waypoints), np.inf, distance(waypoints))
         found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
         return self._both_ways(image, targets, found, backward) if self._config.both_directions else found
+
+    def pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
+        """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
+        both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
+        there, back = (Prediction(*part) for part in zip(*(np.split(part, 2) for part in both), strict=True))
+        ahead = there.reachability >= back.reachability
+        waypoints = np.where(ahead[:, None], there.waypoints, invert(back.waypoints))
+        return np.maximum(there.reachability, back.reachability), waypoints
 
     def supported(self, matches: Matches, frame: FrameId) -> Matches:
         """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.

@@ -22,7 +22,7 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.graph.builder import Progress
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.graph.localizer import Fix
+from ltvn_core.graph.localizer import Fix, Recall
 from ltvn_core.graph.maintenance import Attempt, Lost
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import EdgeWeight
@@ -57,8 +57,8 @@ class Build(Protocol):
 class Localise(Protocol):
     """Which node the robot is at."""
 
-    def __call__(self, image: Features, graph: TopologicalGraph, plan: Sequence[NodeId], matcher: Matcher) -> Fix:
-        """Compare the current image (1, F) with the map; `plan` holds the nodes of the last plan, if there is one."""
+    def __call__(self, image: Features, graph: TopologicalGraph, recall: Recall, matcher: Matcher) -> Fix:
+        """Compare the current image (1, F) with the map, in the light of what the query has shown so far."""
         ...
 
 

@@ -13,6 +13,9 @@ from ltvn_core.errors import MapError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.types import Features, FrameId, Observation, Predictor
 
+_JUMP = 1.5
+"""Frames one after the other that are farther apart by odometry, as d, are not of one stretch of driving."""
+
 
 class Views:
     """Images with their features in one growing array; rows of dropped frames are used again."""
@@ -82,9 +85,16 @@ class Views:
         return tuple(other for other, is_near in zip(beside, near, strict=True) if is_near)
 
     def around(self, frame: FrameId, reach: int) -> tuple[FrameId, ...]:
-        """Return up to `reach` frames before a frame and as many after it, without the frame itself, in order."""
+        """Return up to `reach` frames before and after a frame, without itself, up to where odometry jumps."""
         here = bisect_left(self._order, frame)
-        return (*self._order[max(here - reach, 0) : here], *self._order[here + 1 : here + 1 + reach])
+        before = self._unbroken(self._order[max(here - reach, 0) : here + 1][::-1])
+        return (*before[:0:-1], *self._unbroken(self._order[here : here + 1 + reach])[1:])
+
+    def _unbroken(self, frames: Sequence[FrameId]) -> Sequence[FrameId]:
+        """Return the frames up to the first jump between two of them."""
+        odometry = np.array([self._observations[frame].odometry for frame in frames])
+        jumps = np.flatnonzero(distance(relative(odometry[:-1], odometry[1:])) > _JUMP)
+        return frames[: jumps[0] + 1] if len(jumps) else frames
 
     def _store(self, seen: Observation, row: np.ndarray) -> None:
         store = self._with_room(row)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from ltvn_core.geometry import distance
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.nav.body import Body
+from ltvn_core.nav.trail import Trail
 from ltvn_core.types import Features, NodeId, Observation, Predictor, Waypoint
 
 
@@ -37,6 +38,8 @@ class Eyes:
         self._predictor = predictor
         self._matcher = matcher
         self._on_look = on_look
+        self.trail = Trail()
+        """What was looked at on the way, as far as it was encoded."""
         self._at_step = -1
         self._observation: Observation | None = None
         self._features: Features | None = None
@@ -57,6 +60,7 @@ class Eyes:
         seen = self.observation
         if self._features is None:
             self._features = self._predictor.encode([seen])
+            self.trail.saw(seen.odometry, self._features)
         return self._features
 
     def sight(self, node: NodeId) -> Sight:

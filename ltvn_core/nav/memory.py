@@ -6,7 +6,7 @@ step. Beliefs that outlive the query are the map's.
 
 from collections import Counter
 
-from ltvn_core.config import Planning
+from ltvn_core.config import Localising, Planning
 from ltvn_core.graph.topograph import EdgeKey
 from ltvn_core.nav.events import Outcome
 from ltvn_core.types import NodeId
@@ -15,12 +15,13 @@ from ltvn_core.types import NodeId
 class QueryMemory:
     """Edges driven and failed in one query."""
 
-    def __init__(self, config: Planning) -> None:
+    def __init__(self, config: Planning, localising: Localising) -> None:
         """Remember nothing yet."""
-        self._config = config
+        self._config, self._patience = config, localising.doubt_after_failures
         self._driven: Counter[EdgeKey] = Counter()
         self._failed: set[EdgeKey] = set()
         self._searched: set[NodeId] = set()
+        self._failed_from: Counter[NodeId] = Counter()
         self.penalties: dict[EdgeKey, float] = {}
         """What edges cost more for the rest of the query."""
         self.plan: tuple[NodeId, ...] = ()
@@ -35,6 +36,8 @@ class QueryMemory:
         """How often a second look at the goal disagreed with the first."""
         self.approached: NodeId | None = None
         """The node that was approached last instead of its successor."""
+        self.doubted: set[NodeId] = set()
+        """Nodes the robot does not believe to be at any more."""
 
     def drove(self, edge: EdgeKey) -> bool:
         """Count one more leg along an edge; tell whether that is so often that it must have failed."""
@@ -56,6 +59,17 @@ class QueryMemory:
         self._failed.add(edge)
         if self._config.failure_penalty:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
+
+    def fail_from(self, node: NodeId) -> None:
+        """Remember that a leg from a node failed; where that happens often, the robot is somewhere else."""
+        self._failed_from[node] += 1
+        if 0 < self._patience <= self._failed_from[node]:
+            self.doubted.add(node)
+
+    def trust_again(self) -> None:
+        """Believe every node once more."""
+        self.doubted.clear()
+        self._failed_from.clear()
 
     def look_in_vain(self, why: Outcome) -> None:
         """Count a look without a node or without a path."""

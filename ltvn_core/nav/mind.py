@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ltvn_core.config import Method
+from ltvn_core.graph.closures import Closures
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import Planner
@@ -32,6 +33,7 @@ class Mind:
     intrinsics: Intrinsics
     matcher: Matcher
     planner: Planner
+    closures: Closures
     attempts: Iterator[int] = field(default_factory=lambda: itertools.count(1))
     """Numbers the legs."""
 
@@ -53,7 +55,7 @@ class Mind:
         """Put the parts together."""
         matcher = Matcher(predictor, views, system.method.matching)
         planner = Planner(graph, system.method.planning, weight=system.edge_weight)
-        return cls(graph, views, predictor, system, rng, intrinsics, matcher, planner)
+        return cls(graph, views, predictor, system, rng, intrinsics, matcher, planner, Closures(matcher))
 
     def change(self, deltas: Iterable[GraphDelta], query: int, attempt: int | None = None) -> Iterator[GraphChanged]:
         """Apply deltas to the map, each with its event."""

@@ -11,7 +11,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.localizer import LOCAL, Fix
+from ltvn_core.graph.localizer import LOCAL, Fix, Recall
 from ltvn_core.graph.maintenance import Attempt, Lost
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import Path
@@ -56,7 +56,7 @@ class Task:
         self._mind, self._method = mind, mind.method
         self._body, self._eyes = body, eyes
         self._goal, self._query = goal, query
-        self._memory = QueryMemory(mind.method.planning)
+        self._memory = QueryMemory(mind.method.planning, mind.method.localising)
         self._leg = Leg(body, eyes, mind.method.driving, mind.intrinsics)
         self._state = NavigatorState.IDLE
 
@@ -86,7 +86,9 @@ class Task:
             fix = Fix(held, sight.distance, sight.reachability, sight.waypoint, None, np.inf, LOCAL)
         else:
             mind = self._mind
-            fix = mind.system.localise(self._eyes.features, mind.graph, self._memory.plan, mind.matcher)
+            image = self._eyes.features
+            recall = Recall(self._memory.plan, self._eyes.trail.seen_from(self._body.odometry), self._memory.doubted)
+            fix = mind.system.localise(image, mind.graph, recall, mind.matcher)
         frame = self._eyes.observation.step
         numbers = fix.distance, fix.reachability, fix.runner_up, fix.margin, fix.scope
         yield Localised(self._query, frame, fix.node, *numbers)
@@ -98,6 +100,10 @@ class Task:
         if not is_at_goal(first.reachability, first.waypoint, judging):
             return False
         if self._eyes.witnessed(self._goal).reachability <= judging.success_reachability:
+            return False
+        if not self._fits_the_way(first):
+            self._memory.plan = ()
+            yield Note("It looked like the goal, but what it saw on the way here does not fit.", Severity.WARN)
             return False
         if not judging.second_look or self._memory.denials >= _DENIALS:
             return True
@@ -113,6 +119,11 @@ class Task:
         self._memory.plan = ()
         yield Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
         return False
+
+    def _fits_the_way(self, goal: Sight) -> bool:
+        """Tell whether the goal may be where it seems, after all that was seen on the way here."""
+        trail, share = self._eyes.trail.seen_from(self._body.odometry), self._method.localising.trail_share
+        return trail is None or not share or self._mind.closures.fits(trail, self._goal, goal.waypoint, share)
 
     def _plan(self, start: NodeId) -> Steps[Path]:
         """Find the cheapest path; where there is none, the system may extend the map."""
@@ -201,6 +212,7 @@ class Task:
         if not verdict.succeeded:
             for edge in edges:  # Nobody knows which of them is to blame.
                 self._memory.fail(edge)
+            self._memory.fail_from(stretch[0])
         evidence = Attempt(stretch[0], stretch[-1], sight.distance, verdict.succeeded, failed_before)
         yield from mind.change(mind.system.maintenance.after_attempt(mind.graph, evidence), self._query, attempt)
 
@@ -220,6 +232,10 @@ class Task:
             raise QueryOver(memory.despair)
         ahead = Twist(self._method.driving.speed_m_s / 2, 0.0)
         around = memory.looks_in_vain % recovering.looks_per_turn == 0
+        if around:
+            # Perhaps it was wrong about the way here, and about where it is not.
+            self._eyes.trail.forget()
+            memory.trust_again()
         if around and recovering.wander_m and self._leg.cleared(ahead, recovering.wander_m) == ahead:
             yield from self._body.advance(recovering.wander_m, ahead.linear_m_s)
         yield from self._turn(recovering.turn_rad)

@@ -15,7 +15,7 @@ from scipy.ndimage import median_filter
 from ltvn_core.config import Method
 from ltvn_core.graph.builder import Progress, check_trajectory
 from ltvn_core.graph.deltas import Belief
-from ltvn_core.graph.localizer import GLOBAL, LOCAL, Fix, best_fix
+from ltvn_core.graph.localizer import GLOBAL, LOCAL, Fix, Recall, best_fix
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.rivals.all_images import Link, each_with_all, nodes_and_edges, take_in
 from ltvn_core.graph.system import Deltas, System, Untouched
@@ -62,13 +62,13 @@ def _hop(belief: Belief) -> float:
     return 1.0
 
 
-def _localise(image: Features, graph: TopologicalGraph, plan: Sequence[NodeId], matcher: Matcher) -> Fix:
+def _localise(image: Features, graph: TopologicalGraph, recall: Recall, matcher: Matcher) -> Fix:
     """Find the best node at the beginning of the last path, else the middle one in time of the 5 best of all."""
-    ahead = [node for node in plan[: LOOK_AHEAD + 1] if node in graph.nodes]
+    ahead = [node for node in recall.plan[: LOOK_AHEAD + 1] if node in graph.nodes]
     near = matcher.match(image, ahead)
     if len(near) and near.reachability.max() >= WEAKLY_CLOSE:
         return best_fix(near, -near.reachability, near.reachability >= WEAKLY_CLOSE, LOCAL)
-    matches = matcher.match(image, tuple(graph.nodes))
+    matches = matcher.match(image, recall.candidates(graph))
     order = np.argsort(-matches.reachability, kind="stable")[:NEAREST]
     close = [k for k in order if matches.reachability[k] >= CLOSE]
     passing = np.zeros(len(matches), bool)

@@ -16,13 +16,13 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.graph.builder import Progress, check_trajectory
 from ltvn_core.graph.deltas import Belief
-from ltvn_core.graph.localizer import GLOBAL, Fix, best_fix
+from ltvn_core.graph.localizer import GLOBAL, Fix, Recall, best_fix
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.rivals.all_images import Link, each_with_all, nodes_and_edges, passed_over, take_in
 from ltvn_core.graph.system import Deltas, System, Untouched, first_node
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.graph.views import Views
-from ltvn_core.types import Features, FrameId, NodeId, Observation, Prediction, Predictor
+from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor
 
 TAU_STEPS = 8.0
 """The temporal distance at which the network's r has fallen to 1 / e; its labels are drawn with the same."""
@@ -80,9 +80,9 @@ def _weight(belief: Belief) -> float:
     return max(1.0, temporal_distance(belief.p))
 
 
-def _localise(image: Features, graph: TopologicalGraph, plan: Sequence[NodeId], matcher: Matcher) -> Fix:
+def _localise(image: Features, graph: TopologicalGraph, recall: Recall, matcher: Matcher) -> Fix:
     """Find the node at the least temporal distance, if that is no more than an edge's."""
-    matches = matcher.match(image, tuple(graph.nodes))
+    matches = matcher.match(image, recall.candidates(graph))
     steps = np.array([temporal_distance(r) for r in matches.reachability])
     return best_fix(matches, steps, matches.reachability >= closeness(EDGE_STEPS), GLOBAL)
 

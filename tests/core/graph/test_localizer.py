@@ -7,7 +7,7 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded, PoseRow
-from ltvn_core.graph.localizer import GLOBAL, LOCAL, Fix, Localizer, around
+from ltvn_core.graph.localizer import GLOBAL, LOCAL, Fix, Localizer, Recall, around
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import node_of
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -31,7 +31,7 @@ def line(predictor: FlatPredictor, method: Method) -> tuple[Localizer, Topologic
 def fix_at(x: float, y: float = 1.0, yaw: float = 0.0, plan: tuple[int, ...] = (), method: Method = ROBUST) -> Fix:
     predictor = FlatPredictor(one_room())
     localizer, graph = line(predictor, method)
-    return localizer.localise(predictor.encode([look_at(np.array([x, y, yaw]), 99)]), graph, plan)
+    return localizer.localise(predictor.encode([look_at(np.array([x, y, yaw]), 99)]), graph, Recall(plan))
 
 
 @pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])

@@ -13,7 +13,7 @@ from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.data import temporal_rules
 from ltvn_core.errors import MapError
 from ltvn_core.graph.expansion import reachable
-from ltvn_core.graph.localizer import GLOBAL, LOCAL
+from ltvn_core.graph.localizer import GLOBAL, LOCAL, Recall
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.rivals import ving as ving_rules
@@ -118,19 +118,19 @@ def test_sptm_looks_along_the_last_path_first_and_then_for_the_middle_of_the_bes
     system, predictor = sptm(ROBUST), TemporalPredictor(one_room())
     graph, _, matcher = mapped(system, images, predictor)
     here = predictor.encode([look_at(np.array([2.6, 1.0, 0.0]), 99)])
-    fix = system.localise(here, graph, tuple(range(17, 30)), matcher)
+    fix = system.localise(here, graph, Recall(tuple(range(17, 30))), matcher)
     assert (fix.node, fix.scope) == (20, LOCAL)
-    fix = system.localise(here, graph, (0, 1, 2), matcher)
+    fix = system.localise(here, graph, Recall((0, 1, 2)), matcher)
     assert (fix.node, fix.scope) == (20, GLOBAL)
     nowhere = predictor.encode([look_at(np.array([2.6, 3.0, 0.0]), 99)])
-    assert system.localise(nowhere, graph, (), matcher).node is None
+    assert system.localise(nowhere, graph, Recall(), matcher).node is None
 
 
 def test_sptm_is_at_the_middle_one_of_five_that_look_alike() -> None:
     images = [look_at(np.array([0.6 + 0.01 * k, 1.0, 0.0]), k) for k in range(30)]
     system, predictor = sptm(ROBUST), TemporalPredictor(one_room())
     graph, _, matcher = mapped(system, images, predictor)
-    assert system.localise(predictor.encode([images[-1]]), graph, (), matcher).node == 27
+    assert system.localise(predictor.encode([images[-1]]), graph, Recall(), matcher).node == 27
 
 
 def test_vings_edges_weigh_the_steps_between_their_images() -> None:
@@ -159,11 +159,11 @@ def test_ving_is_where_the_temporal_distance_is_least_or_nowhere() -> None:
     images = [look_at(np.array([0.6 + 0.1 * k, 1.0, 0.0]), k) for k in range(30)]
     system, predictor = ving(ROBUST), TemporalPredictor(one_room())
     graph, _, matcher = mapped(system, images, predictor)
-    fix = system.localise(predictor.encode([look_at(np.array([1.41, 1.0, 0.0]), 99)]), graph, (), matcher)
+    fix = system.localise(predictor.encode([look_at(np.array([1.41, 1.0, 0.0]), 99)]), graph, Recall(), matcher)
     assert fix.node == 8
     assert fix.margin == pytest.approx(0.8, abs=0.01)
     nowhere = predictor.encode([look_at(np.array([2.6, 3.0, 0.0]), 99)])
-    assert system.localise(nowhere, graph, (), matcher).node is None
+    assert system.localise(nowhere, graph, Recall(), matcher).node is None
 
 
 def test_the_labels_and_the_map_mean_the_same_by_a_step() -> None:

@@ -72,8 +72,10 @@ class Localising:
     """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
     shortlist: int = 5
     """How many of the best nodes are asked for temporal support, without which none is believed; 0 = off (ours)."""
+    trail_reach: int = 30
+    """What the robot saw on its way must fit to so many images of the drive before and after a node; 0 = off (ours)."""
     trail_share: float = 0.34
-    """Share of what the robot saw on its way here that must fit to the drive past a node; 0 = not asked (ours)."""
+    """Share of those looks that must fit (ours)."""
     doubt_after_failures: int = 3
     """Failed legs in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
 
@@ -256,7 +258,7 @@ PAPER = Method(
         keep_merged=False,
         restarts=0,
     ),
-    localising=Localising(reachability_weight=0.0, shortlist=0, trail_share=0.0, doubt_after_failures=0),
+    localising=Localising(reachability_weight=0.0, shortlist=0, trail_reach=0, doubt_after_failures=0),
     planning=Planning(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
     driving=Driving(
         look_every_steps=0,

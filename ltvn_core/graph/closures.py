@@ -6,6 +6,7 @@ asked whether they do. Owns that question (ours), for edges between two passes o
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,6 @@ from ltvn_core.types import Features, FrameId, Waypoint
 
 _PAIRS = 8
 """So many pairs of images are asked about one match, those farthest from its ends."""
-_FEWEST = 3
-"""Where fewer could see each other, nothing can be said."""
 _NEAR = 0.9
 """Images that should lie within this d are asked about."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
@@ -35,42 +34,50 @@ class Stretch:
     """(K, 3): where odometry puts them, seen from that place."""
 
 
+class Standard(NamedTuple):
+    """What counts as fitting."""
+
+    reach: int
+    """So many images of the drive before and after a node take part."""
+    share: float
+    """Of the images that should see each other so many must, and where they should."""
+    fewest: int
+    """Where fewer should see each other, nothing can be said."""
+
+
 class Closures:
     """Asks whether a match fits along the way."""
 
     def __init__(self, matcher: Matcher) -> None:
         """Ask through `matcher`, whose views hold the drives."""
         self._matcher, self._views = matcher, matcher.views
-        self._reach, self._share = matcher.config.closure_reach, matcher.config.closure_share
+        self._edges = Standard(matcher.config.closure_reach, matcher.config.closure_share, fewest=3)
 
     def proven(self, frame: FrameId, matches: Matches, asked: NDArray[np.bool_]) -> Matches:
         """Return the matches of a held frame; those of `asked` (N,) that do not fit along the drive lose all trust.
 
         Images close in time need no such proof.
         """
-        trusted, here = matches.reachability.copy(), None
-        near = set(self._views.around(frame, self._reach))
-        for k in np.flatnonzero(asked) if self._reach else ():
+        trusted, here, reach = matches.reachability.copy(), None, self._edges.reach
+        near = set(self._views.around(frame, reach))
+        for k in np.flatnonzero(asked) if reach else ():
             if matches.nodes[k] not in near:
-                here = here or self._stretch(frame)
-                trusted[k] *= self.fits(here, matches.nodes[k], matches.waypoints[k], self._share)
+                here = here or self._stretch(frame, reach)
+                trusted[k] *= self.fits(here, matches.nodes[k], matches.waypoints[k], self._edges)
         return matches.with_reachability(trusted)
 
-    def fits(self, here: Stretch, node: FrameId, waypoint: Waypoint, share: float) -> bool:
-        """Tell whether a node at `waypoint` (3,) fits to the stretch that leads here, True where nothing can be said.
-
-        Of the images around both that should see each other at least `share` must, and where they should.
-        """
-        there = self._stretch(node)
+    def fits(self, here: Stretch, node: FrameId, waypoint: Waypoint, standard: Standard) -> bool:
+        """Tell whether a node at `waypoint` (3,) fits to the stretch that leads here; True where none can say."""
+        there = self._stretch(node, standard.reach)
         first, second, expected = _foretold(here.poses, compose(waypoint, there.poses))
-        if len(first) < _FEWEST:
+        if len(first) < standard.fewest:
             return True
         agreed = self._agree(here.features[first], there.features[second], expected)
-        return bool(agreed.mean() >= share)
+        return bool(agreed.mean() >= standard.share)
 
-    def _stretch(self, frame: FrameId) -> Stretch:
+    def _stretch(self, frame: FrameId, reach: int) -> Stretch:
         """Return what the drive saw before and after a frame."""
-        beside = self._views.around(frame, self._reach)
+        beside = self._views.around(frame, reach)
         odometry = np.array([self._views.observation(other).odometry for other in beside]).reshape(-1, 3)
         return Stretch(self._views.features(beside), relative(self._views.observation(frame).odometry, odometry))
 

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Localising
-from ltvn_core.graph.closures import Closures, Stretch
+from ltvn_core.graph.closures import Closures, Standard, Stretch
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.types import Features, NodeId, Waypoint
 
 LOCAL, GLOBAL = "local", "global"
 _LEAST_R = 1e-6
+_FEWEST_LOOKS = 2
+"""The robot looks seldom on its way, so that few looks must do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +79,7 @@ class Localizer:
 
     def _best_of(self, nodes: Sequence[NodeId], image: Features, recall: Recall, scope: str) -> Fix:
         matches = self._believable(image, self._matcher.match(image, nodes))
-        if recall.trail is not None and self._config.trail_share:
+        if recall.trail is not None:
             matches = self._on_the_way(matches, recall.trail)
         return self._best(matches, scope)
 
@@ -107,13 +109,19 @@ class Localizer:
         candidates = np.flatnonzero(self._near_enough(matches))
         trusted = matches.reachability.copy()
         for k in candidates[np.argsort(self._scores(matches)[candidates], kind="stable")]:
-            if self._closures.fits(trail, matches.nodes[k], matches.waypoints[k], self._config.trail_share):
+            if on_the_way(self._closures, trail, matches.nodes[k], matches.waypoints[k], self._config):
                 break
             trusted[k] = 0.0
         return matches.with_reachability(trusted)
 
     def _best(self, matches: Matches, scope: str) -> Fix:
         return best_fix(matches, self._scores(matches), self._near_enough(matches), scope)
+
+
+def on_the_way(closures: Closures, trail: Stretch, node: NodeId, waypoint: Waypoint, config: Localising) -> bool:
+    """Tell whether a node seen at `waypoint` (3,) may be there, after all that was seen on the way here."""
+    standard = Standard(config.trail_reach, config.trail_share, fewest=_FEWEST_LOOKS)
+    return not config.trail_reach or closures.fits(trail, node, waypoint, standard)
 
 
 def best_fix(matches: Matches, scores: NDArray[np.float64], passing: NDArray[np.bool_], scope: str) -> Fix:

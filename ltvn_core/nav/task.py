@@ -11,7 +11,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.localizer import LOCAL, Fix, Recall
+from ltvn_core.graph.localizer import LOCAL, Fix, Recall, on_the_way
 from ltvn_core.graph.maintenance import Attempt, Lost
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import Path
@@ -122,8 +122,8 @@ class Task:
 
     def _fits_the_way(self, goal: Sight) -> bool:
         """Tell whether the goal may be where it seems, after all that was seen on the way here."""
-        trail, share = self._eyes.trail.seen_from(self._body.odometry), self._method.localising.trail_share
-        return trail is None or not share or self._mind.closures.fits(trail, self._goal, goal.waypoint, share)
+        trail, config = self._eyes.trail.seen_from(self._body.odometry), self._method.localising
+        return trail is None or on_the_way(self._mind.closures, trail, self._goal, goal.waypoint, config)
 
     def _plan(self, start: NodeId) -> Steps[Path]:
         """Find the cheapest path; where there is none, the system may extend the map."""

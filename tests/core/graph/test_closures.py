@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.config import ROBUST, Matching
-from ltvn_core.graph.closures import Closures, Stretch
+from ltvn_core.graph.closures import Closures, Standard, Stretch
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.views import Views
 from ltvn_core.nav.trail import Trail
@@ -15,6 +15,7 @@ FIRST = [look_at(np.array([0.5 + 0.3 * k, 1.0, 0.0]), k) for k in range(12)]
 SECOND = [look_at(np.array([0.5 + 0.3 * k, 1.2, 0.0]), 100 + k) for k in range(12)]
 """Two passes through a room, side by side."""
 TRUE, FALSE = (2, 102), (2, 109)
+LOOKS = Standard(reach=30, share=0.34, fewest=2)
 LIE = np.array([0.1, 0.0, 0.0])
 
 
@@ -65,15 +66,15 @@ def test_what_was_seen_on_the_way_tells_the_place_from_one_that_looks_alike() ->
     trail = driven(8)
     assert trail is not None
     there = np.array([0.0, 0.2, 0.0])
-    assert Closures(matcher()).fits(trail, 108, there, 0.34)
-    assert not Closures(matcher()).fits(trail, 103, there, 0.34)
+    assert Closures(matcher()).fits(trail, 108, there, LOOKS)
+    assert not Closures(matcher()).fits(trail, 103, there, LOOKS)
 
 
 def test_at_the_beginning_of_a_way_nothing_can_be_said() -> None:
     assert driven(0) is None
     trail = driven(1)
     assert trail is not None
-    assert Closures(matcher()).fits(trail, 103, np.zeros(3), 0.34)
+    assert Closures(matcher()).fits(trail, 103, np.zeros(3), LOOKS)
 
 
 def test_a_trail_keeps_only_looks_from_different_places_and_forgets_when_told() -> None:

@@ -36,11 +36,11 @@ class Matching:
 class Building:
     """Algorithm 1: from a trajectory to a map."""
 
-    merge_distance: float = 0.35
+    merge_distance: float = 0.55
     """D_m: an image nearer than this to a node adds nothing (paper)."""
     merge_reachability: float = 0.6
     """Least r for merging (ours)."""
-    merge_yaw_rad: float = 0.35
+    merge_yaw_rad: float = 0.45
     """Images turned by more than this never merge; pi switches the gate off (ours)."""
     connect_distance: float = 1.0
     """D_c: two images nearer than this are joined by an edge (paper)."""

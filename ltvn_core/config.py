@@ -118,6 +118,8 @@ class Driving:
     """Refuse a command that would touch what the last depth images showed (ours)."""
     swerve: bool = True
     """Bend such a command before refusing it (ours)."""
+    bends: int = 3
+    """How often in a leg the robot may go round what no swerve avoids, by one bend each; 0 = never (ours)."""
     veto_margin_m: float = 0.04
     """How much wider than the robot the way must be (ours)."""
     back_off_m: float = 0.25
@@ -266,6 +268,7 @@ PAPER = Method(
         through_map=False,
         depth_veto=False,
         swerve=False,
+        bends=0,
         back_off_m=0.1,
     ),
     judging=Judging(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),

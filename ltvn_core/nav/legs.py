@@ -4,12 +4,13 @@ Owns the loop between two control steps. Does not judge whether the leg reached 
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ltvn_core.config import Driving
 from ltvn_core.geometry import compose, relative
+from ltvn_core.nav.bend import place_to_bend
 from ltvn_core.nav.body import Body
 from ltvn_core.nav.controller import drives_backwards, steer
 from ltvn_core.nav.events import Event, LegEnd, Tick
@@ -20,6 +21,8 @@ from ltvn_core.types import Intrinsics, NodeId, Pose, Twist, Waypoint
 
 _LONGEST_LEG_M = 2.5
 """No waypoint is believed beyond the range in which the network learned."""
+_BEND_M = 0.04
+"""Where a way is narrow enough to need a bend, the bend must be where it was meant to be."""
 _FINISH_M = 0.3
 """So near, the waypoint is not predicted anew."""
 
@@ -41,27 +44,25 @@ class Leg:
         """Drive with `body`, looking through `eyes`."""
         self._body = body
         self._eyes = eyes
-        self._config = config
+        self._config, self._at_bends = config, replace(config, position_tolerance_m=_BEND_M)
         self._surroundings = Surroundings(intrinsics)
+        self._begin(np.zeros(3))
 
     def drive(self, target: NodeId, waypoint: Waypoint) -> Generator[Event | Tick, None, LegResult]:
         """Drive to a waypoint (3,) given in the robot's frame now, at which `target` should be."""
         body, config = self._body, self._config
         goal = compose(body.odometry, clipped(waypoint))
-        backwards = drives_backwards(waypoint)
         touched = body.collisions
+        self._begin(waypoint)
         for step in range(config.leg_steps):
             if self._is_due(step, goal):
                 sight = self._eyes.sight(target)
                 if sight.reachability < config.lost_reachability:
                     return LegResult(LegEnd.LOST, step, goal)
                 goal = compose(body.odometry, clipped(sight.waypoint))
-            twist = steer(relative(body.odometry, goal), config, backwards=backwards)
-            if twist is None:
-                return LegResult(LegEnd.REACHED, step, goal)
-            twist = self.cleared(twist, float(np.hypot(*relative(body.odometry, goal)[:2])))
-            if twist is None:
-                return LegResult(LegEnd.BLOCKED, step, goal)
+            twist = self._next(goal)
+            if isinstance(twist, LegEnd):
+                return LegResult(twist, step, goal)
             yield from body.move(twist)
             if body.collisions > touched or (step == 0 and body.touching and twist.linear_m_s):
                 self._surroundings.bump(body.odometry, backwards=twist.linear_m_s < 0)
@@ -70,9 +71,54 @@ class Leg:
         return LegResult(LegEnd.TIMEOUT, config.leg_steps, goal)
 
     def _is_due(self, step: int, goal: Pose) -> bool:
+        if self._turned_round:
+            return False  # The node is behind the robot, where it cannot be seen.
         every = self._config.look_every_steps
         left = relative(self._body.odometry, goal)
         return bool(every and step and step % every == 0 and np.hypot(left[0], left[1]) > _FINISH_M)
+
+    def _begin(self, waypoint: Waypoint) -> None:
+        """Forget how the last leg went."""
+        self._backwards, self._turned_round = drives_backwards(waypoint), False
+        self._bend: Pose | None = None
+        self._bends_left = self._config.bends
+
+    def _next(self, goal: Pose) -> Twist | LegEnd:
+        """Return the next command, or how the leg ends here."""
+        while True:
+            aim, config = (goal, self._config) if self._bend is None else (self._bend, self._at_bends)
+            error = relative(self._body.odometry, aim)
+            twist = steer(error, config, backwards=self._backwards)
+            if twist is None:
+                if self._bend is None:
+                    return LegEnd.REACHED
+                self._bend = None
+                continue
+            free = self.cleared(twist, float(np.hypot(error[0], error[1])))
+            if free is not None:
+                return free
+            if not self._finds_another_way(goal):
+                return LegEnd.BLOCKED
+
+    def _finds_another_way(self, goal: Pose) -> bool:
+        """Turn round where backing up is blocked, for the camera looks ahead; else look for a bend, a few times."""
+        if not self._bends_left:
+            return False
+        if self._backwards:
+            self._backwards, self._turned_round = False, True
+            return True
+        self._bends_left -= 1
+        self._bend = self._way_round(goal)
+        return self._bend is not None
+
+    def _way_round(self, goal: Pose) -> Pose | None:
+        """Return where to turn, and how to stand there, on the way to a pose (3,) that is not straight ahead."""
+        odometry, ahead = self._body.odometry, relative(self._body.odometry, goal)[:2]
+        place = place_to_bend(ahead, self._surroundings.around(odometry))
+        if place is None:
+            return None
+        onward = ahead - place
+        return compose(odometry, np.array([*place, np.arctan2(onward[1], onward[0])]))
 
     def cleared(self, twist: Twist, length_m: float) -> Twist | None:
         """Return a command as near to `twist` as what stands around allows, None if nothing does."""

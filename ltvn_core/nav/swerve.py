@@ -14,7 +14,7 @@ _AHEAD_S = 0.8
 _STEPS = 6
 _BENDS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How much an arc may be bent, the least first."""
-_NOISE_POINTS = 2
+NOISE_POINTS = 2
 """So many stray points are not believed."""
 _GIVE_M = 0.005
 _SQUEEZE, _SQUEEZE_MARGIN_M = 0.4, 0.01
@@ -26,7 +26,7 @@ def free_command(twist: Twist, points: NDArray[np.float64], length_m: float, con
 
     Points are in the robot's frame. Returns None if every bend ends in contact; a turn on the spot never does.
     """
-    if not twist.linear_m_s or len(points) <= _NOISE_POINTS:
+    if not twist.linear_m_s or len(points) <= NOISE_POINTS:
         return twist
     reach_m = min(length_m, abs(twist.linear_m_s) * _AHEAD_S)
     for bend in _BENDS_RAD_S if config.swerve else _BENDS_RAD_S[:1]:
@@ -59,4 +59,4 @@ def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
 def _gap(places: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (P,) metres from places (P, 2) to the nearest believable point."""
     gaps = np.linalg.norm(places[:, None] - points, axis=-1)
-    return np.partition(gaps, _NOISE_POINTS, axis=1)[:, _NOISE_POINTS]
+    return np.partition(gaps, NOISE_POINTS, axis=1)[:, NOISE_POINTS]

@@ -104,7 +104,7 @@ class Driving:
     """A waypoint nearer than this is reached (ours)."""
     yaw_tolerance_rad: float = 0.06
     """The final turn ends within this (ours)."""
-    leg_steps: int = 60
+    leg_steps: int = 100
     """Control steps of 0.1 s that a leg may take (ours)."""
     look_every_steps: int = 20
     """Predict the waypoint anew after so many control steps; 0 = once, at departure (ours)."""

@@ -126,7 +126,7 @@ class Leg:
             return twist
         if self._surroundings.needs_look(self._body.odometry):
             self._surroundings.add(self._eyes.observation)
-        points = self._surroundings.around(self._body.odometry)
+        points = self._surroundings.around(self._body.odometry, backwards=twist.linear_m_s < 0)
         return free_command(twist, points, length_m, self._config)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:

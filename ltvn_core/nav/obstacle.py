@@ -5,6 +5,7 @@ Sees nothing that no image showed, and nothing low close by. Decides nothing: `n
 """
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,13 @@ def solid_points(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]:
     return np.stack([metres[solid], left[solid]], axis=-1)
 
 
+class _Bump(NamedTuple):
+    step: FrameId
+    rim: NDArray[np.float64]
+    """(M, 2) where the bumper was, in the odometry frame."""
+    backwards: bool
+
+
 class Surroundings:
     """Solid points of the last images, kept where odometry puts them."""
 
@@ -46,7 +54,7 @@ class Surroundings:
         """Know nothing yet."""
         self._intrinsics = intrinsics
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
-        self._bumps: deque[tuple[FrameId, NDArray[np.float64]]] = deque()
+        self._bumps: deque[_Bump] = deque()
         self._last_step = -1
         self._last_pose: Pose | None = None
 
@@ -61,7 +69,7 @@ class Surroundings:
         """Remember what an image shows; the same image again changes nothing."""
         if observation.step == self._last_step:
             return
-        while self._bumps and observation.step - self._bumps[0][0] > _BUMP_STEPS:
+        while self._bumps and observation.step - self._bumps[0].step > _BUMP_STEPS:
             self._bumps.popleft()
         self._last_step, self._last_pose = observation.step, observation.odometry
         here = solid_points(observation.depth, self._intrinsics)
@@ -77,13 +85,15 @@ class Surroundings:
         yaw = float(odometry[2]) + (np.pi if backwards else 0.0)
         directions = yaw + _BUMP_RAD
         rim = _BUMP_M * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
-        self._bumps.append((self._last_step, odometry[:2] + rim))
+        self._bumps.append(_Bump(self._last_step, odometry[:2] + rim, backwards))
 
-    def around(self, odometry: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby."""
-        if not self._seen and not self._bumps:
+    def around(self, odometry: Pose, *, backwards: bool = False) -> NDArray[np.float64]:
+        """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby.
+
+        What was touched while backing up counts only for backing up; for the way ahead the camera knows better.
+        """
+        bumps = [bump.rim for bump in self._bumps if backwards or not bump.backwards]
+        if not self._seen and not bumps:
             return np.empty((0, 2))
-        points = (np.concatenate([*self._seen, *(rim for _, rim in self._bumps)]) - odometry[:2]) @ rotation(
-            float(odometry[2])
-        )
+        points = (np.concatenate([*self._seen, *bumps]) - odometry[:2]) @ rotation(float(odometry[2]))
         return points[np.abs(points).max(axis=1) < _NEAR_M]

@@ -105,7 +105,8 @@ def test_another_maintenance_needs_no_other_navigator() -> None:
 
 
 def test_another_weight_makes_another_path() -> None:
-    drive = Drive(ltvn(ROBUST))
+    dense = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.35))
+    drive = Drive(ltvn(dense))
     hops = Planner(drive.graph, ROBUST.planning, weight=lambda belief: 1.0).plan(0, GOAL)
     costly = Planner(drive.graph, ROBUST.planning, weight=lambda belief: belief.mu**2).plan(0, GOAL)
     assert hops.cost == len(hops.nodes) - 1

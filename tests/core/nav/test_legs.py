@@ -1,0 +1,61 @@
+"""A leg finds another way before it says that it is blocked."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ltvn_core.config import ROBUST
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.views import Views
+from ltvn_core.nav.body import Body
+from ltvn_core.nav.events import LegEnd
+from ltvn_core.nav.eyes import Eyes
+from ltvn_core.nav.legs import Leg, LegResult
+from ltvn_core.types import Intrinsics, Twist, Waypoint
+from tests.core.world import FlatPredictor, FlatRobot, FlatWorld, box, look_at, one_room
+
+NODE = 0
+
+
+class Drive:
+    """A robot in a room, which drives legs to one node."""
+
+    def __init__(self, world: FlatWorld, start: list[float], node: list[float]) -> None:
+        predictor = FlatPredictor(world)
+        views = Views(predictor)
+        views.add([look_at(np.array(node), NODE)])
+        self.robot = FlatRobot(world, start, first_step=100)
+        body = Body(self.robot, 0, ROBUST.recovering)
+        eyes = Eyes(body, predictor, Matcher(predictor, views, ROBUST.matching), lambda seen: None)
+        self._leg = Leg(body, eyes, ROBUST.driving, Intrinsics())
+        self.commands: list[Twist] = []
+
+    def go(self, waypoint: Waypoint) -> LegResult:
+        """Let time pass until the leg ends."""
+        self.commands = []
+        steps: Iterator[object] = iter(self._steps(waypoint))
+        for _ in steps:
+            self.robot.advance()
+            self.commands.append(self.robot.twist)
+        return self._result
+
+    def _steps(self, waypoint: Waypoint) -> Iterator[object]:
+        self._result = yield from self._leg.drive(NODE, waypoint)
+
+
+def test_where_backing_up_touched_something_the_robot_turns_round_and_drives_on_looking() -> None:
+    behind = FlatWorld(np.array([*box(5.0, 4.0), [[1.6, 0.5], [1.6, 1.5]]]))
+    drive = Drive(behind, [2.0, 1.0, 0.0], [1.0, 1.0, 0.0])
+    waypoint = np.array([-1.0, 0.0, 0.0])
+    assert drive.go(waypoint).end is LegEnd.COLLISION
+    drive.robot.world = one_room()  # What stood there is gone.
+    left = np.array([1.0, 1.0, 0.0]) - drive.robot.pose
+    assert drive.go(left).end is LegEnd.REACHED
+    assert np.allclose(drive.robot.pose, [1.0, 1.0, 0.0], atol=0.1)
+    assert all(command.linear_m_s >= 0 for command in drive.commands)
+
+
+def test_a_way_back_that_is_free_is_driven_backwards() -> None:
+    drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.0, 1.0, 0.0])
+    assert drive.go(np.array([-1.0, 0.0, 0.0])).end is LegEnd.REACHED
+    assert all(command.linear_m_s <= 0 for command in drive.commands)

@@ -65,5 +65,5 @@ def _clearance(tree: KDTree, starts: NDArray[np.float64], ends: NDArray[np.float
 
 def _gaps(tree: KDTree, places: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (...) metres from places (..., 2) to the nearest believable point."""
-    gaps, _ = tree.query(places, k=[NOISE_POINTS + 1])
-    return np.asarray(gaps)[..., 0]
+    gaps, _ = tree.query(places, k=NOISE_POINTS + 1)
+    return np.asarray(gaps)[..., -1]

@@ -3,7 +3,8 @@
 Owns the counts and their limits. Every step hands control back to the caller with a `Tick`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from ltvn_core.nav.events import Collided, Event, Outcome, Tick
 from ltvn_core.types import STILL, Observation, Pose, Robot, Twist
 
 CONTROL_STEP_S = 0.1
+
+_T = TypeVar("_T")
+Steps: TypeAlias = Generator[Event | Tick, None, _T]
+"""Part of a query: yields events and ticks, returns a result."""
 
 
 class QueryOver(Exception):

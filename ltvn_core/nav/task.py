@@ -5,17 +5,17 @@ Owns that order and the events that tell about it. The decisions are elsewhere: 
 """
 
 import itertools
-from collections.abc import Generator, Iterator
-from typing import TypeAlias, TypeVar
+from collections.abc import Iterator
 
 import numpy as np
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.localizer import LOCAL, Fix, Recall, on_the_way
+from ltvn_core.graph.localizer import LOCAL, Fix, Recall
 from ltvn_core.graph.maintenance import Attempt, Lost
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import Path
-from ltvn_core.nav.body import Body, QueryOver
+from ltvn_core.nav.arrival import Arrival
+from ltvn_core.nav.body import Body, QueryOver, Steps
 from ltvn_core.nav.events import (
     Event,
     LegEnd,
@@ -23,27 +23,18 @@ from ltvn_core.nav.events import (
     LegStarted,
     Localised,
     NavigatorState,
-    Note,
     Outcome,
     Planned,
-    Severity,
     StateChanged,
     Tick,
 )
 from ltvn_core.nav.eyes import Eyes, Sight
-from ltvn_core.nav.judgement import Verdict, agree, is_at_goal, judge_attempt
+from ltvn_core.nav.judgement import Verdict, judge_attempt
 from ltvn_core.nav.legs import Leg, LegResult
 from ltvn_core.nav.memory import QueryMemory
 from ltvn_core.nav.mind import Mind
 from ltvn_core.types import NodeId, Twist
 
-_T = TypeVar("_T")
-Steps: TypeAlias = Generator[Event | Tick, None, _T]
-"""Part of a query: yields events and ticks, returns a result."""
-
-_SECOND_LOOK_RAD = 0.26
-_DENIALS = 4
-"""So often a second look may disagree in one query; a goal seen so often is taken for what it looks like."""
 _CLOSE = 0.3
 """A node nearer than this d need not be approached once more."""
 
@@ -58,12 +49,13 @@ class Task:
         self._goal, self._query = goal, query
         self._memory = QueryMemory(mind.method.planning, mind.method.localising)
         self._leg = Leg(body, eyes, mind.method.driving, mind.intrinsics)
+        self._arrival = Arrival(mind, body, eyes, goal, self._memory)
         self._state = NavigatorState.IDLE
 
     def run(self) -> Steps[Outcome]:
         """Localise, plan, drive, judge, update, until the goal is reached or hope is lost."""
         while True:
-            if (yield from self._arrived()):
+            if (yield from self._arrival.arrived()):
                 return Outcome.ARRIVED
             fix = yield from self._localise()
             if fix.node is None:
@@ -93,37 +85,6 @@ class Task:
         numbers = fix.distance, fix.reachability, fix.runner_up, fix.margin, fix.scope
         yield Localised(self._query, frame, fix.node, *numbers)
         return fix
-
-    def _arrived(self) -> Steps[bool]:
-        """Tell whether this is the goal; the robust method believes it only if a second look agrees."""
-        first, judging = self._eyes.sight(self._goal), self._method.judging
-        if not is_at_goal(first.reachability, first.waypoint, judging):
-            return False
-        if self._eyes.witnessed(self._goal).reachability <= judging.success_reachability:
-            return False
-        if not self._fits_the_way(first):
-            self._memory.plan = ()
-            yield Note("It looked like the goal, but what it saw on the way here does not fit.", Severity.WARN)
-            return False
-        if not judging.second_look or self._memory.denials >= _DENIALS:
-            return True
-        # The next time it looks to the other side, where there may be more to see.
-        aside, odometry = _SECOND_LOOK_RAD * (-1) ** self._memory.denials, self._body.odometry
-        yield from self._turn(aside)
-        second = self._eyes.sight(self._goal)
-        agreed = agree(first.waypoint, odometry, second.waypoint, self._body.odometry)
-        if agreed:
-            yield from self._turn(-aside)
-            return True
-        self._memory.denials += 1
-        self._memory.plan = ()
-        yield Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
-        return False
-
-    def _fits_the_way(self, goal: Sight) -> bool:
-        """Tell whether the goal may be where it seems, after all that was seen on the way here."""
-        trail, config = self._eyes.trail.seen_from(self._body.odometry), self._method.localising
-        return trail is None or on_the_way(self._mind.closures, trail, self._goal, goal.waypoint, config)
 
     def _plan(self, start: NodeId) -> Steps[Path]:
         """Find the cheapest path; where there is none, the system may extend the map."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.graph.builder import build
@@ -35,8 +36,8 @@ class TwinPredictor(FlatPredictor):
         return answer
 
 
-def _inside(features: Features) -> np.ndarray:
-    x = features[:, 0]
+def _inside(features: Features) -> NDArray[np.bool_]:
+    x = np.asarray(features[:, 0], np.float64)
     return ((x > 3) & (x < 5)) | ((x > 10) & (x < 12))
 
 

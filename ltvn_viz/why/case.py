@@ -17,6 +17,7 @@ from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
 from ltvn_viz.library import Library
 from ltvn_viz.timeline import Moment
 from ltvn_viz.timeline import Timeline as LiveTimeline
+from ltvn_viz.viewpoint import Viewpoint
 from ltvn_viz.why.later import Later
 
 if TYPE_CHECKING:
@@ -61,6 +62,8 @@ class Case:
     """The other recordings."""
     rerun: Callable[[Path], str]
     """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
+    view: Viewpoint | None = None
+    """From where the person looks, for the tool that hands it on; None for all others, which need not look again."""
 
     @property
     def instant(self) -> Instant:

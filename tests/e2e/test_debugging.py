@@ -146,12 +146,37 @@ def test_the_map_is_compared_with_the_good_one(fault: Debugger, planted: Faults)
 def test_a_moment_is_saved_for_somebody_else(fault: Debugger) -> None:
     go_to_failure(fault, 2)
     fault.ask(ToolName.SHARE)
-    assert fault.answer.get_by_text("Link to this moment").get_attribute("href") is not None
     fault.follow("save this moment")
     assert "Written: " in fault.says("Written: ")
     (saved,) = fault.folder.glob("moment-*.rrd")
     assert Recording.open(saved).events
     assert [*fault.folder.glob("test_moment_*.py")]
+
+
+def test_a_link_shows_the_moment_the_edge_and_the_same_side_of_them(fault: Debugger) -> None:
+    go_to_failure(fault, 2)
+    fault.follow(re.compile("^edge "))
+    edge, seconds = fault.shown.selection.edge, fault.seconds
+    fault.ask(ToolName.SHARE)
+    fault.look_from((1.5, -2.0, 6.0), (2.5, 1.0, 0.25))
+    address = fault.link_to_share("camera=1.5,-2,6,2.5,1,0.25,0,0,1")
+    fault.look_from((0.0, 0.0, 9.0), (0.0, 1.0, 0.0))
+    go_to_failure(fault, 0)
+
+    fault.open_link(address)
+
+    fault.until(lambda: fault.shown.selection.edge == edge and fault.shown.tool is ToolName.EDGE)
+    fault.until(lambda: fault.looks_from((1.5, -2.0, 6.0), (2.5, 1.0, 0.25)))
+    assert fault.seconds == pytest.approx(seconds, abs=0.01)
+
+
+def test_a_link_with_a_broken_camera_says_so_and_shows_the_rest(fault: Debugger) -> None:
+    fault.open_link("/?replay=demo-fault.rrd&at=3&tool=edge&edge=1489-2621&camera=1,2,3,1,2,3,0,0,1")
+    fault.until(lambda: fault.shown.selection.edge == (1489, 2621))
+    fault.page.get_by_text("a view that makes no sense").first.wait_for()
+    start = fault.app.server.viser.initial_camera
+    fault.until(lambda: fault.looks_from(tuple(start.position), tuple(start.look_at)))
+    assert fault.seconds == pytest.approx(3.0, abs=0.01)
 
 
 def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: Debugger) -> None:

@@ -63,7 +63,7 @@ class Debugger:
 
     def follow(self, label: str | re.Pattern[str]) -> None:
         """Click the first link whose whole label is this, and wait until the page has answered."""
-        self.settled()  # A link of an older view asks for nothing.
+        self.settled()  # What an older view said may be meant otherwise than what the app says now.
         before, link = self.shown, self.link(label)
         command = self.app.session.stage.inspector.link(int(link.get_attribute("data-id") or -1))
         link.click()

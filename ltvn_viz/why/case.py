@@ -52,6 +52,8 @@ class Case:
     """The network in use; a recording may have been made with another."""
     weights: str
     """Fingerprint of the network that the run was made with; empty where nobody knows."""
+    system: str
+    """Name of the system that planned, as the recording says; empty for the live run and where nobody said."""
     mapping: "Mapping | None"
     """The live map and its images, to be touched within `later` alone; None in replay."""
     live: LiveTimeline

@@ -52,6 +52,7 @@ class Cases:
             method=stage.mapping.method,
             predictor=stage.mapping.predictor,
             weights=stage.mapping.fingerprint if replay is None else replay.weights,
+            system="" if replay is None else replay.system,
             mapping=stage.mapping if replay is None else None,
             live=stage.live.timeline,
             later=self._later,

@@ -61,7 +61,7 @@ def write_long_run(path: Path) -> None:
         for node in range(NODES):
             writer.frame(replace(next(pictures), step=node, stamp=0.0))
         for count, stamped in enumerate(long_run()):
-            stamped = replace(stamped, step=NODES - 1 + stamped.step)
+            stamped = stamped._replace(step=NODES - 1 + stamped.step)
             writer.event(stamped)
             if stamped.step >= NODES and count % _FRAME_EVERY == 0:
                 writer.frame(replace(next(pictures), step=stamped.step, stamp=stamped.stamp))

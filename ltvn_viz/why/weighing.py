@@ -19,8 +19,8 @@ def weighing(case: Case) -> Weighing:
     """Return how edges are weighed in a run: as its recording says, else as the paper's own system does."""
     if case.is_live or case.system == "ltvn":
         return Weighing(ltvn_weights, "")
-    if case.system in get_args(SystemName):
-        name: SystemName = case.system
+    name: SystemName | None = next((each for each in get_args(SystemName) if each == case.system), None)
+    if name is not None:
         return Weighing(lambda method: open_system(name, method).edge_weight, f"Both plans weigh edges as {name} does.")
     named = f"names the system “{case.system}”, which is not known here" if case.system else "names no system"
     return Weighing(ltvn_weights, f"The recording {named}; both plans weigh edges as ltvn does.")

@@ -176,7 +176,7 @@ def _row(page: Page, plan: str, priced: PricedEdge) -> tuple[str, ...]:
 
 
 def _overlay(case: Case, plans: Replanned) -> Overlay:
-    strokes = (*_strokes(case, plans.old, palette.PLAN), *_strokes(case, plans.new, palette.ACCENT, plans.joined))
+    strokes = (*_strokes(case, plans.old, palette.PLAN), *_strokes(case, plans.new, palette.CAME, plans.joined))
     return Overlay(strokes) if strokes else NOTHING
 
 

@@ -26,7 +26,7 @@ from ltvn_viz.why.inspector import Inspection
 from ltvn_viz.why.tool import ToolName
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
-PATIENCE_S = 60.0
+PATIENCE_S = 240.0
 WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
 _IS_SHOWN = """html => {
@@ -110,6 +110,14 @@ class Debugger:
         while not holds():
             assert time.monotonic() < deadline, f"never happened; the answer is: {self.answer.inner_text()}"
             self.page.wait_for_timeout(50)
+
+    def drive(self, key: str, holds: Callable[[], bool]) -> None:
+        """Hold a key until something holds in the app."""
+        self.page.keyboard.down(key)
+        try:
+            self.until(holds)
+        finally:
+            self.page.keyboard.up(key)
 
     def look_from(self, position: Point, look_at: Point) -> None:
         """Move the page's camera, as orbiting does."""

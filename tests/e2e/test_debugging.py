@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from typing import TypeAlias
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
@@ -185,6 +186,29 @@ def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: Debugge
     fault.follow("go back to the robot")
     fault.until(lambda: not fault.is_replay)
     assert "pieces" in fault.says("Loops not closed") or "one piece" in fault.answer.inner_text()
+
+
+def test_the_coach_goes_along_while_somebody_drives(fault: Debugger) -> None:
+    """Goes on at the robot; the keys drive although the list of questions was used last."""
+    robot = fault.app.session.stage.live.robot
+    fault.ask(ToolName.FAILURES)
+    fault.ask(ToolName.COACH)
+    before, start = advice(fault.says("% new")), robot.exact_pose[:2].copy()
+
+    fault.drive("w", lambda: float(np.hypot(*(robot.exact_pose[:2] - start))) > 0.4)
+    fault.drive("a", lambda: all(now != then for now, then in zip(advice(fault.shown.html), before, strict=True)))
+
+    told = advice(fault.says("% new"))
+    assert told[0] != before[0]
+    assert fault.shown.view.overlay.ghosts
+
+
+def advice(html: str) -> tuple[str, str]:
+    """Return the coach's hint and how new it says the view is."""
+    text = re.sub(r"<[^>]+>", "\n", html)
+    hint, novelty = text.strip().split("\n")[0], re.search(r"view now is (\d+ ?%) new", text)
+    assert novelty, text
+    return hint, novelty[1]
 
 
 def test_an_edge_is_cut_and_put_back_by_hand(fault: Debugger) -> None:

@@ -13,15 +13,17 @@ from ltvn_viz.actions import listener
 from ltvn_viz.commands import OpenRecording
 from ltvn_viz.driving import DriverSeat
 from ltvn_viz.options import AppOptions
+from ltvn_viz.outlook import look_from_above
 from ltvn_viz.painter import Painter
 from ltvn_viz.scenery import floor_of, scene_glb
-from ltvn_viz.screen import Assets, furnish, look_from_above
+from ltvn_viz.screen import Assets, furnish
 from ltvn_viz.server import GuardedServer
 from ltvn_viz.session import Session
 from ltvn_viz.signals import ended_by_signals
 from ltvn_viz.snapshot import Snapshot
 from ltvn_viz.staging import open_stage
 from ltvn_viz.thumbnails import Thumbnails
+from ltvn_viz.viewpoint import newest
 
 __all__ = ["App", "AppOptions", "opened", "run_app"]
 
@@ -53,6 +55,7 @@ def opened(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator[A
         server.add_route("/thumb/", thumbnails.get)
         if (floor := floor_of(stage.scene)) is not None:
             look_from_above(server.viser, *floor)
+        stage.viewpoint = lambda: newest(server.viser.get_clients().values())
         screen = _Screen()
         session = Session(stage, server.seat, screen.publish)
         parts = furnish(server.viser, session.send, Assets(scene_glb, locobot_glb()))

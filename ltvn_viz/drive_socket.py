@@ -128,7 +128,9 @@ class DriveSocket:
                 if isinstance(event, Drove):
                     self._call(self.listener.on_drive, event.client, event.twist)
                 else:
-                    logger.info("robot stopped: %s (page %s)", event.reason, event.client)
+                    # A page that drives nothing stops nothing worth telling when it closes.
+                    level = logging.INFO if self._loop is not None else logging.DEBUG
+                    logger.log(level, "robot stopped: %s (page %s)", event.reason, event.client)
                     self._call(self.listener.on_stop, event.client, event.reason)
         self._wake.set()
         if self._loop is not None and not self._loop.is_closed():

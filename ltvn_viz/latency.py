@@ -105,7 +105,7 @@ def _keyboard(app: App) -> Iterator[_Keyboard]:
     robot = live.robot
     live.robot = _Listening(robot, commands)  # type: ignore[assignment]
     try:
-        with _socket(app.server, "/drive") as socket:
+        with page_socket(app.server, "/drive") as socket:
             yield _Keyboard(socket, commands)
     finally:
         live.robot = robot
@@ -130,7 +130,7 @@ def _recolouring(server: GuardedServer) -> Iterator[None]:
             nodes.colors = np.full((NODES, 3), shade, np.uint8)
             edges.colors = np.full((EDGES, 2, 3), shade, np.uint8)
 
-    with _socket(server, "/", "viser-v1.1.1") as page:
+    with page_socket(server, "/", "viser-v1.1.1") as page:
         threads = [
             threading.Thread(target=recolour, name="recolour"),
             threading.Thread(target=lambda: [None for _ in page], name="page"),
@@ -146,7 +146,7 @@ def _recolouring(server: GuardedServer) -> Iterator[None]:
                 thread.join()
 
 
-def _socket(server: GuardedServer, path: str, protocol: str | None = None) -> Connection:
+def page_socket(server: GuardedServer, path: str, protocol: str | None = None) -> Connection:
     """Open a socket as the page would, with the cookie that the printed address earns."""
     asked = http.client.HTTPConnection(server.host, server.port, timeout=10)
     asked.request("GET", f"/?token={server.token}")

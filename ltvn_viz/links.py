@@ -1,4 +1,4 @@
-"""A link that shows somebody the same thing: recording, time, question, and what is pointed at.
+"""A link that shows somebody the same thing: recording, time, question, what is pointed at, and from where one looks.
 
 Owns the words of the address, written and read. Nothing in it is trusted: names are looked up in lists, numbers are
 checked, and whatever else stands in an address is left alone.
@@ -9,16 +9,24 @@ import re
 from urllib.parse import parse_qs, urlencode
 
 from ltvn_core.errors import OptionError
-from ltvn_viz.commands import ChooseTool, Command, OpenRecording, PointAt
+from ltvn_viz import viewpoint
+from ltvn_viz.commands import ChooseTool, Command, OpenRecording, PointAt, Report
+from ltvn_viz.viewpoint import Viewpoint
 from ltvn_viz.why.tool import Selection, ToolName
 
-WORDS = ("replay", "at", "node", "edge", "tool")
+WORDS = ("replay", "at", "node", "edge", "tool", "camera")
 """What the page's script takes out of its address."""
 _NODE = re.compile(r"[0-9]{1,12}", re.ASCII)
 _MAX_FIELDS = 32
 
 
-def link(replay: str, at_s: float, tool: ToolName = ToolName.NONE, selection: Selection | None = None) -> str:
+def link(
+    replay: str,
+    at_s: float,
+    tool: ToolName = ToolName.NONE,
+    selection: Selection | None = None,
+    view: Viewpoint | None = None,
+) -> str:
     """Return the address, without host and without key, of a recording at so many seconds after its beginning."""
     words = {"replay": replay, "at": f"{at_s:.2f}".rstrip("0").rstrip(".")}
     if selection is not None and selection.edge is not None:
@@ -27,20 +35,34 @@ def link(replay: str, at_s: float, tool: ToolName = ToolName.NONE, selection: Se
         words["node"] = str(selection.node)
     if tool is not ToolName.NONE:
         words["tool"] = _word(tool)
-    return f"/?{urlencode(words)}"
+    if view is not None:
+        words["camera"] = view.word
+    return f"/?{urlencode(words, safe=',')}"
 
 
 def commands_of(query: str) -> tuple[Command, ...]:
-    """Return what the query of an address asks for, nothing where it asks for nothing. Raises OptionError."""
+    """Return what the query of an address asks for, nothing where it asks for nothing. Raises OptionError.
+
+    The page itself puts the camera where a link says; one that makes no sense is reported, and the rest is done.
+    """
     try:
         fields = parse_qs(query.removeprefix("?"), max_num_fields=_MAX_FIELDS)
     except ValueError as error:
         raise OptionError(f"This link cannot be read ({error}). Ask for it again under “Show somebody”.") from error
     words = {name: fields[name][-1] for name in WORDS if name in fields}
-    shown = (*_tool(words.get("tool")), *_pointed(words))
+    shown: tuple[Command, ...] = (*_tool(words.get("tool")), *_pointed(words))
     if "replay" in words:
-        return (OpenRecording(words["replay"], _seconds(words.get("at", "0")), shown),)
-    return shown
+        shown = (OpenRecording(words["replay"], _seconds(words.get("at", "0")), shown),)
+    return (*shown, *_complaint(words.get("camera")))
+
+
+def _complaint(camera: str | None) -> tuple[Command, ...]:
+    try:
+        if camera is not None:
+            viewpoint.read(camera)
+    except OptionError as error:
+        return (Report(str(error)),)
+    return ()
 
 
 def _tool(word: str | None) -> tuple[Command, ...]:

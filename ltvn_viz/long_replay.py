@@ -11,6 +11,7 @@ from ltvn_core.benchmarks.measurement import Measurement, alternating, measured,
 from ltvn_core.errors import RecordingError
 from ltvn_core.nav.events import Stamped
 from ltvn_core.types import FrameId, Observation
+from ltvn_viz.first_picture import open_from_disk
 from ltvn_viz.replay import Replay, timeline_of
 
 SEEKS = 51
@@ -44,6 +45,7 @@ def open_and_travel() -> list[Measurement]:
         measured("indexing twice as many events", longer, "x", at_most=2.5),
         measured("seek anywhere in them", 1e3 * seconds(seek, SEEKS), "ms", at_most=100),
         measured("the map at any moment of them", 1e3 * seconds(fold, SEEKS), "ms", at_most=100),
+        *open_from_disk(),
     ]
 
 

@@ -21,6 +21,8 @@ from ltvn_viz.snapshot import Work
 from ltvn_viz.stage import Stage
 from ltvn_viz.why.tool import ToolName
 
+REPLACED = "That answer was replaced before your click arrived. Look again, and click what it says now."
+
 
 def obey(stage: Stage, command: c.Command) -> None:
     """Carry out a command, or say in the page why not."""
@@ -108,7 +110,7 @@ def _inspect(stage: Stage, command: c.Command) -> None:
         case c.Tell(text):
             _ask(stage, inspector.told(text))
         case c.Follow(number):
-            _ask(stage, inspector.link(number))
+            _ask(stage, inspector.link(number) or c.Report(REPLACED))
 
 
 def _ask(stage: Stage, asked: c.Command | None) -> None:

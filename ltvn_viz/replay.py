@@ -30,9 +30,14 @@ class Replay:
 
     mode = Mode.REPLAY
 
-    def __init__(self, name: str, scene: str, timeline: Timeline, pictures: Pictures, *, weights: str = "") -> None:
-        """Show the recording `name`, made in `scene` with the network `weights`, a fingerprint, from its beginning."""
-        self.name, self.scene, self.weights = name, scene, weights
+    def __init__(
+        self, name: str, scene: str, timeline: Timeline, pictures: Pictures, *, weights: str = "", system: str = ""
+    ) -> None:
+        """Show the recording `name`, made in `scene`, from its beginning.
+
+        `weights` is the fingerprint of the network that it was made with, `system` the name of what planned, if known.
+        """
+        self.name, self.scene, self.weights, self.system = name, scene, weights, system
         self.timeline, self._pictures = timeline, pictures
         self._start_s = timeline.start_s
         self.length_s = max(0.0, timeline.end_s - self._start_s)

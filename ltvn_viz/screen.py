@@ -6,9 +6,7 @@ Owns the layout and the theme. What each shows is in `layers` and `panels`.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import viser
-from numpy.typing import ArrayLike
 
 from ltvn_viz import palette
 from ltvn_viz.commands import Command, Pick
@@ -20,6 +18,7 @@ from ltvn_viz.layers.robot import RobotLayer
 from ltvn_viz.layers.scene import SceneLayer
 from ltvn_viz.layers.trajectory import TrajectoryLayer
 from ltvn_viz.layers.why import WhyLayer
+from ltvn_viz.outlook import light_up
 from ltvn_viz.painter import Showing
 from ltvn_viz.panels.camera import CameraPanel
 from ltvn_viz.panels.drive import DrivePanel
@@ -54,15 +53,6 @@ def furnish(server: viser.ViserServer, send: Callable[[Command], None], assets: 
     return [*_panels(server, send), *_layers(server.scene, send, assets)]
 
 
-def look_from_above(server: viser.ViserServer, low: ArrayLike, high: ArrayLike) -> None:
-    """Begin with a view over the floor between corners `low` and `high` (x_m, y_m), from above and at an angle."""
-    middle = (np.asarray(low) + np.asarray(high)) / 2
-    size = float(max(np.asarray(high) - np.asarray(low)))
-    # Steep, so that walls hide little; and aimed a little low, so that the camera's window covers no room.
-    server.initial_camera.look_at = (middle[0], middle[1] - 0.1 * size, 0.0)
-    server.initial_camera.position = (middle[0], middle[1] - 0.32 * size, 0.86 * size)
-
-
 def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[Showing]:
     gui = server.gui
 
@@ -88,8 +78,7 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
 
 
 def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: Assets) -> list[Showing]:
-    scene.configure_default_lights(cast_shadow=False)
-    scene.configure_environment_map("warehouse", environment_intensity=0.35)
+    light_up(scene)
     return [
         RobotLayer(scene, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb),

@@ -37,6 +37,7 @@ DRIVE_PATH = "/drive"
 VISER_PATH = "/"
 MAX_UPLOAD_BYTES = 32 * 1024 * 1024
 
+_SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
 _starting = threading.Lock()
 """Held while `websockets` is wrapped, so that two servers do not start through each other's wrapper."""
 
@@ -185,8 +186,8 @@ def _silence() -> contextlib.redirect_stdout[io.StringIO]:
 
 
 def _quiet_logger() -> logging.Logger:
-    """Return a logger without the lines that `websockets` writes for each ordinary HTTP answer."""
+    """Return a logger without the lines that `websockets` writes for each ordinary HTTP answer and of its own life."""
     quiet = logging.getLogger("ltvn_viz.websockets")
     if not quiet.filters:
-        quiet.addFilter(lambda record: not record.getMessage().startswith(("opening handshake", "connection rejected")))
+        quiet.addFilter(lambda record: not record.getMessage().startswith(_SAID_OTHERWISE))
     return quiet

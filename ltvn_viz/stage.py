@@ -23,6 +23,7 @@ from ltvn_viz.replay import Replay
 from ltvn_viz.rerun_views import no_rerun
 from ltvn_viz.snapshot import Message, Work
 from ltvn_viz.teleop import Teleop
+from ltvn_viz.viewpoint import Viewpoint
 from ltvn_viz.why.cases import Cases
 from ltvn_viz.why.inspector import Inspector
 from ltvn_viz.why.later import Later
@@ -65,6 +66,8 @@ class Stage:
     queries: int = 0
     rerun: Callable[[Path], str] = no_rerun
     """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
+    viewpoint: Callable[[], Viewpoint | None] = lambda: None
+    """From where the person looks at the scene; None where there is no page."""
     look_back: float | None = None
     """A stamp of the live run that the page shows instead of now."""
 

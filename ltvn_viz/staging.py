@@ -15,6 +15,7 @@ from ltvn_core.composition import open_method
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.nav.events import GraphChanged
+from ltvn_core.recording.collector import collector_paused
 from ltvn_core.recording.maps import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
@@ -83,12 +84,15 @@ def open_stage(options: AppOptions, stack: ExitStack, thumbnails: Thumbnails) ->
 
 def open_replay(library: Library, name: str) -> Replay:
     """Read a recording of the library for the page; raises RecordingError."""
-    recording = Recording.open(library.path(name))
-    poses = recording.poses
-    drawn = poses.odometry if poses.exact is None else poses.exact
-    frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
-    timeline = timeline_of(frames, recording.events)
-    return Replay(name, recording.meta.scene, timeline, recording, weights=recording.meta.fingerprint)
+    with collector_paused():
+        recording = Recording.open(library.path(name))
+        poses = recording.poses
+        drawn = poses.odometry if poses.exact is None else poses.exact
+        frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
+        timeline = timeline_of(frames, recording.events)
+    meta = recording.meta
+    system = str(meta.config.get("system", ""))
+    return Replay(name, meta.scene, timeline, recording, weights=meta.fingerprint, system=system)
 
 
 def _open_learning(options: AppOptions) -> Learning:
@@ -124,7 +128,7 @@ def _new_recording(path: Path, cast: Cast, mapping: Mapping, live_port: int | No
     writer = RecordingWriter(
         path,
         scene=cast.simulation.scene.address,
-        config=asdict(mapping.method),
+        config={"verb": "app", "system": "ltvn", "method": asdict(mapping.method)},
         fingerprint=mapping.fingerprint,
         scene_glb=cast.simulation.scene.glb(with_ceiling=False),
         live_port=live_port,

@@ -6,7 +6,7 @@ Owns the chain for nodes; those for edges are `analysis.blame` and `analysis.cho
 from collections.abc import Iterator
 
 from ltvn_core.analysis.reasons import CAUSES, Reason, ReasonKind, counted
-from ltvn_core.analysis.timeline import Change, Instant, Timeline
+from ltvn_core.analysis.timeline import Instant, MapChange, Timeline
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, NodeAdded, NodeDropped
 from ltvn_core.nav.events import Localised
 from ltvn_core.types import NodeId
@@ -32,7 +32,7 @@ def _never(timeline: Timeline, node: NodeId, count: int) -> Iterator[Reason]:
             yield Reason(text, change.instant, ReasonKind.NEVER, (node,))
 
 
-def _moved(timeline: Timeline, change: Change, node: NodeId) -> Iterator[Reason]:
+def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[Reason]:
     match change.delta:
         case NodeAdded(cause=cause):
             yield Reason(f"Node {node} came in {CAUSES[cause]}.", change.instant, ReasonKind.BORN, (node,))
@@ -46,7 +46,7 @@ def _moved(timeline: Timeline, change: Change, node: NodeId) -> Iterator[Reason]
             yield Reason(f"Node {node} left {CAUSES[cause]}.", change.instant, ReasonKind.GONE, (node,))
 
 
-def _circumstances(timeline: Timeline, change: Change, node: NodeId, cause: Cause) -> Iterator[Reason]:
+def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[Reason]:
     """Yield what the robot was about when a node came in under way."""
     query = timeline.query_at(change.event)
     if query is None or cause not in (Cause.EXPAND, Cause.NOVEL):
@@ -63,7 +63,7 @@ def _circumstances(timeline: Timeline, change: Change, node: NodeId, cause: Caus
         yield Reason(text, change.instant, ReasonKind.BORN, (node,))
 
 
-def _tied(timeline: Timeline, change: Change, node: NodeId) -> tuple[NodeId, ...]:
+def _tied(timeline: Timeline, change: MapChange, node: NodeId) -> tuple[NodeId, ...]:
     """Return the nodes that a new one was joined with at once."""
     tied: dict[NodeId, None] = {}
     begin = len(timeline.changes_before(change.event + 1))

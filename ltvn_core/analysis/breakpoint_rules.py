@@ -27,7 +27,7 @@ _BULK = (d.Cause.BUILD, d.Cause.LOAD)
 
 
 @dataclass(slots=True)
-class Change:
+class Occurrence:
     """One event, beside what held before it."""
 
     event: e.Event
@@ -54,104 +54,104 @@ class Memory:
     beliefs: dict[EdgeKey, d.Belief] = field(default_factory=dict)
     plan: tuple[NodeId, ...] | None = None
 
-    def take(self, event: e.Event) -> Change:
+    def take(self, event: e.Event) -> Occurrence:
         """Remember an event and return it beside what held before."""
-        change = Change(event, self.plan, self.beliefs)
+        occurrence = Occurrence(event, self.plan, self.beliefs)
         match event:
             case e.QueryStarted():
                 self.plan = None
             case e.Planned(nodes=nodes):
                 self.plan = nodes
             case e.GraphChanged(delta=delta):
-                self._believe(delta, change)
-        return change
+                self._believe(delta, occurrence)
+        return occurrence
 
-    def _believe(self, delta: d.GraphDelta, change: Change) -> None:
+    def _believe(self, delta: d.GraphDelta, occurrence: Occurrence) -> None:
         match delta:
             case d.EdgeAdded(edge=edge):
-                change.key, change.after = (edge.source, edge.target), edge.belief
+                occurrence.key, occurrence.after = (edge.source, edge.target), edge.belief
             case d.BeliefUpdated(source=source, target=target, belief=belief):
-                change.key, change.after = (source, target), belief
-                change.before = self.beliefs.get(change.key)
+                occurrence.key, occurrence.after = (source, target), belief
+                occurrence.before = self.beliefs.get(occurrence.key)
             case d.EdgePruned(source=source, target=target):
                 self.beliefs.pop((source, target), None)
-        if change.key is not None and change.after is not None:
-            self.beliefs[change.key] = change.after
+        if occurrence.key is not None and occurrence.after is not None:
+            self.beliefs[occurrence.key] = occurrence.after
 
 
-def met(breakpoint_: Breakpoint, change: Change) -> str | None:
+def met(breakpoint_: Breakpoint, occurrence: Occurrence) -> str | None:
     """Say why a breakpoint is met, None if it is not."""
     match breakpoint_:
         case On(happening):
-            return _HAPPENED[happening](change)
+            return _HAPPENED[happening](occurrence)
         case Crossing(level):
-            return _crossed(change, level)
+            return _crossed(occurrence, level)
         case LookCondition(quantity, less, value):
-            return _looked(change.event, quantity, value, less=less)
+            return _looked(occurrence.event, quantity, value, less=less)
         case EdgeCondition():
-            return _became(breakpoint_, change)
+            return _became(breakpoint_, occurrence)
         case AtEdge(edge):
-            return _at_edge(change, edge)
+            return _at_edge(occurrence, edge)
         case AtNode(node):
-            return _at_node(change, node)
+            return _at_node(occurrence, node)
 
 
-def _pruned(change: Change) -> str | None:
-    match change.delta:
+def _pruned(occurrence: Occurrence) -> str | None:
+    match occurrence.delta:
         case d.EdgePruned(source=source, target=target):
             return f"{_arrow((source, target))} was pruned"
     return None
 
 
-def _expanded(change: Change) -> str | None:
-    match change.delta:
+def _expanded(occurrence: Occurrence) -> str | None:
+    match occurrence.delta:
         case d.NodeAdded(node=node, cause=d.Cause.EXPAND | d.Cause.NOVEL as cause):
             return f"node {node.id} came into the map ({cause})"
     return None
 
 
-def _collided(change: Change) -> str | None:
-    return f"collision {change.event.count}" if isinstance(change.event, e.Collided) else None
+def _collided(occurrence: Occurrence) -> str | None:
+    return f"collision {occurrence.event.count}" if isinstance(occurrence.event, e.Collided) else None
 
 
-def _replanned(change: Change) -> str | None:
-    before = change.plan
-    if before is None or not isinstance(change.event, e.Planned):
+def _replanned(occurrence: Occurrence) -> str | None:
+    before = occurrence.plan
+    if before is None or not isinstance(occurrence.event, e.Planned):
         return None
-    nodes = change.event.nodes
+    nodes = occurrence.event.nodes
     if nodes and nodes != before[len(before) - len(nodes) :]:  # The end of the same plan is no other plan.
         return f"another plan: {len(nodes)} nodes instead of {len(before)}"
     return "the plan is gone" if before and not nodes else None
 
 
-def _leg_failed(change: Change) -> str | None:
-    match change.event:
+def _leg_failed(occurrence: Occurrence) -> str | None:
+    match occurrence.event:
         case e.LegEnded(attempt=attempt, source=source, target=target, succeeded=False, reason=reason):
             return f"leg {attempt} from {'here' if source is None else source} to {target} failed: {reason}"
     return None
 
 
-def _lost(change: Change) -> str | None:
-    match change.event:
+def _lost(occurrence: Occurrence) -> str | None:
+    match occurrence.event:
         case e.Localised(node=None, distance=distance):
             return f"lost: the best node is {distance:.2f} away"
     return None
 
 
-def _without_path(change: Change) -> str | None:
-    match change.event:
+def _without_path(occurrence: Occurrence) -> str | None:
+    match occurrence.event:
         case e.Planned(nodes=()):
             return "no path to the goal"
     return None
 
 
-def _by_hand(change: Change) -> str | None:
-    if change.delta is not None and change.delta.cause is d.Cause.HAND:
-        return f"a person changed the map ({type(change.delta).__name__})"
+def _by_hand(occurrence: Occurrence) -> str | None:
+    if occurrence.delta is not None and occurrence.delta.cause is d.Cause.HAND:
+        return f"a person changed the map ({type(occurrence.delta).__name__})"
     return None
 
 
-_HAPPENED: dict[Happening, Callable[[Change], str | None]] = {
+_HAPPENED: dict[Happening, Callable[[Occurrence], str | None]] = {
     Happening.PRUNE: _pruned,
     Happening.EXPANSION: _expanded,
     Happening.COLLISION: _collided,
@@ -163,11 +163,11 @@ _HAPPENED: dict[Happening, Callable[[Change], str | None]] = {
 }
 
 
-def _crossed(change: Change, level: float) -> str | None:
-    before, after = change.before, change.after
-    if change.key is None or before is None or after is None or (before.p < level) == (after.p < level):
+def _crossed(occurrence: Occurrence, level: float) -> str | None:
+    before, after = occurrence.before, occurrence.after
+    if occurrence.key is None or before is None or after is None or (before.p < level) == (after.p < level):
         return None
-    return f"p of {_arrow(change.key)} {'fell' if after.p < level else 'rose'} from {before.p:.2f} to {after.p:.2f}"
+    return f"p of {_arrow(occurrence.key)} {'fell' if after.p < level else 'rose'} from {before.p:.2f} to {after.p:.2f}"
 
 
 def _looked(event: e.Event, quantity: Quantity, value: float, *, less: bool) -> str | None:
@@ -184,10 +184,10 @@ def _looked(event: e.Event, quantity: Quantity, value: float, *, less: bool) -> 
     return f"{quantity} {seen:.2f}, {where}, second best {event.runner_up}"
 
 
-def _became(condition: EdgeCondition, change: Change) -> str | None:
-    if change.key != condition.edge or change.after is None or change.delta is None:
+def _became(condition: EdgeCondition, occurrence: Occurrence) -> str | None:
+    if occurrence.key != condition.edge or occurrence.after is None or occurrence.delta is None:
         return None
-    now, then = (_of(belief, condition.quantity) for belief in (change.after, change.before))
+    now, then = (_of(belief, condition.quantity) for belief in (occurrence.after, occurrence.before))
     held = then is not None and _holds(then, condition.value, less=condition.less)
     if now is None or held or not _holds(now, condition.value, less=condition.less):
         return None
@@ -204,13 +204,13 @@ def _holds(number: float, value: float, *, less: bool) -> bool:
     return number < value if less else number > value
 
 
-def _at_edge(change: Change, edge: EdgeKey) -> str | None:
-    match change.event:
+def _at_edge(occurrence: Occurrence, edge: EdgeKey) -> str | None:
+    match occurrence.event:
         case e.LegStarted(source=source, target=target) if (source, target) == edge:
             return f"sets off along {_arrow(edge)}"
         case e.LegEnded(source=source, target=target, succeeded=succeeded) if (source, target) == edge:
             return f"{_arrow(edge)} {'succeeded' if succeeded else 'failed'}"
-    match change.delta:
+    match occurrence.delta:
         case d.EdgeAdded(edge=added) if (added.source, added.target) == edge:
             return f"{_arrow(edge)} came into the map"
         case d.EdgePruned(source=source, target=target) if (source, target) == edge:
@@ -219,20 +219,20 @@ def _at_edge(change: Change, edge: EdgeKey) -> str | None:
             return f"p of {_arrow(edge)} is {belief.p:.2f}"
         case d.EdgeProtected(source=source, target=target) if (source, target) == edge:
             return f"{_arrow(edge)} changed its protection"
-        case d.NodeDropped(node=node) if node in edge and edge in change.known:
+        case d.NodeDropped(node=node) if node in edge and edge in occurrence.known:
             return f"{_arrow(edge)} left with node {node}"
     return None
 
 
-def _at_node(change: Change, node: NodeId) -> str | None:
-    match change.event:
+def _at_node(occurrence: Occurrence, node: NodeId) -> str | None:
+    match occurrence.event:
         case e.Localised(node=here) if here == node:
             return f"at node {node}"
         case e.LegStarted(target=target) if target == node:
             return f"sets off to node {node}"
         case e.QueryStarted(goal=goal) if goal == node:
             return f"node {node} is the goal"
-    match change.delta:
+    match occurrence.delta:
         case d.NodeAdded(node=added) if added.id == node:
             return f"node {node} came into the map"
         case d.NodeDropped(node=dropped) if dropped == node:

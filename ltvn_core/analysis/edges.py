@@ -7,7 +7,7 @@ in a picture a waypoint lies).
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from ltvn_core.analysis.timeline import Attempt, Change, Instant, Timeline
+from ltvn_core.analysis.timeline import Attempt, Instant, MapChange, Timeline
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, NodeDropped, PoseRow
 from ltvn_core.graph.topograph import EdgeKey
 from ltvn_core.nav.events import LegEnd, Localised
@@ -134,7 +134,7 @@ def edge_story(timeline: Timeline, source: NodeId, target: NodeId, until: Instan
 class _Life:
     """A life that is still being told."""
 
-    birth: Change
+    birth: MapChange
     edge: Edge
     history: list[BeliefAt]
     end: EdgeEnd | None = None
@@ -155,14 +155,14 @@ def _lives(timeline: Timeline, source: NodeId, target: NodeId, count: int) -> tu
     return tuple(life.told() for life in lives)
 
 
-def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[Change]:
+def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[MapChange]:
     """Return what happened to an edge, and the departures of its nodes, in order."""
     ends = [*timeline.changes_of_node(source), *timeline.changes_of_node(target)]
     dropped = [change for change in ends if isinstance(change.delta, NodeDropped)]
     return sorted([*timeline.changes_of_edge(source, target), *dropped], key=lambda change: change.event)
 
 
-def _live_on(lives: list[_Life], change: Change) -> None:
+def _live_on(lives: list[_Life], change: MapChange) -> None:
     last, delta = next((life for life in lives[-1:] if life.end is None), None), change.delta
     match delta:
         case EdgeAdded() if last is None:

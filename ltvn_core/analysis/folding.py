@@ -5,7 +5,7 @@ Owns what happens to a change that does not fit: it is left out and counted, whe
 
 from collections.abc import Sequence
 
-from ltvn_core.analysis.records import Change
+from ltvn_core.analysis.records import MapChange
 from ltvn_core.errors import MapError
 from ltvn_core.graph.topograph import TopologicalGraph
 
@@ -31,7 +31,7 @@ class Folding:
         twin.graph, twin.misfits, twin._epoch = self.graph.copy(), self.misfits, self._epoch
         return twin
 
-    def take(self, change: Change) -> None:
+    def take(self, change: MapChange) -> None:
         """Follow a change; takes constant time, but for a node that leaves with many edges."""
         if change.epoch != self._epoch:
             self.graph, self._epoch = TopologicalGraph(), change.epoch
@@ -48,7 +48,7 @@ class Folds:
         """Remember nothing yet."""
         self._kept: dict[int, Folding] = {}
 
-    def after(self, changes: Sequence[Change], count: int) -> TopologicalGraph:
+    def after(self, changes: Sequence[MapChange], count: int) -> TopologicalGraph:
         """Return the map after the first `count` changes; at most `_STRIDE` are folded once those before were.
 
         `changes` may have grown since the last time, but must begin as they did.

@@ -3,8 +3,10 @@
 Owns what each imagined change does to a copy. Does not plan (`analysis.what_if`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,8 +25,17 @@ from ltvn_core.config import Method
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
+from ltvn_core.graph.planner import EdgeWeight, edge_cost
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
+
+Weights: TypeAlias = Callable[[Method], EdgeWeight]
+"""How a navigation system weighs edges, given the thresholds."""
+
+
+def ltvn_weights(method: Method) -> EdgeWeight:
+    """Weigh edges as the paper's own system does."""
+    return partial(edge_cost, config=method.planning)
 
 
 @dataclass(slots=True)
@@ -34,8 +45,14 @@ class World:
     graph: TopologicalGraph
     situation: Situation
     method: Method
+    weights: Weights = ltvn_weights
     notes: list[str] = field(default_factory=list)
     """What a plan in this world cannot tell, for a person."""
+
+    @property
+    def weight(self) -> EdgeWeight:
+        """What an edge costs here."""
+        return self.weights(self.method)
 
 
 def imagine(world: World, changes: Sequence[Change]) -> World:
@@ -44,7 +61,7 @@ def imagine(world: World, changes: Sequence[Change]) -> World:
     Costs one copy of the map; a threshold looks at every edge. Raises MapError where a change names a node or an edge
     that is not in the map, OptionError for values that cannot be.
     """
-    other = World(world.graph.copy(), world.situation, world.method)
+    other = World(world.graph.copy(), world.situation, world.method, world.weights)
     for change in changes:
         _impose(other, change)
     return other
@@ -91,6 +108,8 @@ def _set_threshold(world: World, threshold: Threshold, value: float) -> None:
     match threshold:
         case Threshold.BELIEF_WEIGHT:
             world.method = replace(world.method, planning=replace(planning, belief_weight=value))
+            if world.weights is not ltvn_weights:
+                world.notes.append("The system that planned here weighs edges without it, so nothing changes.")
         case Threshold.FAILURE_PENALTY:
             world.method = replace(world.method, planning=replace(planning, failure_penalty=value))
         case Threshold.R_P:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from ltvn_core.analysis.epochs import Epochs
 from ltvn_core.analysis.folding import Folds
 from ltvn_core.analysis.marks import mark_of
-from ltvn_core.analysis.records import Attempt, Change, Instant, Mark, MarkKind, Plan, Query
+from ltvn_core.analysis.records import Attempt, Instant, MapChange, Mark, MarkKind, Plan, Query
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
 from ltvn_core.graph.topograph import EdgeKey
 from ltvn_core.nav.events import (
@@ -50,9 +50,9 @@ class Index:
         self.queries: list[Query] = []
         self.attempts: list[Attempt] = []
         self.plans: list[Plan] = []
-        self.changes: list[Change] = []
-        self.changes_by_edge: dict[EdgeKey, list[Change]] = {}
-        self.changes_by_node: dict[NodeId, list[Change]] = {}
+        self.changes: list[MapChange] = []
+        self.changes_by_edge: dict[EdgeKey, list[MapChange]] = {}
+        self.changes_by_node: dict[NodeId, list[MapChange]] = {}
         self.marks: list[Mark] = []
         self.epochs: list[int] = []
         """Where in `changes` each map begins."""
@@ -127,9 +127,9 @@ class Index:
             text = f"map {self._epochs.current + 1} comes in ({event.delta.cause.value})"
             self.marks.append(Mark(MarkKind.MAP, instant, index, (), text))
         moment = index, instant, self._epochs.current, self._epochs.version
-        self._file(Change(*moment, event.delta, event.query, event.attempt))
+        self._file(MapChange(*moment, event.delta, event.query, event.attempt))
 
-    def _file(self, change: Change) -> None:
+    def _file(self, change: MapChange) -> None:
         self.changes.append(change)
         match change.delta:
             case EdgeAdded(edge=edge):

@@ -53,7 +53,7 @@ class Mark(NamedTuple):
     text: str
 
 
-class Change(NamedTuple):
+class MapChange(NamedTuple):
     """A change of the map."""
 
     event: int

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.analysis.folding import Folding
-from ltvn_core.analysis.timeline import Change, Instant, Timeline
+from ltvn_core.analysis.timeline import Instant, MapChange, Timeline
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import Cause, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
 
@@ -104,7 +104,7 @@ def _counts(timeline: Timeline, lasts: list[int]) -> NDArray[np.int64]:
     return rows
 
 
-def _counted(change: Change, lost: int) -> tuple[int, int, int]:
+def _counted(change: MapChange, lost: int) -> tuple[int, int, int]:
     delta = change.delta
     if delta.cause in _WHOLE:
         return 0, 0, 0

@@ -13,12 +13,12 @@ from typing import Self
 
 from ltvn_core.analysis.folding import Folds
 from ltvn_core.analysis.indexing import Index
-from ltvn_core.analysis.records import Attempt, Change, Instant, Mark, MarkKind, Plan, Query
+from ltvn_core.analysis.records import Attempt, Instant, MapChange, Mark, MarkKind, Plan, Query
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.nav.events import Stamped
 from ltvn_core.types import FrameId, NodeId
 
-__all__ = ["Attempt", "Change", "Instant", "Mark", "MarkKind", "Plan", "Query", "Timeline"]
+__all__ = ["Attempt", "Instant", "MapChange", "Mark", "MarkKind", "Plan", "Query", "Timeline"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,15 +31,15 @@ class Timeline:
     attempts: tuple[Attempt, ...]
     """All legs, those outside a query too."""
     plans: tuple[Plan, ...]
-    changes: tuple[Change, ...]
+    changes: tuple[MapChange, ...]
     marks: tuple[Mark, ...]
     epochs: tuple[int, ...]
     """Where in `changes` each map of the recording begins."""
     notes: tuple[str, ...]
     """What is wrong with the events, for a person to read; empty if all is well."""
-    _by_edge: Mapping[EdgeKey, Sequence[Change]] = field(repr=False)
+    _by_edge: Mapping[EdgeKey, Sequence[MapChange]] = field(repr=False)
     """Goes on beyond this timeline where the run does, like the next."""
-    _by_node: Mapping[NodeId, Sequence[Change]] = field(repr=False)
+    _by_node: Mapping[NodeId, Sequence[MapChange]] = field(repr=False)
     _folds: Folds = field(repr=False)
 
     @classmethod
@@ -93,11 +93,11 @@ class Timeline:
         """Return how many events happened up to and in a step; all without an instant. Logarithmic."""
         return len(self.events) if instant is None else bisect_right(self.events, instant.step, key=_step)
 
-    def changes_until(self, instant: Instant | None = None) -> tuple[Change, ...]:
+    def changes_until(self, instant: Instant | None = None) -> tuple[MapChange, ...]:
         """Return the changes of all maps up to and in a step."""
         return self.changes_before(self.count_until(instant))
 
-    def changes_before(self, event: int) -> tuple[Change, ...]:
+    def changes_before(self, event: int) -> tuple[MapChange, ...]:
         """Return the changes of all maps before event number `event`."""
         return self.changes[: bisect_left(self.changes, event, key=_number)]
 
@@ -154,11 +154,11 @@ class Timeline:
         place = bisect_left(self.queries, at.step, key=lambda query: query.begin.step) - 1
         return self.queries[place] if place >= 0 else None
 
-    def changes_of_edge(self, source: NodeId, target: NodeId) -> tuple[Change, ...]:
+    def changes_of_edge(self, source: NodeId, target: NodeId) -> tuple[MapChange, ...]:
         """Return all changes of an edge in order; none for an edge that never was; linear in them."""
         return self._known(self._by_edge.get((source, target), ()))
 
-    def changes_of_node(self, node: NodeId) -> tuple[Change, ...]:
+    def changes_of_node(self, node: NodeId) -> tuple[MapChange, ...]:
         """Return all arrivals and departures of a node in order; linear in them."""
         return self._known(self._by_node.get(node, ()))
 
@@ -169,7 +169,7 @@ class Timeline:
         """
         return tuple(self._attempts_by_edge.get((source, target), ()))
 
-    def _known(self, changes: Sequence[Change]) -> tuple[Change, ...]:
+    def _known(self, changes: Sequence[MapChange]) -> tuple[MapChange, ...]:
         """Leave out what happened after the last event of this timeline."""
         return tuple(changes[: bisect_left(changes, len(self.events), key=_number)])
 
@@ -186,7 +186,7 @@ def _step(stamped: Stamped) -> FrameId:
     return stamped.step
 
 
-def _number(change: Change) -> int:
+def _number(change: MapChange) -> int:
     return change.event
 
 

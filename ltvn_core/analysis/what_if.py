@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ltvn_core.analysis.changes import Change
-from ltvn_core.analysis.imagined import World, imagine
+from ltvn_core.analysis.imagined import Weights, World, imagine, ltvn_weights
 from ltvn_core.analysis.situation import Situation
 from ltvn_core.config import Method
-from ltvn_core.graph.planner import NO_PATH, Path, Planner, edge_cost
+from ltvn_core.graph.planner import NO_PATH, Path, Planner
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 
 
@@ -25,7 +25,7 @@ class PricedEdge:
     mu: float
     """Believed length."""
     doubt: float
-    """-weight * ln p."""
+    """What the weight of the edge adds: -weight * ln p in the paper's system."""
     penalty: float
     """For failures earlier in the query."""
 
@@ -59,13 +59,21 @@ class Replanned:
         return f"The same way, {new}." if same else f"The same way, {new} instead of {self.old.cost:.2f}."
 
 
-def replan(graph: TopologicalGraph, situation: Situation, method: Method, changes: Sequence[Change]) -> Replanned:
+def replan(
+    graph: TopologicalGraph,
+    situation: Situation,
+    method: Method,
+    changes: Sequence[Change],
+    *,
+    weights: Weights = ltvn_weights,
+) -> Replanned:
     """Plan twice, as it was and as it would be under `changes`, taken in order.
 
+    `weights` are those of the system that planned; the paper's own unless another is named.
     Costs two copies of the map and two searches. Raises MapError where a change names a node or an edge that is not in
     the map, OptionError for values that cannot be.
     """
-    before = World(graph, situation, method)
+    before = World(graph, situation, method, weights)
     after = imagine(before, changes)
     old, new = _plan(before), _plan(after)
     old_keys, new_keys = (tuple(itertools.pairwise(path.nodes)) for path in (old, new))
@@ -88,13 +96,13 @@ def _plan(world: World) -> Path:
         return NO_PATH
     penalty = world.method.planning.failure_penalty
     penalties = {edge: count * penalty for edge, count in world.situation.failures.items()}
-    return Planner(world.graph, world.method.planning).plan(source, goal, penalties)
+    return Planner(world.graph, world.method.planning, weight=world.weight).plan(source, goal, penalties)
 
 
 def _priced(world: World, key: EdgeKey) -> PricedEdge:
     belief, planning = world.graph.edges[key].belief, world.method.planning
     penalty = world.situation.failures.get(key, 0) * planning.failure_penalty
-    return PricedEdge(key, belief.mu, edge_cost(belief, planning) - belief.mu, penalty)
+    return PricedEdge(key, belief.mu, world.weight(belief) - belief.mu, penalty)
 
 
 def _said(path: Path) -> str:

@@ -39,7 +39,9 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
 def _record(
     plan: TrialPlan, files: TrialFiles, course: Course, trial: TrialResult, episode: EpisodePlan, number: int
 ) -> None:
-    settings = {"verb": "evaluate", "episode": number, "seed": plan.seed, "method": asdict(course.system.method)}
+    system = course.system
+    settings = {"verb": "evaluate", "system": system.name, "episode": number, "seed": plan.seed}
+    settings["method"] = asdict(system.method)
     about = {"scene": course.scene.address, "config": settings, "fingerprint": course.fingerprint}
     with written_whole(files.failure(number)) as part, RecordingWriter(part, **about) as writer:
         writer.map(course.graph, [course.views.observation(frame) for frame in course.views.frames])

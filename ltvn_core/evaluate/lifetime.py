@@ -130,7 +130,13 @@ def _save(plan: TrialPlan, files: TrialFiles, course: Course, first: int, until:
         [course.views.observation(frame) for frame in course.views.frames],
         scene=course.scene.address,
         fingerprint=course.fingerprint,
-        config={"verb": "lifelong", "seed": plan.seed, "queries": until, "method": asdict(course.system.method)},
+        config={
+            "verb": "lifelong",
+            "system": course.system.name,
+            "seed": plan.seed,
+            "queries": until,
+            "method": asdict(course.system.method),
+        },
         origin=files.map(first),
     )
 

@@ -104,7 +104,7 @@ def _build(
     rng = np.random.default_rng([plan.seed, 4])
     deltas = system.build(observations, views, predictor, rng=rng, goals=sights.goals)
     graph, kept = TopologicalGraph(deltas), [views.observation(frame) for frame in views.frames]
-    config = {"verb": "evaluate", "method": asdict(system.method)}
+    config = {"verb": "evaluate", "system": system.name, "method": asdict(system.method)}
     save_map(files.map(), graph, kept, scene=scene.address, fingerprint=predictor.fingerprint, config=config)
 
 

@@ -17,9 +17,11 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import framing, schema
 from ltvn_core.recording.meta import Meta, read_meta, read_schema
 
+_READ = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.EVENTS, schema.SCENE))
+
 
 class Contents(NamedTuple):
-    """Everything in a recording, still as Arrow; pictures are compressed."""
+    """What is read back from a recording, still as Arrow; pictures are compressed."""
 
     meta: Meta
     rows: Mapping[str, Sequence[pa.RecordBatch]]
@@ -67,7 +69,8 @@ def read_contents(path: Path) -> Contents:
             reader = RrdReader(path)
         stores = reader.recordings()
         # Reading from here on touches every message, so damage inside one shows as an exception of any kind.
-        batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in reader.stream()] if stores else []
+        chunks = reader.stream() if stores else ()
+        batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if _is_read(chunk.entity_path)]
     except Exception as error:
         raise RecordingError(f"{path} is damaged inside: {error}. Restore it from a copy.") from error
     if not stores:
@@ -80,6 +83,11 @@ def read_contents(path: Path) -> Contents:
     for entity, batch in batches:
         rows[entity].append(batch)
     return Contents(_meta(path, rows, stores[0].recording_id), rows)
+
+
+def _is_read(entity: str) -> bool:
+    """Tell whether anybody reads an entity back; most only draw."""
+    return entity in _READ or entity.startswith("/__properties")
 
 
 def _meta(path: Path, rows: Mapping[str, Sequence[pa.RecordBatch]], recording_id: str) -> Meta:

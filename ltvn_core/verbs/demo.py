@@ -102,7 +102,13 @@ def _demonstrate(options: Demo) -> Demonstrated:
     )
     about = {
         "scene": simulation.scene.address,
-        "config": {"verb": "demo", "seed": options.seed, "loops": options.loops, "method": asdict(method)},
+        "config": {
+            "verb": "demo",
+            "system": "ltvn",
+            "seed": options.seed,
+            "loops": options.loops,
+            "method": asdict(method),
+        },
         "fingerprint": predictor.fingerprint,
     }
     with RecordingWriter(path, **about, live_port=announced(options.stream)) as writer:

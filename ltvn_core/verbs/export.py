@@ -50,9 +50,9 @@ class Export(Verb):
     test: Path | None = None
     """Write a pytest file here that opens the moment and asserts what happened; lies beside --output."""
     html: Path | None = None
-    """Write the map over its scene as one page that asks nothing of any other machine."""
+    """Write the map in its scene, in 3D, as one page that asks nothing of any other machine."""
     svg: Path | None = None
-    """Write the same as a figure."""
+    """Write it as a flat figure; pointing at a node or an edge shows its numbers."""
 
     def run(self) -> Summary:
         """Write what is asked for; raises OptionError, RecordingError, MapError and SceneError."""
@@ -102,15 +102,16 @@ class Export(Verb):
     def _draw(self) -> None:
         from ltvn_core.evaluate.scene_plan import scene_plan
         from ltvn_core.recording.reader import Recording
-        from ltvn_core.report.scene_page import scene_page
         from ltvn_core.report.scene_svg import scene_svg
         from ltvn_viz.scene_colours import scene_colours
+        from ltvn_viz.scene_page import scene_page
 
-        drawn = scene_plan(Recording.open(self.recording), at_s=self.to_s)
+        recording = Recording.open(self.recording)
+        drawn = scene_plan(recording, at_s=self.to_s)
         if self.svg is not None:
             _write(self.svg, scene_svg(drawn, scene_colours()))
         if self.html is not None:
-            _write(self.html, scene_page(drawn, scene_colours()))
+            _write(self.html, scene_page(recording, drawn))
 
 
 def _write(path: Path, text: str) -> None:

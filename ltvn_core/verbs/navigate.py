@@ -80,7 +80,7 @@ class Navigate(Verb):
 
     def settings(self) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
-        return {"verb": "navigate", "seed": self.seed, "method": asdict(self.method())}
+        return {"verb": "navigate", "system": "ltvn", "seed": self.seed, "method": asdict(self.method())}
 
     def method(self) -> "Method":
         """Return the preset with the constants measured for the predictor."""

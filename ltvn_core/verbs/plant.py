@@ -144,4 +144,4 @@ def _settings(options: Plant, method: "Method", faults: "tuple[Fault, ...]") -> 
         {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}
         for query, fault in enumerate(faults)
     ]
-    return {"verb": "plant", "seed": options.seed, "method": asdict(method), "faults": said}
+    return {"verb": "plant", "system": "ltvn", "seed": options.seed, "method": asdict(method), "faults": said}

@@ -56,6 +56,7 @@ STYLE = f"""<style>
 .lt-why figcaption {{ color: #909296; font-size: .9em; }}
 .lt-curve {{ width: 100%; background: rgba(255,255,255,.04); border-radius: .35em; }}
 .lt-rows {{ width: 100%; border-collapse: collapse; font-variant-numeric: tabular-nums; }}
+.lt-rows td:first-child, .lt code {{ white-space: nowrap; }}
 .lt-rows th {{ text-align: left; color: #909296; font-weight: 400; }}
 .lt-rows td {{ padding: .1em .3em .1em 0; border-top: 1px solid rgba(255,255,255,.07); vertical-align: top; }}
 </style>"""

@@ -9,6 +9,8 @@ let lastKey = ""; // Shown on the pad, so that a person sees whether keys arrive
 function isTyping(target) {
   if (!(target instanceof HTMLElement)) return false;
   if (target.isContentEditable || target.tagName === "TEXTAREA" || target.tagName === "SELECT") return true;
+  // A list keeps the keyboard after a choice was made; only while it is open are keys meant for it.
+  if (target.getAttribute("aria-haspopup") === "listbox") return target.hasAttribute("aria-controls");
   return target.tagName === "INPUT" && !NOT_TYPED_INTO.has(target.type);
 }
 

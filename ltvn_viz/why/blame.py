@@ -20,6 +20,7 @@ from ltvn_viz.commands import ChooseTool, PointAt
 from ltvn_viz.why.case import Case
 from ltvn_viz.why.overlay import Overlay, Stroke, stroke
 from ltvn_viz.why.tool import NOWHERE, EdgeKey, Page, Selection, ToolName, ToolView
+from ltvn_viz.why.weighing import weighing
 
 _SENTENCES = 8
 """Of a longer chain the beginning and the end are told."""
@@ -107,10 +108,11 @@ class BlameTool:
 
     def _chosen(self, case: Case, edge: EdgeKey, story: EdgeStory, page: Page) -> None:
         timeline, planning, last = case.timeline, case.method.planning, story.planned[-1]
+        weight = weighing(case).weights(case.method)
         # Planning again takes time on a large map, and the answer stays as long as no newer plan comes.
         told = case.later(
             ("chosen", case.name, case.start_s, edge, last),
-            lambda: blame.chosen(timeline, *edge, planning, at=last),
+            lambda: blame.chosen(timeline, *edge, planning, at=last, weight=weight),
         )
         title = "Why was it chosen?"
         if told is None:

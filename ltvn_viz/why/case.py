@@ -17,6 +17,7 @@ from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
 from ltvn_viz.library import Library
 from ltvn_viz.timeline import Moment
 from ltvn_viz.timeline import Timeline as LiveTimeline
+from ltvn_viz.viewpoint import Viewpoint
 from ltvn_viz.why.later import Later
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ class Case:
     """The network in use; a recording may have been made with another."""
     weights: str
     """Fingerprint of the network that the run was made with; empty where nobody knows."""
+    system: str
+    """Name of the system that planned, as the recording says; empty for the live run and where nobody said."""
     mapping: "Mapping | None"
     """The live map and its images, to be touched within `later` alone; None in replay."""
     live: LiveTimeline
@@ -61,6 +64,8 @@ class Case:
     """The other recordings."""
     rerun: Callable[[Path], str]
     """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
+    view: Viewpoint | None = None
+    """From where the person looks, for the tool that hands it on; None for all others, which need not look again."""
 
     @property
     def instant(self) -> Instant:

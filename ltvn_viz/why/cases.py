@@ -15,6 +15,7 @@ from ltvn_viz.replay import Replay
 from ltvn_viz.timeline import Moment, Timeline
 from ltvn_viz.why.case import Case
 from ltvn_viz.why.later import Later
+from ltvn_viz.why.tool import ToolName
 
 if TYPE_CHECKING:
     from ltvn_viz.stage import Stage
@@ -51,11 +52,13 @@ class Cases:
             method=stage.mapping.method,
             predictor=stage.mapping.predictor,
             weights=stage.mapping.fingerprint if replay is None else replay.weights,
+            system="" if replay is None else replay.system,
             mapping=stage.mapping if replay is None else None,
             live=stage.live.timeline,
             later=self._later,
             library=stage.library,
             rerun=stage.rerun,
+            view=stage.viewpoint() if stage.inspector.shown.tool is ToolName.SHARE else None,
         )
 
     def anew(self) -> None:

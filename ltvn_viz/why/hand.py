@@ -15,7 +15,7 @@ from ltvn_core.analysis.hand_work import (
     rename_node,
 )
 from ltvn_core.analysis.records import Instant
-from ltvn_core.analysis.timeline import Change, Timeline
+from ltvn_core.analysis.timeline import MapChange, Timeline
 from ltvn_core.config import Believing
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
@@ -142,7 +142,7 @@ def _done(timeline: Timeline) -> Iterator[Done]:
             yield undone
 
 
-def _followed(graph: TopologicalGraph, changes: Sequence[Change]) -> Done | None:
+def _followed(graph: TopologicalGraph, changes: Sequence[MapChange]) -> Done | None:
     """Let a map follow changes; return how to take them back if they were made by hand and fit the map."""
     backs: list[tuple[d.GraphDelta, ...]] = []
     for change in changes:

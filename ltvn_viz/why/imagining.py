@@ -11,6 +11,7 @@ import numpy as np
 
 from ltvn_core.analysis.changes import Change, GoalSet, StartSet, Threshold, ThresholdSet
 from ltvn_core.analysis.dry_run import PruneCounts, prune_dry_run, rebuild_dry_run
+from ltvn_core.analysis.imagined import Weights
 from ltvn_core.analysis.situation import Situation
 from ltvn_core.analysis.what_if import Replanned, replan
 from ltvn_core.config import Method
@@ -35,12 +36,14 @@ Outcome: TypeAlias = Answer | str
 """An answer, or why there is none."""
 
 
-def imagined(graph: TopologicalGraph, situation: Situation, method: Method, changes: tuple[Change, ...]) -> Outcome:
+def imagined(
+    graph: TopologicalGraph, situation: Situation, method: Method, changes: tuple[Change, ...], weights: Weights
+) -> Outcome:
     """Plan as it was and as it would be; costs two copies of the map and two searches."""
     if not all(isinstance(each, GoalSet | StartSet) for each in changes):
         situation = _placed(situation, changes)
     try:
-        plans = replan(graph, situation, method, changes)
+        plans = replan(graph, situation, method, changes, weights=weights)
     except LtvnError as error:
         return str(error)
     levels = [each.value for each in changes if isinstance(each, ThresholdSet) and each.threshold is Threshold.R_P]

@@ -4,6 +4,7 @@ Owns that state and when a tool looks again. Runs in the session's thread.
 """
 
 import re
+from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from html import escape
@@ -15,7 +16,11 @@ from ltvn_viz.why.case import Case
 from ltvn_viz.why.tool import NO_VIEW, NOWHERE, Selection, Tool, ToolName, ToolView
 
 _LINKS = 1000
-"""A link is asked for by its number plus so many times the number of the view, so that an old page asks for nothing."""
+"""A link is asked for by its number plus so many times the number of the view it was drawn in."""
+_REMEMBERED = 100
+"""So many views of the tool on show still answer to clicks on them, because a page may be behind, and answers that
+change with time are replaced while a person aims.
+"""
 _LINK = re.compile(r'data-id="link-(\d+)"')
 
 
@@ -49,6 +54,7 @@ class Inspector:
         self.shown = Inspection(offered=(ToolName.NONE, *(name for name in ToolName if name in tools)))
         self._key: object = None
         self._case: Case | None = None
+        self._drawn: OrderedDict[int, tuple[Command, ...]] = OrderedDict()
 
     @property
     def is_on(self) -> bool:
@@ -59,6 +65,7 @@ class Inspector:
         """Show a tool, or none."""
         about = self._tools[tool].about if tool in self._tools else ""
         self.shown = replace(self.shown, tool=tool, about=about, view=NO_VIEW, serial=self.shown.serial + 1)
+        self._drawn.clear()
         self._key = None
 
     def point_at(self, node: NodeId, target: NodeId | None = None) -> None:
@@ -83,7 +90,7 @@ class Inspector:
     def refresh(self, case: Case) -> None:
         """Let the tool look again if anything changed that it may show."""
         tool, self._case = self._tools.get(self.shown.tool), case
-        key = self.shown.tool, self.shown.selection, case.name, case.step, case.timeline
+        key = self.shown.tool, self.shown.selection, case.name, case.step, case.timeline, case.view
         if tool is None or key == self._key:
             return
         self._key = key
@@ -93,13 +100,21 @@ class Inspector:
             view = ToolView(f'<div class="lt">{escape(str(error))}</div>')
         if view != self.shown.view:
             self.shown = replace(self.shown, view=view, serial=self.shown.serial + 1)
+            self._remember()
 
     def again(self) -> None:
         """Let the tool look again although nothing happened, because it knows more now."""
         self._key = None
 
     def link(self, number: int) -> Command | None:
-        """Return what a link on the page asks for; None if the page is older than what is shown now."""
+        """Return what a link asks for, as it was when it was drawn; None if that was for another question, or too long
+        ago.
+        """
         serial, place = divmod(number, _LINKS)
-        links = self.shown.view.links
-        return links[place] if serial == self.shown.serial and place < len(links) else None
+        links = self._drawn.get(serial, ())
+        return links[place] if place < len(links) else None
+
+    def _remember(self) -> None:
+        self._drawn[self.shown.serial] = self.shown.view.links
+        if len(self._drawn) > _REMEMBERED:
+            self._drawn.popitem(last=False)

@@ -1,7 +1,7 @@
 """What a person can take along from a recording: a moment with a test to begin with, and the map as page and figure.
 
 Owns the names of the files, which never are those of others. What is in them is `recording.excerpt`,
-`analysis.skeleton` and `report`. Slow; runs in the worker's thread.
+`analysis.skeleton`, `scene_page` and `report.scene_svg`. Slow; runs in the worker's thread.
 """
 
 import re
@@ -12,10 +12,10 @@ from ltvn_core.evaluate.scene_plan import scene_plan
 from ltvn_core.recording.excerpt import cut, moment, span
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.whole import written_whole
-from ltvn_core.report.scene_page import scene_page
 from ltvn_core.report.scene_svg import scene_svg
 from ltvn_viz.library import Library
 from ltvn_viz.scene_colours import scene_colours
+from ltvn_viz.scene_page import scene_page
 
 
 def save_moment(library: Library, name: str, from_s: float, to_s: float) -> tuple[Path, Path]:
@@ -33,11 +33,12 @@ def save_moment(library: Library, name: str, from_s: float, to_s: float) -> tupl
 
 
 def save_map(library: Library, name: str, at_s: float) -> tuple[Path, Path]:
-    """Draw the map at a time of the robot's clock as a page and as a figure. Raises LtvnError."""
-    drawn = scene_plan(Recording.open(library.path(name)), at_s=at_s)
+    """Draw the map at a time of the robot's clock as a page in 3D and as a flat figure. Raises LtvnError."""
+    recording = Recording.open(library.path(name))
+    drawn = scene_plan(recording, at_s=at_s)
     stem = f"map-{Path(name).stem}-{at_s:.0f}s"
     page, figure = library.new_file(stem, ".html"), library.new_file(stem, ".svg")
-    _write(page, scene_page(drawn, scene_colours()))
+    _write(page, scene_page(recording, drawn))
     _write(figure, scene_svg(drawn, scene_colours()))
     return page, figure
 

@@ -73,7 +73,7 @@ class ShareTool:
     def _link(self, page: Page, case: Case, selection: Selection) -> None:
         seconds = max(0.0, case.moment.stamp - case.start_s)
         tool = ToolName.NONE if selection == NOWHERE else ToolName.EDGE
-        address = link(case.name, seconds, tool, selection)
+        address = link(case.name, seconds, tool, selection, case.view)
         page.html(
             f'<div><a href="{escape(address)}" class="lt-link">Link to this moment</a>: right-click it to copy. It '
             "works in any page of this machine whose recordings folder holds this file.</div>"

@@ -25,6 +25,7 @@ from ltvn_viz.why.case import Case
 from ltvn_viz.why.imagining import Answer, Outcome, dry_run, imagined, rebuilt_with
 from ltvn_viz.why.overlay import NOTHING, Overlay, Stroke, stroke
 from ltvn_viz.why.tool import Page, Selection, ToolView
+from ltvn_viz.why.weighing import weighing
 
 _ROWS = 12
 _FORGET, _ALL = "forget ", "all"
@@ -85,15 +86,19 @@ class WhatIfTool:
 
     def _compared(self, case: Case, page: Page) -> Overlay:
         graph, situation, changes = case.graph, situation_at(case.timeline.events, case.step), self._all
+        how = weighing(case)
         known = len(case.timeline.changes_until(case.instant)), situation.source, situation.goal
         question = "what if", case.name, self._told, *known, *situation.failures.items()
-        outcome: Outcome | None = case.later(question, partial(imagined, graph, situation, case.method, changes))
+        plan = partial(imagined, graph, situation, case.method, changes, how.weights)
+        outcome: Outcome | None = case.later(question, plan)
         if outcome is None:
             page.line("Planning both ways …")
             return NOTHING
         if isinstance(outcome, str):
             page.line(outcome)
             return NOTHING
+        if how.note:
+            page.line(how.note)
         _say(outcome, page)
         return _overlay(case, outcome.plans)
 
@@ -171,7 +176,7 @@ def _row(page: Page, plan: str, priced: PricedEdge) -> tuple[str, ...]:
 
 
 def _overlay(case: Case, plans: Replanned) -> Overlay:
-    strokes = (*_strokes(case, plans.old, palette.PLAN), *_strokes(case, plans.new, palette.ACCENT, plans.joined))
+    strokes = (*_strokes(case, plans.old, palette.PLAN), *_strokes(case, plans.new, palette.CAME, plans.joined))
     return Overlay(strokes) if strokes else NOTHING
 
 

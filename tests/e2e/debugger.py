@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import viser
 from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
 from ltvn_viz.app import App, AppOptions, opened
@@ -19,11 +21,12 @@ from ltvn_viz.commands import ChooseTool, Command, PointAt
 from ltvn_viz.driving import DriverSeat
 from ltvn_viz.modes import Mode
 from ltvn_viz.replay import Replay
+from ltvn_viz.viewpoint import Point
 from ltvn_viz.why.inspector import Inspection
 from ltvn_viz.why.tool import ToolName
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
-PATIENCE_S = 60.0
+PATIENCE_S = 240.0
 WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
 _IS_SHOWN = """html => {
@@ -60,7 +63,7 @@ class Debugger:
 
     def follow(self, label: str | re.Pattern[str]) -> None:
         """Click the first link whose whole label is this, and wait until the page has answered."""
-        self.settled()  # A link of an older view asks for nothing.
+        self.settled()  # What an older view said may be meant otherwise than what the app says now.
         before, link = self.shown, self.link(label)
         command = self.app.session.stage.inspector.link(int(link.get_attribute("data-id") or -1))
         link.click()
@@ -107,6 +110,42 @@ class Debugger:
         while not holds():
             assert time.monotonic() < deadline, f"never happened; the answer is: {self.answer.inner_text()}"
             self.page.wait_for_timeout(50)
+
+    def drive(self, key: str, holds: Callable[[], bool]) -> None:
+        """Hold a key until something holds in the app."""
+        self.page.keyboard.down(key)
+        try:
+            self.until(holds)
+        finally:
+            self.page.keyboard.up(key)
+
+    def look_from(self, position: Point, look_at: Point) -> None:
+        """Move the page's camera, as orbiting does."""
+        (client,) = self._clients.values()
+        client.camera.position, client.camera.look_at = position, look_at
+
+    def link_to_share(self, words: str) -> str:
+        """Wait until the link of “Show somebody” has these words in it, and return its address."""
+        link = self.answer.locator(f'a[href*="{words}"]')
+        link.wait_for()
+        return link.get_attribute("href") or ""
+
+    def open_link(self, address: str) -> None:
+        """Open a link in place of the page, as whoever got it does."""
+        before = set(self._clients)
+        self.page.goto(f"{self.app.server.url}&{address.removeprefix('/?')}")
+        self.until(lambda: len(self._clients) == 1 and not before & set(self._clients))
+        self.page.get_by_role("tab", name="Why").click()
+
+    def looks_from(self, position: Point, look_at: Point) -> bool:
+        """Tell whether that is where the page's camera stands, to the centimetre."""
+        (client,) = self._clients.values()
+        seen = client.camera.position, client.camera.look_at
+        return np.allclose(seen, (position, look_at), atol=0.01) and client.camera.up_direction[2] > 0.99
+
+    @property
+    def _clients(self) -> dict[int, viser.ClientHandle]:
+        return self.app.server.viser.get_clients()
 
     @property
     def seconds(self) -> float:

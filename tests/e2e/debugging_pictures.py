@@ -25,7 +25,7 @@ from tests.e2e.debugger import WINDOW, Debugger, debugging
 FOLDER = Path(__file__).parents[2] / "docs" / "images" / "debugging"
 MOST_BYTES = 150_000
 _CAMERA_PX = 520
-_RERUN_S = 120.0
+_RERUN_S = 240.0
 _COLOURS = 2000
 """A viewer that is still loading shows fewer."""
 
@@ -134,6 +134,8 @@ def coach(debugger: Debugger) -> None:
 def hand(debugger: Debugger) -> None:
     """A change that can be undone."""
     debugger.ask(ToolName.COMPARE)
+    if "choose another" in debugger.shown.html:
+        debugger.follow("choose another")
     debugger.follow("demo-fault.rrd")
     debugger.says("believed differently")
     debugger.answer.locator("table").nth(1).locator("a").first.click()
@@ -188,11 +190,21 @@ def _rerun(browser: Browser, debugger: Debugger) -> None:
     assert address is not None
     viewer = browser.new_page(viewport=WINDOW)
     viewer.goto(address)
-    deadline = time.monotonic() + _RERUN_S
-    while len(_shown(viewer).getcolors(2**24) or ()) < _COLOURS and time.monotonic() < deadline:
-        viewer.wait_for_timeout(500)
+    _complete(viewer)
     _save(viewer, FOLDER / "rerun.png")
     viewer.close()
+
+
+def _complete(viewer: Page) -> None:
+    """Wait until the viewer has opened the file, shows many colours, and shows nothing new any more."""
+    deadline, before = time.monotonic() + _RERUN_S, None
+    while time.monotonic() < deadline:
+        now = _shown(viewer)
+        is_open = viewer.evaluate("document.body.dataset.open === 'yes'")
+        if is_open and now == before and len(now.getcolors(2**24) or ()) >= _COLOURS:
+            return
+        before = now
+        viewer.wait_for_timeout(2000)
 
 
 def _shown(page: Page) -> Image.Image:

@@ -14,8 +14,9 @@ import trimesh
 from ltvn_core.sim.locobot import locobot_glb
 from ltvn_viz.actions import listener
 from ltvn_viz.driving import DriverSeat
+from ltvn_viz.outlook import look_from_above
 from ltvn_viz.painter import Painter
-from ltvn_viz.screen import Assets, furnish, look_from_above
+from ltvn_viz.screen import Assets, furnish
 from ltvn_viz.server import GuardedServer
 from ltvn_viz.session import Session
 from ltvn_viz.snapshot import Snapshot

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from typing import TypeAlias
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
@@ -146,12 +147,37 @@ def test_the_map_is_compared_with_the_good_one(fault: Debugger, planted: Faults)
 def test_a_moment_is_saved_for_somebody_else(fault: Debugger) -> None:
     go_to_failure(fault, 2)
     fault.ask(ToolName.SHARE)
-    assert fault.answer.get_by_text("Link to this moment").get_attribute("href") is not None
     fault.follow("save this moment")
     assert "Written: " in fault.says("Written: ")
     (saved,) = fault.folder.glob("moment-*.rrd")
     assert Recording.open(saved).events
     assert [*fault.folder.glob("test_moment_*.py")]
+
+
+def test_a_link_shows_the_moment_the_edge_and_the_same_side_of_them(fault: Debugger) -> None:
+    go_to_failure(fault, 2)
+    fault.follow(re.compile("^edge "))
+    edge, seconds = fault.shown.selection.edge, fault.seconds
+    fault.ask(ToolName.SHARE)
+    fault.look_from((1.5, -2.0, 6.0), (2.5, 1.0, 0.25))
+    address = fault.link_to_share("camera=1.5,-2,6,2.5,1,0.25,0,0,1")
+    fault.look_from((0.0, 0.0, 9.0), (0.0, 1.0, 0.0))
+    go_to_failure(fault, 0)
+
+    fault.open_link(address)
+
+    fault.until(lambda: fault.shown.selection.edge == edge and fault.shown.tool is ToolName.EDGE)
+    fault.until(lambda: fault.looks_from((1.5, -2.0, 6.0), (2.5, 1.0, 0.25)))
+    assert fault.seconds == pytest.approx(seconds, abs=0.01)
+
+
+def test_a_link_with_a_broken_camera_says_so_and_shows_the_rest(fault: Debugger) -> None:
+    fault.open_link("/?replay=demo-fault.rrd&at=3&tool=edge&edge=1489-2621&camera=1,2,3,1,2,3,0,0,1")
+    fault.until(lambda: fault.shown.selection.edge == (1489, 2621))
+    fault.page.get_by_text("a view that makes no sense").first.wait_for()
+    start = fault.app.server.viser.initial_camera
+    fault.until(lambda: fault.looks_from(tuple(start.position), tuple(start.look_at)))
+    assert fault.seconds == pytest.approx(3.0, abs=0.01)
 
 
 def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: Debugger) -> None:
@@ -160,6 +186,29 @@ def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: Debugge
     fault.follow("go back to the robot")
     fault.until(lambda: not fault.is_replay)
     assert "pieces" in fault.says("Loops not closed") or "one piece" in fault.answer.inner_text()
+
+
+def test_the_coach_goes_along_while_somebody_drives(fault: Debugger) -> None:
+    """Goes on at the robot; the keys drive although the list of questions was used last."""
+    robot = fault.app.session.stage.live.robot
+    fault.ask(ToolName.FAILURES)
+    fault.ask(ToolName.COACH)
+    before, start = advice(fault.says("% new")), robot.exact_pose[:2].copy()
+
+    fault.drive("w", lambda: float(np.hypot(*(robot.exact_pose[:2] - start))) > 0.4)
+    fault.drive("a", lambda: all(now != then for now, then in zip(advice(fault.shown.html), before, strict=True)))
+
+    told = advice(fault.says("% new"))
+    assert told[0] != before[0]
+    assert fault.shown.view.overlay.ghosts
+
+
+def advice(html: str) -> tuple[str, str]:
+    """Return the coach's hint and how new it says the view is."""
+    text = re.sub(r"<[^>]+>", "\n", html)
+    hint, novelty = text.strip().split("\n")[0], re.search(r"view now is (\d+ ?%) new", text)
+    assert novelty, text
+    return hint, novelty[1]
 
 
 def test_an_edge_is_cut_and_put_back_by_hand(fault: Debugger) -> None:

@@ -8,7 +8,10 @@ from ltvn_core.errors import OptionError
 from ltvn_viz import commands as c
 from ltvn_viz.drive_messages import Link, parse
 from ltvn_viz.links import commands_of, link
+from ltvn_viz.viewpoint import Viewpoint, read
 from ltvn_viz.why.tool import Selection, ToolName
+
+VIEW = Viewpoint((1.0, -2.5, 3.125), (0.0, 0.5, 0.0), (0.0, 0.0, 1.0))
 
 
 def test_a_link_is_read_as_it_was_written() -> None:
@@ -31,6 +34,37 @@ def test_a_link_to_a_node_names_the_node_alone() -> None:
     (pointing,) = opening.then
     assert isinstance(pointing, c.PointAt)
     assert (pointing.node, pointing.target) == (7, None)
+
+
+def test_a_link_carries_the_view_which_the_page_takes_up_by_itself() -> None:
+    address = link("a.rrd", 1.0, view=VIEW)
+    assert address.endswith("&camera=1,-2.5,3.125,0,0.5,0,0,0,1")
+    assert read(address.rpartition("=")[2]) == VIEW
+    assert [type(each) for each in commands_of(urlsplit(address).query)] == [c.OpenRecording]
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        ",",
+        "1,2,3",
+        "1,2,3,4,5,6,0,0,1,0",
+        "1,2,3,1,2,3,0,0,1",
+        "1,2,3,4,5,6,0,0,0",
+        "nan,2,3,4,5,6,0,0,1",
+        "1e999,2,3,4,5,6,0,0,1",
+        "1e5,2,3,4,5,6,0,0,1",
+        "1e,2,3,4,5,6,0,0,1",
+        "1_0,2,3,4,5,6,0,0,1",
+        "<b>,2,3,4,5,6,0,0,1",
+    ],
+)
+def test_a_view_that_makes_no_sense_is_said_and_the_rest_of_the_link_works(camera: str) -> None:
+    opening, complaint = commands_of(f"replay=a.rrd&at=3&node=7&camera={camera}")
+    assert isinstance(opening, c.OpenRecording)
+    assert (opening.at_s, len(opening.then)) == (3.0, 1)
+    assert isinstance(complaint, c.Report)
+    assert "This link names a view that makes no sense" in complaint.text
 
 
 @pytest.mark.parametrize("query", ["", "?", "token=x", "initialCameraPosition=1,2,3"])

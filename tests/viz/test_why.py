@@ -51,7 +51,7 @@ def test_with_a_question_clicks_on_a_node_and_its_neighbour_ask_about_the_edge_b
     assert snapshot.inspection.view.overlay.ghosts
 
 
-def test_a_link_leads_where_it_says_and_an_old_one_nowhere(theatre: Theatre) -> None:
+def test_a_link_of_a_view_that_was_just_replaced_leads_where_it_said(theatre: Theatre) -> None:
     source, target = an_edge(theatre)
     shown = theatre.do(c.ChooseTool(ToolName.EDGE), c.PointAt(source, target))
     back = link_numbers(shown)[0]
@@ -61,6 +61,19 @@ def test_a_link_leads_where_it_says_and_an_old_one_nowhere(theatre: Theatre) -> 
 
     assert turned.inspection.selection.edge == (target, source)
     assert again.inspection.selection.edge == (target, source)
+    assert again.message is None
+    assert back not in link_numbers(again)
+
+
+def test_a_link_of_another_question_says_that_it_is_gone(theatre: Theatre) -> None:
+    source, target = an_edge(theatre)
+    shown = theatre.do(c.ChooseTool(ToolName.EDGE), c.PointAt(source, target))
+
+    gone = theatre.do(c.ChooseTool(ToolName.BLAME), c.Follow(link_numbers(shown)[0]))
+
+    assert gone.inspection.selection.edge == (source, target)
+    assert gone.message is not None
+    assert "replaced before your click arrived" in gone.message.text
 
 
 def test_the_live_run_can_be_looked_back_at_and_come_back_from(theatre: Theatre) -> None:

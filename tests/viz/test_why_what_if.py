@@ -101,3 +101,28 @@ def test_a_node_that_is_not_there_is_an_answer_and_can_be_forgotten(theatre: The
 
     assert "987654 is not in the map" in shown.inspection.html
     assert "987654" not in follow(theatre, shown, "forget").inspection.html
+
+
+@pytest.mark.parametrize(
+    ("system", "said"),
+    [
+        ("", "The recording names no system; both plans weigh edges as ltvn does."),
+        ("ltvn", ""),
+        ("sptm", "Both plans weigh edges as sptm does."),
+        ("<b>", "The recording names the system “&lt;b&gt;”, which is not known here;"),
+    ],
+)
+def test_a_replay_is_planned_by_the_system_that_its_recording_names(tmp_path: Path, system: str, said: str) -> None:
+    theatre = Theatre(tmp_path)
+    theatre.do(c.StartRecording(), c.KeepRecording())
+    replay = theatre.open_replay(theatre.tapes[-1].path.name)
+    replay.system = system
+    theatre.stage.open_replay = lambda _: replay
+    start, goal = across(theatre)
+    theatre.do(c.OpenRecording(replay.name, 1e9), c.ChooseTool(ToolName.WHAT_IF), ticks=3)
+
+    shown = theatre.do(c.Tell(f"from {start}"), c.Tell(f"goal {goal}"), ticks=3)
+
+    assert said in shown.inspection.html
+    assert ("weigh edges as" in shown.inspection.html) == bool(said)
+    assert " nodes at cost " in shown.inspection.html

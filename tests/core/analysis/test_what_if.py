@@ -22,6 +22,7 @@ from ltvn_core.analysis.changes import (
 from ltvn_core.analysis.dry_run import prune_dry_run, rebuild_dry_run
 from ltvn_core.analysis.situation import Situation, situation_at
 from ltvn_core.analysis.what_if import replan
+from ltvn_core.composition import open_system
 from ltvn_core.config import ROBUST
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.builder import build
@@ -73,6 +74,20 @@ def test_a_change_leads_to_the_plan_one_expects(change: Change, nodes: tuple[int
     assert {*found.left, *found.joined} == {(0, 1), (1, 3)} ^ set(itertools.pairwise(nodes))
     assert found.sentence.endswith(".")
     assert graph == diamond()
+
+
+def test_a_rival_plans_with_its_own_weights() -> None:
+    assert replan(diamond(), ASKED, ROBUST, [BeliefSet(0, 1, mu=9.0)]).new.nodes == (0, 2, 3)
+    found = replan(
+        diamond(),
+        ASKED,
+        ROBUST,
+        [BeliefSet(0, 1, mu=9.0), ThresholdSet(Threshold.BELIEF_WEIGHT, 2.0)],
+        weights=lambda method: open_system("sptm", method).edge_weight,
+    )
+    assert found.new.cost == 2.0
+    assert found.sentence.startswith("The same way")
+    assert "weighs edges without it" in found.notes[0]
 
 
 def test_a_path_costs_what_its_edges_cost() -> None:

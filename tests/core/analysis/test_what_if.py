@@ -186,10 +186,11 @@ def test_a_dry_run_of_a_rebuild_says_how_the_map_would_change() -> None:
     predictor = FlatPredictor(one_room())
     drive = list(tour([(1.0, 1.0), (3.0, 1.0), (3.0, 3.0)]))
     views, rng = Views(predictor), np.random.default_rng(1)
-    graph = TopologicalGraph(build(drive, views, predictor, ROBUST, np.random.default_rng(1)))
+    fine = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.35))
+    graph = TopologicalGraph(build(drive, views, predictor, fine, np.random.default_rng(1)))
     encoded, frames = predictor.encoded, views.frames
     coarse = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.8))
-    counts = rebuild_dry_run(drive, views, predictor, ROBUST, coarse, rng)
+    counts = rebuild_dry_run(drive, views, predictor, fine, coarse, rng)
     assert counts.before.nodes == len(graph.nodes)
     assert counts.before.edges == len(graph.edges)
     assert counts.after.nodes < counts.before.nodes

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ltvn_core.config import Method
+from ltvn_core.graph.closures import Closures
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReleased, GraphDelta, NodeAdded
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import Gates, connectable, mergeable, node_with_edges
@@ -97,6 +98,7 @@ def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Metho
         return matches.take(connectable(matches, gates) & ~merges)
     # Merged images are welcome here: they are in the reserve because they look like a node, and so bridge gaps.
     chosen = matcher.supported(matches.take(connectable(matches, gates)), frame)
+    chosen = Closures(matcher).proven(frame, chosen, connectable(chosen, gates))
     chosen = chosen.take(connectable(chosen, gates))
     return chosen if len(chosen) >= 2 else chosen.take(np.zeros(len(chosen), bool))
 

@@ -6,8 +6,9 @@ Owns what is kept for later and how much. Does not apply its deltas: whoever own
 from collections.abc import Iterator
 
 from ltvn_core.config import Method
+from ltvn_core.graph.closures import Closures
 from ltvn_core.graph.deltas import Cause, FramesReleased, FramesReserved, GraphDelta, NodeAdded
-from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import Gates, connectable, mergeable, node_of, node_with_edges
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.graph.views import Views
@@ -33,6 +34,7 @@ class OnlineBuilder:
         self._graph = graph
         self._views = views
         self._matcher = Matcher(predictor, views, method.matching)
+        self._closures = Closures(self._matcher)
         self._method = method
         self._gates = Gates.building(method.building)
         self._reserve_limit = reserve_limit
@@ -62,18 +64,23 @@ class OnlineBuilder:
         found = self._matcher.supported(found.take(likely), frame)
         if mergeable(found, self._gates).any():
             return []
-        chosen = found.take(connectable(found, self._gates))
+        chosen = self._connected(found, frame)
         if not len(chosen):
             self._pending[frame] = None
             return []
         return node_with_edges(self._views.observation(frame), chosen, self._method.believing, Cause.ONLINE)
+
+    def _connected(self, found: Matches, frame: FrameId) -> Matches:
+        """Return the matches of a frame that become edges."""
+        proven = self._closures.proven(frame, found, connectable(found, self._gates))
+        return proven.take(connectable(proven, self._gates))
 
     def _try_pending(self, fresh: FrameId) -> Iterator[GraphDelta]:
         """Tie the latest left-over images to the node that just came in, where they fit."""
         for frame in [*reversed(self._pending)][:RETRIES]:
             found = self._matcher.match(self._views.features([frame]), (fresh,))
             found = self._matcher.supported(found.take(connectable(found, self._gates)), frame)
-            chosen = found.take(connectable(found, self._gates))
+            chosen = self._connected(found, frame)
             if len(chosen):
                 del self._pending[frame]
                 yield FramesReleased((frame,), Cause.ONLINE)

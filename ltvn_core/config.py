@@ -178,6 +178,8 @@ class Believing:
     """R_p: an edge that failed and whose p fell below this leaves the map (paper)."""
     one_failure_per_query: bool = True
     """However often an edge fails in one query, that is one piece of evidence (ours)."""
+    hindered_weight: float = 0.3
+    """What a failure counts where something stood in the way or the robot went in circles; 1 is the paper's (ours)."""
     prune_after_failures: int = 2
     """Failures in different queries before an edge may leave; 1 is the paper's (ours)."""
 
@@ -272,7 +274,7 @@ PAPER = Method(
         back_off_m=0.1,
     ),
     judging=Judging(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
-    believing=Believing(one_failure_per_query=False, prune_after_failures=1),
+    believing=Believing(one_failure_per_query=False, hindered_weight=1.0, prune_after_failures=1),
     expanding=Expanding(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
     recovering=Recovering(wander_m=0.0),
 )

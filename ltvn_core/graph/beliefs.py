@@ -12,14 +12,14 @@ def initial(reachability: float, distance: float, config: Believing) -> Belief:
     return Belief(min(float(reachability), config.p_cap), float(distance), config.sigma2)
 
 
-def existence(p: float, config: Believing, *, succeeded: bool) -> float:
+def existence(p: float, config: Believing, *, succeeded: bool, weight: float = 1.0) -> float:
     """Return p after one attempt, Eq. 3.
 
     p' = p(s|r) p / (p(s|r) p + p(s|not r) (1 - p)), with 1 - p(s|.) in place of p(s|.) after a failure. The cap keeps
-    a long run of successes from making an edge immortal.
+    a long run of successes from making an edge immortal. `weight` is what the attempt counts of a full one (ours).
     """
-    if_there = config.p_success_if_reachable if succeeded else 1 - config.p_success_if_reachable
-    if_not = config.p_success_if_not if succeeded else 1 - config.p_success_if_not
+    if_there = (config.p_success_if_reachable if succeeded else 1 - config.p_success_if_reachable) ** weight
+    if_not = (config.p_success_if_not if succeeded else 1 - config.p_success_if_not) ** weight
     evidence = if_there * p + if_not * (1 - p)
     return min(if_there * p / evidence, config.p_cap) if evidence > 0 else p
 
@@ -35,8 +35,10 @@ def length(belief: Belief, measured: float, config: Believing) -> tuple[float, f
     return mu, belief.sigma2 * config.sigma2 / total
 
 
-def after_attempt(belief: Belief, measured: float, config: Believing, *, succeeded: bool) -> Belief:
+def after_attempt(
+    belief: Belief, measured: float, config: Believing, *, succeeded: bool, weight: float = 1.0
+) -> Belief:
     """Return the belief after an attempt: Eq. 3 always, Eq. 4 only after a success."""
-    p = existence(belief.p, config, succeeded=succeeded)
+    p = existence(belief.p, config, succeeded=succeeded, weight=weight)
     mu, sigma2 = length(belief, measured, config) if succeeded else (belief.mu, belief.sigma2)
     return Belief(p, mu, sigma2)

@@ -118,10 +118,17 @@ class Localizer:
         return best_fix(matches, self._scores(matches), self._near_enough(matches), scope)
 
 
-def on_the_way(closures: Closures, trail: Stretch, node: NodeId, waypoint: Waypoint, config: Localising) -> bool:
+def on_the_way(closures: Closures, trail: Stretch | None, node: NodeId, waypoint: Waypoint, config: Localising) -> bool:
     """Tell whether a node seen at `waypoint` (3,) may be there, after all that was seen on the way here."""
     standard = Standard(config.trail_reach, config.trail_share, fewest=_FEWEST_LOOKS)
-    return not config.trail_reach or closures.fits(trail, node, waypoint, standard)
+    return trail is None or not config.trail_reach or closures.fits(trail, node, waypoint, standard)
+
+
+def fit_the_way(matcher: Matcher, trail: Stretch | None, matches: Matches, config: Localising) -> NDArray[np.bool_]:
+    """Tell (N,) which matches may be where they seem, after all that was seen on the way here."""
+    closures = Closures(matcher)
+    pairs = zip(matches.nodes, matches.waypoints, strict=True)
+    return np.array([on_the_way(closures, trail, *pair, config) for pair in pairs], bool)
 
 
 def best_fix(matches: Matches, scores: NDArray[np.float64], passing: NDArray[np.bool_], scope: str) -> Fix:

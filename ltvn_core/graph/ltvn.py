@@ -56,7 +56,7 @@ class LifelongMaintenance:
         patience = self.method.expanding.novel_after_looks
         if not patience or lost.looks_in_vain < patience:
             return ()
-        return novel_node(graph, lost.observation, matcher.match(lost.image, tuple(graph.nodes)), self.method)
+        return novel_node(graph, lost, matcher, self.method)
 
 
 def _localise(image: Features, graph: TopologicalGraph, recall: Recall, matcher: Matcher, *, config: Localising) -> Fix:

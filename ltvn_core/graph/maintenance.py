@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 from ltvn_core.config import Believing, Method
 from ltvn_core.graph.beliefs import after_attempt
+from ltvn_core.graph.closures import Stretch
 from ltvn_core.graph.deltas import BeliefUpdated, Cause, Edge, EdgePruned, GraphDelta
-from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.localizer import fit_the_way
+from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import Gates, connectable, mergeable, node_with_edges
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.types import Features, NodeId, Observation
@@ -26,17 +28,21 @@ class Attempt:
     succeeded: bool
     failed_before: bool = False
     """The edge failed in this query already."""
+    hindered: bool = False
+    """It failed because something stood in the way, or because the robot went in circles: that says little of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lost:
-    """No node is near enough to the current image."""
+    """No node is near enough to the current image, or none that fits to the way here."""
 
     observation: Observation
     image: Features
     """(1, F) of the observation."""
     looks_in_vain: int
     """Looks in a row, this one included, that found no node or no path."""
+    trail: Stretch | None = None
+    """What was seen on the way here."""
 
 
 def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) -> tuple[GraphDelta, ...]:
@@ -48,7 +54,8 @@ def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) ->
     edge = graph.edges.get((attempt.source, attempt.target))
     if edge is None or (attempt.failed_before and not attempt.succeeded and config.one_failure_per_query):
         return ()
-    belief = after_attempt(edge.belief, attempt.distance, config, succeeded=attempt.succeeded)
+    weight = config.hindered_weight if attempt.hindered and not attempt.succeeded else 1.0
+    belief = after_attempt(edge.belief, attempt.distance, config, succeeded=attempt.succeeded, weight=weight)
     attempts, successes = edge.attempts + 1, edge.successes + attempt.succeeded
     updated = BeliefUpdated(edge.source, edge.target, belief, attempts, successes, Cause.ATTEMPT)
     if attempt.succeeded or not _hopeless(edge, updated, config):
@@ -56,18 +63,22 @@ def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) ->
     return updated, EdgePruned(edge.source, edge.target, Cause.ATTEMPT)
 
 
-def novel_node(
-    graph: TopologicalGraph, observation: Observation, matches: Matches, method: Method
-) -> tuple[GraphDelta, ...]:
+def novel_node(graph: TopologicalGraph, lost: Lost, matcher: Matcher, method: Method) -> tuple[GraphDelta, ...]:
     """Return the deltas that make an image nobody recognised a node; none if it merges or touches nothing.
 
-    D_c is looser and D_m smaller than in building.
+    D_c is looser and D_m smaller than in building. What must not be where the robot is, after all that it saw on its
+    way, is not tied to it either.
     """
-    gates = Gates.building(method.building).for_novel(method.expanding)
-    known = observation.step in graph.nodes or observation.step in graph.reserve
-    if known or mergeable(matches, gates).any():
+    gates, observation = Gates.building(method.building).for_novel(method.expanding), lost.observation
+    if observation.step in graph.nodes or observation.step in graph.reserve:
+        return ()
+    matches = matcher.match(lost.image, tuple(graph.nodes))
+    if mergeable(matches, gates).any():
         return ()
     chosen = matches.take(connectable(matches, gates))
+    if method.expanding.strict:
+        chosen = matcher.witnessed(chosen, lost.image)
+        chosen = chosen.take(connectable(chosen, gates) & fit_the_way(matcher, lost.trail, chosen, method.localising))
     # A node without an edge could never be used, so it waits until it touches something.
     return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()
 

@@ -18,24 +18,40 @@ class Verdict(NamedTuple):
 
     succeeded: bool
     reason: str
+    hindered: bool = False
+    """It failed, but that says little about the edge."""
 
 
 def judge_attempt(
-    reachability: float, target_distance: float, odometry_error: Waypoint, method: Method, *, worn_out: bool
+    reachability: float,
+    target_distance: float,
+    odometry_error: Waypoint,
+    method: Method,
+    *,
+    fits: bool = True,
+    hindered: bool = False,
+    worn_out: bool = False,
 ) -> Verdict:
-    """Judge a leg by its target seen from the arrival image, and by where odometry puts the waypoint (3,)."""
+    """Judge a leg by its target seen from the arrival image, and by where odometry puts the waypoint (3,).
+
+    `fits`: the target may be there after all that was seen on the way. `hindered`: something stood in the way.
+    `worn_out`: the robot drove here too often to be getting anywhere.
+    """
     judging = method.judging
     within = judging.success_distance or method.building.connect_distance
     needed = judging.success_reachability if judging.success_distance else method.building.connect_reachability
     gap = float(distance(odometry_error))
     if reachability <= needed:
-        return Verdict(False, f"target does not look reachable: r = {reachability:.2f}, needs {needed:.2f}")
+        return Verdict(False, f"target does not look reachable: r = {reachability:.2f}, needs {needed:.2f}", hindered)
     if target_distance >= within:
-        return Verdict(False, f"target is still too far: d = {target_distance:.2f}, needs {within:.2f}")
+        return Verdict(False, f"target is still too far: d = {target_distance:.2f}, needs {within:.2f}", hindered)
     if 0 < judging.odometry_gap < gap:
-        return Verdict(False, f"odometry ended {gap:.2f} from the waypoint, at most {judging.odometry_gap:.2f}")
+        why = f"odometry ended {gap:.2f} from the waypoint, at most {judging.odometry_gap:.2f}"
+        return Verdict(False, why, hindered)
+    if not fits:
+        return Verdict(False, "what was seen on the way does not fit the target")
     if worn_out:
-        return Verdict(False, "driven too often in this query")
+        return Verdict(False, "driven too often in this query", hindered=True)
     return Verdict(True, f"target is near: d = {target_distance:.2f}, r = {reachability:.2f}")
 
 

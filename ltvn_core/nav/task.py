@@ -10,7 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.localizer import LOCAL, Fix, Recall
+from ltvn_core.graph.closures import Stretch
+from ltvn_core.graph.localizer import LOCAL, Fix, Recall, on_the_way
 from ltvn_core.graph.maintenance import Attempt, Lost
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import Path
@@ -79,7 +80,7 @@ class Task:
         else:
             mind = self._mind
             image = self._eyes.features
-            recall = Recall(self._memory.plan, self._eyes.trail.seen_from(self._body.odometry), self._memory.doubted)
+            recall = Recall(self._memory.plan, self._trail(), self._memory.doubted)
             fix = mind.system.localise(image, mind.graph, recall, mind.matcher)
         frame = self._eyes.observation.step
         numbers = fix.distance, fix.reachability, fix.runner_up, fix.margin, fix.scope
@@ -164,7 +165,18 @@ class Task:
     def _judge(self, source: NodeId | None, target: NodeId, result: LegResult) -> Verdict:
         worn_out = source is not None and self._memory.drove((source, target))
         seen, left = self._eyes.sight(target), relative(self._body.odometry, result.goal)
-        return judge_attempt(seen.reachability, seen.distance, left, self._method, worn_out=worn_out)
+        return judge_attempt(
+            seen.reachability,
+            seen.distance,
+            left,
+            self._method,
+            fits=on_the_way(self._mind.closures, self._trail(), target, seen.waypoint, self._method.localising),
+            hindered=result.end in (LegEnd.BLOCKED, LegEnd.COLLISION),
+            worn_out=worn_out,
+        )
+
+    def _trail(self) -> Stretch | None:
+        return self._eyes.trail.seen_from(self._body.odometry)
 
     def _learn(self, attempt: int, stretch: tuple[NodeId, ...], sight: Sight, verdict: Verdict) -> Iterator[Event]:
         """Remember a failure for this query, and let the system update the map."""
@@ -174,7 +186,8 @@ class Task:
             for edge in edges:  # Nobody knows which of them is to blame.
                 self._memory.fail(edge)
             self._memory.fail_from(stretch[0])
-        evidence = Attempt(stretch[0], stretch[-1], sight.distance, verdict.succeeded, failed_before)
+        told = verdict.succeeded, failed_before, verdict.hindered
+        evidence = Attempt(stretch[0], stretch[-1], sight.distance, *told)
         yield from mind.change(mind.system.maintenance.after_attempt(mind.graph, evidence), self._query, attempt)
 
     def _ended(self, attempt: int, source: NodeId | None, target: NodeId, end: LegEnd, verdict: Verdict) -> LegEnded:
@@ -204,7 +217,7 @@ class Task:
     def _remember_novel(self) -> Iterator[Event]:
         """Let the system make a node of what nobody recognised."""
         mind, seen = self._mind, self._eyes.observation
-        lost = Lost(seen, self._eyes.features, self._memory.looks_in_vain)
+        lost = Lost(seen, self._eyes.features, self._memory.looks_in_vain, self._trail())
         deltas = mind.system.maintenance.lost(mind.graph, lost, mind.matcher)
         if deltas:
             mind.views.add([seen], self._eyes.features)

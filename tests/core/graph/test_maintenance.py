@@ -1,11 +1,13 @@
 """Driving strengthens edges, weakens them, prunes them in time, and adds what nobody knew."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.graph.closures import Stretch
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
@@ -17,10 +19,11 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     PoseRow,
 )
-from ltvn_core.graph.maintenance import Attempt, novel_node, update_edge
-from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.maintenance import Attempt, Lost, novel_node, update_edge
+from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topograph import TopologicalGraph
-from tests.core.world import look_at
+from ltvn_core.graph.views import Views
+from tests.core.world import FlatPredictor, look_at, one_room
 
 HERE = PoseRow(0.0, 0.0, 0.0)
 
@@ -100,19 +103,24 @@ def test_updates_name_their_cause() -> None:
     assert updated.cause is Cause.ATTEMPT
 
 
-def matches(distance: float, reachability: float = 0.9) -> Matches:
-    waypoint = np.array([[distance, 0.0, 0.0]])
-    return Matches((1,), np.array([reachability]), waypoint, np.array([distance]), np.array([True]))
+HERE_IT_IS = look_at(np.array([1.0, 1.0, 0.0]), 50)
 
 
-NOVEL = look_at(np.array([2.0, 1.0, 0.0]), 50)
+def novel(graph: TopologicalGraph, x: float, method: Method = ROBUST, trail: Stretch | None = None) -> Sequence[object]:
+    """Return what becomes of an image taken 1 m from the wall, with node 1 at x and node 2 out of sight."""
+    predictor = FlatPredictor(one_room())
+    views = Views(predictor)
+    views.add([look_at(np.array([x, 1.0, 0.0]), 1), look_at(np.array([4.8, 3.8, 3.0]), 2)])
+    lost = Lost(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
+    deltas = novel_node(graph, lost, Matcher(predictor, views, method.matching), method)
+    for delta in deltas:
+        graph.apply(delta)
+    return deltas
 
 
 def test_a_novel_node_is_tied_in_from_farther_away_than_in_building() -> None:
-    graph, far = one_edge(), 1.2 * ROBUST.building.connect_distance
-    deltas = novel_node(graph, NOVEL, matches(far), ROBUST)
-    for delta in deltas:
-        graph.apply(delta)
+    graph = one_edge()
+    deltas = novel(graph, 1.0 + 1.2 * ROBUST.building.connect_distance)
     assert 50 in graph.nodes
     assert (50, 1) in graph.edges
     assert (1, 50) in graph.edges
@@ -120,17 +128,41 @@ def test_a_novel_node_is_tied_in_from_farther_away_than_in_building() -> None:
 
 
 def test_what_is_almost_a_node_already_is_not_novel() -> None:
-    assert novel_node(one_edge(), NOVEL, matches(0.05), ROBUST) == ()
+    assert novel(one_edge(), 1.05) == ()
     closer = replace(ROBUST, expanding=replace(ROBUST.expanding, merge_factor=0.0))
-    assert novel_node(one_edge(), NOVEL, matches(0.05), closer) != ()
+    assert novel(one_edge(), 1.05, closer) != ()
 
 
 def test_what_touches_nothing_does_not_become_a_node() -> None:
-    assert novel_node(one_edge(), NOVEL, matches(1.0, reachability=0.1), ROBUST) == ()
+    assert novel(one_edge(), 3.5) == ()
 
 
 def test_a_frame_becomes_a_node_only_once() -> None:
     graph = one_edge()
-    for delta in novel_node(graph, NOVEL, matches(1.0 * 1.1), ROBUST):
-        graph.apply(delta)
-    assert novel_node(graph, NOVEL, matches(1.1), ROBUST) == ()
+    assert novel(graph, 2.1)
+    assert novel(graph, 2.1) == ()
+
+
+def test_what_cannot_be_here_after_all_that_was_seen_is_not_tied_in() -> None:
+    # Node 1 looks 1.1 m ahead, but what was seen half a metre back did not look like the places beside the node.
+    elsewhere = np.array([[4.5, 3.0, 3.0, 60.0], [4.6, 3.0, 3.0, 61.0]])
+    trail = Stretch(elsewhere, np.array([[-0.5, 0.0, 0.0], [-0.4, 0.0, 0.0]]))
+    graph = one_edge()
+    predictor = FlatPredictor(one_room())
+    views = Views(predictor)
+    views.add([look_at(np.array([2.1 + 0.2 * k, 1.0, 0.0]), 1 + k) for k in range(-5, 6)])
+    lost = Lost(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
+    assert novel_node(graph, lost, Matcher(predictor, views, ROBUST.matching), ROBUST) == ()
+
+
+def test_what_hindered_the_robot_says_little_about_the_edge() -> None:
+    graph = one_edge(p=0.9)
+    hindered = Attempt(1, 2, 1.0, succeeded=False, hindered=True)
+    for _ in range(ROBUST.believing.prune_after_failures):
+        for delta in update_edge(graph, hindered, ROBUST.believing):
+            graph.apply(delta)
+    assert graph.edges[1, 2].belief.p > ROBUST.believing.prune_below
+    for _ in range(12):
+        for delta in update_edge(graph, hindered, ROBUST.believing):
+            graph.apply(delta)
+    assert not graph.edges

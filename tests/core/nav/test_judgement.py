@@ -10,9 +10,10 @@ THERE = np.array([0.1, 0.0, 0.0])
 
 
 def verdict(
-    method: Method = ROBUST, r: float = 0.9, d: float = 0.2, left: np.ndarray = THERE, *, worn_out: bool = False
+    method: Method = ROBUST, r: float = 0.9, d: float = 0.2, left: np.ndarray = THERE, **also: bool
 ) -> tuple[bool, str]:
-    return judge_attempt(r, d, left, method, worn_out=worn_out)
+    judged = judge_attempt(r, d, left, method, **also)
+    return judged.succeeded, judged.reason
 
 
 def test_a_near_and_reachable_target_is_a_success() -> None:
@@ -24,6 +25,14 @@ def test_every_failure_names_its_rule() -> None:
     assert verdict(d=0.9) == (False, "target is still too far: d = 0.90, needs 0.70")
     assert verdict(left=np.array([1.2, 0, 0])) == (False, "odometry ended 1.20 from the waypoint, at most 1.00")
     assert verdict(worn_out=True) == (False, "driven too often in this query")
+    assert verdict(fits=False) == (False, "what was seen on the way does not fit the target")
+
+
+def test_what_stands_in_the_way_or_goes_in_circles_says_little_about_the_edge() -> None:
+    assert judge_attempt(0.2, 0.9, THERE, ROBUST, hindered=True).hindered
+    assert judge_attempt(0.9, 0.2, THERE, ROBUST, worn_out=True).hindered
+    assert not judge_attempt(0.9, 0.2, THERE, ROBUST, fits=False, hindered=True).hindered
+    assert not judge_attempt(0.2, 0.9, THERE, ROBUST).hindered
 
 
 def test_the_literal_method_asks_whether_the_target_is_connectable() -> None:

@@ -74,7 +74,7 @@ class Localising:
     """How many of the best nodes are asked for temporal support, without which none is believed; 0 = off (ours)."""
     trail_reach: int = 30
     """What the robot saw on its way must fit to so many images of the drive before and after a node; 0 = off (ours)."""
-    trail_share: float = 0.34
+    trail_share: float = 0.2
     """Share of those looks that must fit (ours)."""
     doubt_after_failures: int = 3
     """Failed legs in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
@@ -178,7 +178,7 @@ class Believing:
     """R_p: an edge that failed and whose p fell below this leaves the map (paper)."""
     one_failure_per_query: bool = True
     """However often an edge fails in one query, that is one piece of evidence (ours)."""
-    hindered_weight: float = 0.3
+    hindered_weight: float = 0.15
     """What a failure counts where something stood in the way or the robot went in circles; 1 is the paper's (ours)."""
     prune_after_failures: int = 2
     """Failures in different queries before an edge may leave; 1 is the paper's (ours)."""

@@ -18,8 +18,8 @@ from ltvn_core.types import Features, NodeId, Waypoint
 
 LOCAL, GLOBAL = "local", "global"
 _LEAST_R = 1e-6
-_FEWEST_LOOKS = 2
-"""The robot looks seldom on its way, so that few looks must do."""
+_FEWEST_LOOKS, _FEWEST_TO_BLAME = 3, 5
+"""So many looks must bear on a place before it is passed over, and before an edge that led there is blamed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,9 +118,21 @@ class Localizer:
         return best_fix(matches, self._scores(matches), self._near_enough(matches), scope)
 
 
-def on_the_way(closures: Closures, trail: Stretch | None, node: NodeId, waypoint: Waypoint, config: Localising) -> bool:
-    """Tell whether a node seen at `waypoint` (3,) may be there, after all that was seen on the way here."""
-    standard = Standard(config.trail_reach, config.trail_share, fewest=_FEWEST_LOOKS)
+def on_the_way(
+    closures: Closures,
+    trail: Stretch | None,
+    node: NodeId,
+    waypoint: Waypoint,
+    config: Localising,
+    *,
+    to_blame: bool = False,
+) -> bool:
+    """Tell whether a node seen at `waypoint` (3,) may be there, after all that was seen on the way here.
+
+    More must speak against it where an edge is `to_blame`.
+    """
+    fewest = _FEWEST_TO_BLAME if to_blame else _FEWEST_LOOKS
+    standard = Standard(config.trail_reach, config.trail_share, fewest)
     return trail is None or not config.trail_reach or closures.fits(trail, node, waypoint, standard)
 
 

@@ -170,10 +170,14 @@ class Task:
             seen.distance,
             left,
             self._method,
-            fits=on_the_way(self._mind.closures, self._trail(), target, seen.waypoint, self._method.localising),
+            fits=self._fits_the_way(target, seen),
             hindered=result.end in (LegEnd.BLOCKED, LegEnd.COLLISION),
             worn_out=worn_out,
         )
+
+    def _fits_the_way(self, target: NodeId, seen: Sight) -> bool:
+        config = self._method.localising
+        return on_the_way(self._mind.closures, self._trail(), target, seen.waypoint, config, to_blame=True)
 
     def _trail(self) -> Stretch | None:
         return self._eyes.trail.seen_from(self._body.odometry)

@@ -15,7 +15,7 @@ FIRST = [look_at(np.array([0.5 + 0.3 * k, 1.0, 0.0]), k) for k in range(12)]
 SECOND = [look_at(np.array([0.5 + 0.3 * k, 1.2, 0.0]), 100 + k) for k in range(12)]
 """Two passes through a room, side by side."""
 TRUE, FALSE = (2, 102), (2, 109)
-LOOKS = Standard(reach=30, share=0.34, fewest=2)
+LOOKS = Standard(reach=30, share=0.2, fewest=3)
 LIE = np.array([0.1, 0.0, 0.0])
 
 

@@ -79,7 +79,9 @@ class Leg:
 
     def _begin(self, waypoint: Waypoint) -> None:
         """Forget how the last leg went."""
-        self._backwards, self._turned_round = drives_backwards(waypoint), False
+        behind, limit_m = drives_backwards(waypoint), self._config.turn_round_beyond_m
+        self._turned_round = behind and bool(0 < limit_m < np.hypot(waypoint[0], waypoint[1]))
+        self._backwards = behind and not self._turned_round
         self._bend: Pose | None = None
         self._bends_left = self._config.bends
 

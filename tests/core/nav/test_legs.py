@@ -44,18 +44,22 @@ class Drive:
 
 
 def test_where_backing_up_touched_something_the_robot_turns_round_and_drives_on_looking() -> None:
-    behind = FlatWorld(np.array([*box(5.0, 4.0), [[1.6, 0.5], [1.6, 1.5]]]))
-    drive = Drive(behind, [2.0, 1.0, 0.0], [1.0, 1.0, 0.0])
-    waypoint = np.array([-1.0, 0.0, 0.0])
+    behind = FlatWorld(np.array([*box(5.0, 4.0), [[1.7, 0.5], [1.7, 1.5]]]))
+    drive = Drive(behind, [2.0, 1.0, 0.0], [1.5, 1.0, 0.0])
+    waypoint = np.array([-0.5, 0.0, 0.0])
     assert drive.go(waypoint).end is LegEnd.COLLISION
     drive.robot.world = one_room()  # What stood there is gone.
-    left = np.array([1.0, 1.0, 0.0]) - drive.robot.pose
+    left = np.array([1.5, 1.0, 0.0]) - drive.robot.pose
     assert drive.go(left).end is LegEnd.REACHED
-    assert np.allclose(drive.robot.pose, [1.0, 1.0, 0.0], atol=0.1)
+    assert np.allclose(drive.robot.pose, [1.5, 1.0, 0.0], atol=0.1)
     assert all(command.linear_m_s >= 0 for command in drive.commands)
 
 
-def test_a_way_back_that_is_free_is_driven_backwards() -> None:
+def test_a_short_way_back_is_driven_backwards_and_a_long_one_looking() -> None:
+    drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.5, 1.0, 0.0])
+    assert drive.go(np.array([-0.5, 0.0, 0.0])).end is LegEnd.REACHED
+    assert all(command.linear_m_s <= 0 for command in drive.commands)
     drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.0, 1.0, 0.0])
     assert drive.go(np.array([-1.0, 0.0, 0.0])).end is LegEnd.REACHED
-    assert all(command.linear_m_s <= 0 for command in drive.commands)
+    assert all(command.linear_m_s >= 0 for command in drive.commands)
+    assert np.allclose(drive.robot.pose, [1.0, 1.0, 0.0], atol=0.1)

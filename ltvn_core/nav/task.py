@@ -38,6 +38,8 @@ from ltvn_core.types import NodeId, Twist
 
 _CLOSE = 0.3
 """A node nearer than this d need not be approached once more."""
+_HINDERED = (LegEnd.BLOCKED, LegEnd.COLLISION, LegEnd.TIMEOUT)
+"""A leg that ended so tells of what stands around, not of the edge."""
 
 
 class Task:
@@ -171,7 +173,7 @@ class Task:
             left,
             self._method,
             fits=self._fits_the_way(target, seen),
-            hindered=result.end in (LegEnd.BLOCKED, LegEnd.COLLISION),
+            hindered=result.end in _HINDERED,
             worn_out=worn_out,
         )
 

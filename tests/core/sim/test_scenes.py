@@ -54,7 +54,8 @@ def test_all_families_of_scenes_have_names() -> None:
     names = scene_names()
     assert {"demo", "apartment-57", "apartment-70", "apartment-124", "apartment-129"} <= set(names)
     assert [f"train-{k:02d}" for k in range(40)] == [name for name in names if name.startswith("train-")]
-    assert [f"tune-{k}" for k in range(9)] == [name for name in names if name.startswith("tune-")]
+    tuning = [*(f"tune-{k}" for k in range(9)), *(f"tune-twin-{k}" for k in range(4))]
+    assert tuning == [name for name in names if name.startswith("tune-")]
 
 
 @pytest.mark.parametrize("area_m2", [57, 70, 124, 129])

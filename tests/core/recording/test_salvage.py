@@ -21,11 +21,13 @@ from tests.core.recording import scenario
 GOLDEN = Path(__file__).parents[2] / "data" / "golden-schema-1.rrd"
 
 RECORD_FOR_EVER = """
-import sys, time
+import signal, sys, time
 from pathlib import Path
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import scenario
 
+# Whoever runs the tests in the background hands on that interrupts are ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 with RecordingWriter(Path(sys.argv[1]), scene="demo", config={}, fingerprint="") as writer:
     for step in range(10**6):
         writer.frame(scenario.observation(step))

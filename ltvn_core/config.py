@@ -118,8 +118,8 @@ class Driving:
     """Refuse a command that would touch what the last depth images showed (ours)."""
     swerve: bool = True
     """Bend such a command before refusing it (ours)."""
-    turn_round_beyond_m: float = 0.6
-    """Farther than this the robot turns round rather than back up where it cannot see; 0 = never (ours)."""
+    back_up_clearance_m: float = 0.28
+    """The robot turns round rather than back up where anything is nearer than this to the way; 0 = never (ours)."""
     bends: int = 3
     """How often in a leg the robot may go round what no swerve avoids, by one bend each; 0 = never (ours)."""
     veto_margin_m: float = 0.04
@@ -272,7 +272,7 @@ PAPER = Method(
         through_map=False,
         depth_veto=False,
         swerve=False,
-        turn_round_beyond_m=0.0,
+        back_up_clearance_m=0.0,
         bends=0,
         back_off_m=0.1,
     ),

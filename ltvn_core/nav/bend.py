@@ -45,6 +45,13 @@ def place_to_bend(goal: NDArray[np.float64], points: NDArray[np.float64]) -> NDA
     return places[int(cost.argmin())]
 
 
+def clearance(goal: NDArray[np.float64], points: NDArray[np.float64]) -> float:
+    """Return the least metres from the straight way to `goal` (2,) to anything solid, `points` (M, 2)."""
+    if len(points) <= NOISE_POINTS:
+        return float("inf")
+    return float(_clearance(KDTree(points), np.zeros((1, 2)), goal[None])[0])
+
+
 def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (C, 2) places to bend at, and (C, 2) where the way ends then."""
     away_m, bearing = (part.ravel() for part in np.meshgrid(_AWAY_M, np.arctan2(goal[1], goal[0]) + _BEARINGS_RAD))

@@ -3,14 +3,14 @@
 Owns the current picture. Draws no conclusion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from ltvn_core.geometry import distance
+from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.nav.body import Body
 from ltvn_core.nav.trail import Trail
-from ltvn_core.types import Features, NodeId, Observation, Predictor, Waypoint
+from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Waypoint
 
 
 class Sight(NamedTuple):
@@ -70,6 +70,14 @@ class Eyes:
             found = self._matcher.match(image, (node,))
             self._sights[node] = Sight(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
         return self._sights[node]
+
+    def images_around(self, node: NodeId, reach: int) -> Iterator[tuple[Observation, Pose]]:
+        """Yield the image of a node and those of the drive before and after it, with the poses (3,) seen from it."""
+        views = self._matcher.views
+        odometry = views.observation(node).odometry
+        for frame in (node, *views.around(node, reach)):
+            image = views.observation(frame)
+            yield image, relative(odometry, image.odometry)
 
     def witnessed(self, node: NodeId) -> Sight:
         """Compare the current picture with a node, trusting r only as far as the node's neighbours in time agree."""

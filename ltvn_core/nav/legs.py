@@ -10,12 +10,12 @@ import numpy as np
 
 from ltvn_core.config import Driving
 from ltvn_core.geometry import compose, relative
-from ltvn_core.nav.bend import place_to_bend
+from ltvn_core.nav.bend import clearance, place_to_bend
 from ltvn_core.nav.body import Body
 from ltvn_core.nav.controller import drives_backwards, steer
 from ltvn_core.nav.events import Event, LegEnd, Tick
 from ltvn_core.nav.eyes import Eyes
-from ltvn_core.nav.obstacle import Surroundings
+from ltvn_core.nav.obstacle import Surroundings, placed, solid_points
 from ltvn_core.nav.swerve import free_command
 from ltvn_core.types import Intrinsics, NodeId, Pose, Twist, Waypoint
 
@@ -23,6 +23,8 @@ _LONGEST_LEG_M = 2.5
 """No waypoint is believed beyond the range in which the network learned."""
 _BEND_M = 0.04
 """Where a way is narrow enough to need a bend, the bend must be where it was meant to be."""
+_SEEN_AROUND = 8
+"""So many images of the drive before and after a node tell what stands around it."""
 _FINISH_M = 0.3
 """So near, the waypoint is not predicted anew."""
 
@@ -45,15 +47,17 @@ class Leg:
         self._body = body
         self._eyes = eyes
         self._config, self._at_bends = config, replace(config, position_tolerance_m=_BEND_M)
-        self._surroundings = Surroundings(intrinsics)
-        self._begin(np.zeros(3))
+        self._intrinsics, self._surroundings = intrinsics, Surroundings(intrinsics)
+        self._backwards = self._turned_round = False
+        self._bend: Pose | None = None
+        self._bends_left = 0
 
     def drive(self, target: NodeId, waypoint: Waypoint) -> Generator[Event | Tick, None, LegResult]:
         """Drive to a waypoint (3,) given in the robot's frame now, at which `target` should be."""
         body, config = self._body, self._config
         goal = compose(body.odometry, clipped(waypoint))
         touched = body.collisions
-        self._begin(waypoint)
+        self._begin(target, waypoint)
         for step in range(config.leg_steps):
             if self._is_due(step, goal):
                 sight = self._eyes.sight(target)
@@ -77,13 +81,22 @@ class Leg:
         left = relative(self._body.odometry, goal)
         return bool(every and step and step % every == 0 and np.hypot(left[0], left[1]) > _FINISH_M)
 
-    def _begin(self, waypoint: Waypoint) -> None:
+    def _begin(self, target: NodeId, waypoint: Waypoint) -> None:
         """Forget how the last leg went."""
-        behind, limit_m = drives_backwards(waypoint), self._config.turn_round_beyond_m
-        self._turned_round = behind and bool(0 < limit_m < np.hypot(waypoint[0], waypoint[1]))
+        behind = drives_backwards(waypoint)
+        self._turned_round = behind and self._is_narrow(target, waypoint)
         self._backwards = behind and not self._turned_round
-        self._bend: Pose | None = None
-        self._bends_left = self._config.bends
+        self._bend, self._bends_left = None, self._config.bends
+
+    def _is_narrow(self, target: NodeId, waypoint: Waypoint) -> bool:
+        """Tell whether a way back is narrow; the mapping drive saw what is there, the robot's own camera cannot."""
+        if not self._config.back_up_clearance_m:
+            return False
+        seen = [
+            placed(solid_points(image.depth, self._intrinsics), compose(waypoint, pose))
+            for image, pose in self._eyes.images_around(target, _SEEN_AROUND)
+        ]
+        return clearance(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m
 
     def _next(self, goal: Pose) -> Twist | LegEnd:
         """Return the next command, or how the leg ends here."""

@@ -40,6 +40,11 @@ def solid_points(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]:
     return np.stack([metres[solid], left[solid]], axis=-1)
 
 
+def placed(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+    """Return (M, 2) points seen from a pose (3,), in the frame that the pose is given in."""
+    return points @ rotation(float(pose[2])).T + pose[:2]
+
+
 class _Bump(NamedTuple):
     step: FrameId
     rim: NDArray[np.float64]
@@ -74,7 +79,7 @@ class Surroundings:
         self._last_step, self._last_pose = observation.step, observation.odometry
         here = solid_points(observation.depth, self._intrinsics)
         pose = observation.odometry
-        self._seen.append(here @ rotation(float(pose[2])).T + pose[:2])
+        self._seen.append(placed(here, pose))
 
     def bump(self, odometry: Pose, *, backwards: bool) -> None:
         """Remember that the bumper touched something before, or behind, a robot at `odometry` (3,).

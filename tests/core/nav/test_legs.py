@@ -1,6 +1,7 @@
 """A leg finds another way before it says that it is blocked."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,10 +21,11 @@ NODE = 0
 class Drive:
     """A robot in a room, which drives legs to one node."""
 
-    def __init__(self, world: FlatWorld, start: list[float], node: list[float]) -> None:
+    def __init__(self, world: FlatWorld, start: list[float], node: list[float], *, node_depth_m: float = 5.0) -> None:
         predictor = FlatPredictor(world)
         views = Views(predictor)
-        views.add([look_at(np.array(node), NODE)])
+        image = look_at(np.array(node), NODE)
+        views.add([replace(image, depth=np.full_like(image.depth, node_depth_m))])
         self.robot = FlatRobot(world, start, first_step=100)
         body = Body(self.robot, 0, ROBUST.recovering)
         eyes = Eyes(body, predictor, Matcher(predictor, views, ROBUST.matching), lambda seen: None)
@@ -52,14 +54,18 @@ def test_where_backing_up_touched_something_the_robot_turns_round_and_drives_on_
     left = np.array([1.5, 1.0, 0.0]) - drive.robot.pose
     assert drive.go(left).end is LegEnd.REACHED
     assert np.allclose(drive.robot.pose, [1.5, 1.0, 0.0], atol=0.1)
-    assert all(command.linear_m_s >= 0 for command in drive.commands)
+    assert any(command.linear_m_s > 0 for command in drive.commands)
+    assert drive.robot.collisions == 1
 
 
-def test_a_short_way_back_is_driven_backwards_and_a_long_one_looking() -> None:
-    drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.5, 1.0, 0.0])
-    assert drive.go(np.array([-0.5, 0.0, 0.0])).end is LegEnd.REACHED
-    assert all(command.linear_m_s <= 0 for command in drive.commands)
+def test_a_way_back_that_is_wide_is_driven_backwards() -> None:
     drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.0, 1.0, 0.0])
+    assert drive.go(np.array([-1.0, 0.0, 0.0])).end is LegEnd.REACHED
+    assert all(command.linear_m_s <= 0 for command in drive.commands)
+
+
+def test_where_the_drive_saw_that_the_way_back_is_narrow_the_robot_drives_it_looking() -> None:
+    drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.0, 1.0, 0.0], node_depth_m=0.6)
     assert drive.go(np.array([-1.0, 0.0, 0.0])).end is LegEnd.REACHED
     assert all(command.linear_m_s >= 0 for command in drive.commands)
     assert np.allclose(drive.robot.pose, [1.0, 1.0, 0.0], atol=0.1)

@@ -137,7 +137,7 @@ def test_the_events_tell_the_story_in_order() -> None:
 
 
 def test_the_robot_backs_up_along_an_edge_driven_against_its_direction() -> None:
-    place = corridor(replace(ROBUST, driving=replace(ROBUST.driving, turn_round_beyond_m=0.0)))
+    place = corridor(replace(ROBUST, driving=replace(ROBUST.driving, back_up_clearance_m=0.0)))
     place.robot.pose = np.array([3.0, 1.0, 0.0])
     twists = []
     for event in place.navigator().query(1, 0):

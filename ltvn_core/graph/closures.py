@@ -58,9 +58,12 @@ class Closures:
 
         Images close in time need no such proof.
         """
-        trusted, here, reach = matches.reachability.copy(), None, self._edges.reach
+        reach = self._edges.reach
+        if not reach or not asked.any():
+            return matches
+        trusted, here = matches.reachability.copy(), None
         near = set(self._views.around(frame, reach))
-        for k in np.flatnonzero(asked) if reach else ():
+        for k in np.flatnonzero(asked):
             if matches.nodes[k] not in near:
                 here = here or self._stretch(frame, reach)
                 trusted[k] *= self.fits(here, matches.nodes[k], matches.waypoints[k], self._edges)

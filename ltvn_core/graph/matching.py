@@ -90,8 +90,7 @@ class Matcher:
 
     def pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
         """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
-        both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
-        there, back = (Prediction(*part) for part in zip(*(np.split(part, 2) for part in both), strict=True))
+        there, back = self._there_and_back(first, second)
         ahead = there.reachability >= back.reachability
         waypoints = np.where(ahead[:, None], there.waypoints, invert(back.waypoints))
         return np.maximum(there.reachability, back.reachability), waypoints
@@ -113,8 +112,12 @@ class Matcher:
         count = len(targets)
         if not self._config.both_directions or count > _FEW:
             return self._predictor.predict(image, targets), None
-        here = np.repeat(image, count, axis=0)
-        both = self._predictor.predict(np.concatenate([here, targets]), np.concatenate([targets, here]))
+        return self._there_and_back(np.repeat(image, count, axis=0), targets)
+
+    def _there_and_back(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
+        """Ask about P pairs (P, F), (P, F) both ways in one call."""
+        count = len(first)
+        both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
         return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
 
     def _both_ways(self, image: Features, targets: Features, found: Matches, answered: Prediction | None) -> Matches:

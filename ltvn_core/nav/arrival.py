@@ -41,8 +41,8 @@ class Arrival:
         return (yield from self._looks_so_from_aside(first))
 
     def _fits_the_way(self, goal: Sight) -> bool:
-        trail, config = self._eyes.trail.seen_from(self._body.odometry), self._mind.method.localising
-        return trail is None or on_the_way(self._mind.closures, trail, self._goal, goal.waypoint, config)
+        config = self._mind.method.localising
+        return on_the_way(self._mind.closures, self._eyes.way_here, self._goal, goal.waypoint, config)
 
     def _looks_so_from_aside(self, first: Sight) -> Steps[bool]:
         # The next time it looks to the other side, where there may be more to see.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from ltvn_core.nav.swerve import NOISE_POINTS, ROBOT_RADIUS_M
+from ltvn_core.nav.swerve import GIVE_M, NOISE_POINTS, ROBOT_RADIUS_M, SQUEEZE_MARGIN_M
 
 _AWAY_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
 _BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
@@ -16,11 +16,10 @@ _BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
 _ASIDE_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
 """How far beside the waypoint the way may end, because the waypoint is predicted."""
 _SAMPLES = 24
-_LEAST_M = ROBOT_RADIUS_M + 0.01
+_LEAST_M = ROBOT_RADIUS_M + SQUEEZE_MARGIN_M
 _COMFORT_M = ROBOT_RADIUS_M + 0.06
 _DISCOMFORT = 20.0
 """What a metre too little of comfort is worth in metres of way."""
-_GIVE_M = 0.005
 
 
 def place_to_bend(goal: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -36,7 +35,7 @@ def place_to_bend(goal: NDArray[np.float64], points: NDArray[np.float64]) -> NDA
     now_m = float(_gaps(tree, here[:1])[0])
     # A robot that is too near already may move away, but not nearer.
     first_m, second_m = _clearance(tree, here, places), _clearance(tree, places, ends)
-    possible = (first_m > min(_LEAST_M, now_m - _GIVE_M)) & (second_m > _LEAST_M)
+    possible = (first_m > min(_LEAST_M, now_m - GIVE_M)) & (second_m > _LEAST_M)
     if not possible.any():
         return None
     length_m = np.linalg.norm(places, axis=-1) + np.linalg.norm(ends - places, axis=-1)

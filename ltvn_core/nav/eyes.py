@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.closures import Stretch
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.nav.body import Body
 from ltvn_core.nav.trail import Trail
@@ -62,6 +63,11 @@ class Eyes:
             self._features = self._predictor.encode([seen])
             self.trail.saw(seen.odometry, self._features)
         return self._features
+
+    @property
+    def way_here(self) -> Stretch | None:
+        """What was seen on the way, as it lies from where the robot is now."""
+        return self.trail.seen_from(self._body.odometry)
 
     def sight(self, node: NodeId) -> Sight:
         """Compare the current picture with a node."""

@@ -16,8 +16,8 @@ _BENDS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How much an arc may be bent, the least first."""
 NOISE_POINTS = 2
 """So many stray points are not believed."""
-_GIVE_M = 0.005
-_SQUEEZE, _SQUEEZE_MARGIN_M = 0.4, 0.01
+GIVE_M = 0.005
+_SQUEEZE, SQUEEZE_MARGIN_M = 0.4, 0.01
 """Where the way is too narrow for comfort the robot goes through slowly."""
 
 
@@ -36,14 +36,14 @@ def free_command(twist: Twist, points: NDArray[np.float64], length_m: float, con
         if _is_free(bent, points, reach_m, config.veto_margin_m):
             return bent
     slow = Twist(twist.linear_m_s * _SQUEEZE, twist.angular_rad_s)
-    return slow if _is_free(slow, points, reach_m, _SQUEEZE_MARGIN_M) else None
+    return slow if _is_free(slow, points, reach_m, SQUEEZE_MARGIN_M) else None
 
 
 def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, margin_m: float) -> bool:
     now_m = _gap(np.zeros((1, 2)), points)[0]
     then_m = _gap(_arc(twist, reach_m), points)
     # A robot that is too near already may move away, but not nearer.
-    return bool(then_m.min() > min(ROBOT_RADIUS_M + margin_m, now_m - _GIVE_M))
+    return bool(then_m.min() > min(ROBOT_RADIUS_M + margin_m, now_m - GIVE_M))
 
 
 def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:

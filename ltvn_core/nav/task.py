@@ -10,7 +10,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.closures import Stretch
 from ltvn_core.graph.localizer import LOCAL, Fix, Recall, on_the_way
 from ltvn_core.graph.maintenance import Attempt, Lost
 from ltvn_core.graph.operators import pose_row
@@ -82,7 +81,7 @@ class Task:
         else:
             mind = self._mind
             image = self._eyes.features
-            recall = Recall(self._memory.plan, self._trail(), self._memory.doubted)
+            recall = Recall(self._memory.plan, self._eyes.way_here, self._memory.doubted)
             fix = mind.system.localise(image, mind.graph, recall, mind.matcher)
         frame = self._eyes.observation.step
         numbers = fix.distance, fix.reachability, fix.runner_up, fix.margin, fix.scope
@@ -179,10 +178,7 @@ class Task:
 
     def _fits_the_way(self, target: NodeId, seen: Sight) -> bool:
         config = self._method.localising
-        return on_the_way(self._mind.closures, self._trail(), target, seen.waypoint, config, to_blame=True)
-
-    def _trail(self) -> Stretch | None:
-        return self._eyes.trail.seen_from(self._body.odometry)
+        return on_the_way(self._mind.closures, self._eyes.way_here, target, seen.waypoint, config, to_blame=True)
 
     def _learn(self, attempt: int, stretch: tuple[NodeId, ...], sight: Sight, verdict: Verdict) -> Iterator[Event]:
         """Remember a failure for this query, and let the system update the map."""
@@ -223,7 +219,7 @@ class Task:
     def _remember_novel(self) -> Iterator[Event]:
         """Let the system make a node of what nobody recognised."""
         mind, seen = self._mind, self._eyes.observation
-        lost = Lost(seen, self._eyes.features, self._memory.looks_in_vain, self._trail())
+        lost = Lost(seen, self._eyes.features, self._memory.looks_in_vain, self._eyes.way_here)
         deltas = mind.system.maintenance.lost(mind.graph, lost, mind.matcher)
         if deltas:
             mind.views.add([seen], self._eyes.features)

@@ -85,6 +85,27 @@ class Debugger:
         whole = re.compile(f"^{re.escape(label)}$") if isinstance(label, str) else label
         return self.answer.locator("a", has_text=whole).first
 
+    def go_to_the_robot(self) -> None:
+        """Leave the recording, if one is open, by the link of what only helps live."""
+        if self.is_replay:
+            self.ask(ToolName.COACH)
+            self.follow("go back to the robot")
+            self.until(lambda: not self.is_replay)
+
+    def cut_what_differs(self, other: str) -> None:
+        """At the robot, compare its map with another one, and cut the first edge that differs by hand."""
+        self.go_to_the_robot()
+        self.ask(ToolName.COMPARE)
+        if "choose another" in self.shown.html:
+            self.follow("choose another")
+        self.follow(other)
+        self.says("believed differently")
+        self.answer.locator("table").nth(1).locator("a").first.click()
+        self.says("its pictures and attempts")
+        self.ask(ToolName.HAND)
+        self.follow(re.compile("^cut "))
+        self.says("undo")
+
     def tell(self, text: str) -> None:
         """Type something into the tool's field and press the button beside it."""
         before = self.shown

@@ -125,24 +125,14 @@ def share(debugger: Debugger) -> None:
 
 def coach(debugger: Debugger) -> None:
     """The robot itself."""
+    debugger.go_to_the_robot()
     debugger.ask(ToolName.COACH)
-    if debugger.is_replay:
-        debugger.follow("go back to the robot")
     debugger.says("Loops not closed")
 
 
 def hand(debugger: Debugger) -> None:
     """A change that can be undone."""
-    debugger.ask(ToolName.COMPARE)
-    if "choose another" in debugger.shown.html:
-        debugger.follow("choose another")
-    debugger.follow("demo-fault.rrd")
-    debugger.says("believed differently")
-    debugger.answer.locator("table").nth(1).locator("a").first.click()
-    debugger.says("its pictures and attempts")
-    debugger.ask(ToolName.HAND)
-    debugger.follow(re.compile("^cut "))
-    debugger.says("undo")
+    debugger.cut_what_differs("demo-fault.rrd")
 
 
 PICTURES: dict[str, Callable[[Debugger], None]] = {

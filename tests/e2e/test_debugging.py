@@ -189,7 +189,8 @@ def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: Debugge
 
 
 def test_the_coach_goes_along_while_somebody_drives(fault: Debugger) -> None:
-    """Goes on at the robot; the keys drive although the list of questions was used last."""
+    """The keys drive although the list of questions was used last."""
+    fault.go_to_the_robot()
     robot = fault.app.session.stage.live.robot
     fault.ask(ToolName.FAILURES)
     fault.ask(ToolName.COACH)
@@ -212,18 +213,10 @@ def advice(html: str) -> tuple[str, str]:
 
 
 def test_an_edge_is_cut_and_put_back_by_hand(fault: Debugger) -> None:
-    """Goes on where the test before has left the page: at the robot, whose map is the good one."""
     edges = fault.app.session.stage.mapping.graph.edges
     before = len(edges)
-    fault.ask(ToolName.COMPARE)
-    fault.follow("demo-fault.rrd")
-    fault.says("believed differently")
-    fault.answer.locator("table").nth(1).locator("a").first.click()
-    fault.says("its pictures and attempts")
-    fault.ask(ToolName.HAND)
-    fault.follow(re.compile("^cut "))
-    fault.says("undo")
-    assert len(edges) != before
+    fault.cut_what_differs("demo-fault.rrd")
+    assert len(edges) == before - 1
     fault.follow("undo")
     fault.until(lambda: len(edges) == before)
 

@@ -64,7 +64,7 @@ def _hop(belief: Belief) -> float:
 
 def _localise(image: Features, graph: TopologicalGraph, recall: Recall, matcher: Matcher) -> Fix:
     """Find the best node at the beginning of the last path, else the middle one in time of the 5 best of all."""
-    ahead = [node for node in recall.plan[: LOOK_AHEAD + 1] if node in graph.nodes]
+    ahead = [node for node in recall.plan[: LOOK_AHEAD + 1] if node in graph.nodes and node not in recall.doubted]
     near = matcher.match(image, ahead)
     if len(near) and near.reachability.max() >= WEAKLY_CLOSE:
         return best_fix(near, -near.reachability, near.reachability >= WEAKLY_CLOSE, LOCAL)

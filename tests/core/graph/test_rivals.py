@@ -122,6 +122,8 @@ def test_sptm_looks_along_the_last_path_first_and_then_for_the_middle_of_the_bes
     assert (fix.node, fix.scope) == (20, LOCAL)
     fix = system.localise(here, graph, Recall((0, 1, 2)), matcher)
     assert (fix.node, fix.scope) == (20, GLOBAL)
+    assert system.localise(here, graph, Recall(tuple(range(17, 30)), doubted={20}), matcher).node in (19, 21)
+    assert system.localise(here, graph, Recall((0, 1, 2), doubted={20}), matcher).node is None
     nowhere = predictor.encode([look_at(np.array([2.6, 3.0, 0.0]), 99)])
     assert system.localise(nowhere, graph, Recall(), matcher).node is None
 

@@ -108,7 +108,8 @@ class BlameTool:
 
     def _chosen(self, case: Case, edge: EdgeKey, story: EdgeStory, page: Page) -> None:
         timeline, planning, last = case.timeline, case.method.planning, story.planned[-1]
-        weight = weighing(case).weights(case.method)
+        how = weighing(case)
+        weight = how.weights(case.method)
         # Planning again takes time on a large map, and the answer stays as long as no newer plan comes.
         told = case.later(
             ("chosen", case.name, case.start_s, edge, last),
@@ -119,6 +120,8 @@ class BlameTool:
             page.html(f"<div><b>{title}</b> Planning once more without it …</div>")
         else:
             self._chain(case, title, told, page)
+            if how.note:
+                page.line(how.note)
 
     @staticmethod
     def _chain(case: Case, title: str, reasons: Sequence[Reason], page: Page) -> None:

@@ -160,8 +160,8 @@ def _difference(page: Page, found: Compared, selection: Selection) -> ToolView:
         return page.view()
     believed = sum(each.a is not None and each.b is not None for each in difference.differing)
     page.html(
-        f"<div>{chip(palette.SOURCE, f'only here: {len(difference.edges_only_a)}')} "
-        f"{chip(palette.TARGET, f'only there: {len(difference.edges_only_b)}')} "
+        f"<div>{chip(palette.CAME, f'only here: {len(difference.edges_only_a)}')} "
+        f"{chip(palette.WENT, f'only there: {len(difference.edges_only_b)}')} "
         f"{chip(palette.PLAN, f'believed differently: {believed}')}</div>"
     )
     page.line(f"{len(difference.nodes)} nodes are in both, known by their {difference.matched_by}.")
@@ -202,6 +202,6 @@ def _strokes(found: Compared, difference: MapDifference) -> tuple[Stroke, ...]:
         edge, poses = (each.a, found.here.poses) if each.a is not None else (each.b, found.there.poses)
         assert edge is not None
         if edge.source in poses and edge.target in poses:
-            colour = palette.PLAN if each.a and each.b else palette.SOURCE if each.a else palette.TARGET
+            colour = palette.PLAN if each.a and each.b else palette.CAME if each.a else palette.WENT
             strokes.append(stroke(poses[edge.source], poses[edge.target], colour))
     return tuple(strokes)

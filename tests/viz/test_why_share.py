@@ -59,7 +59,7 @@ def test_a_drive_is_compared_with_the_map_of_another_drive(demo: Theatre) -> Non
     shown = follow(demo, "demo-map.rrd")
 
     assert "nodes are in both, known by their pose" in words(shown)
-    assert {palette.SOURCE, palette.TARGET} <= colours(shown) <= {palette.SOURCE, palette.TARGET, palette.PLAN}
+    assert {palette.CAME, palette.WENT} <= colours(shown) <= {palette.CAME, palette.WENT, palette.PLAN}
     first = shown.inspection.view.links[1]
     assert isinstance(first, c.PointAt)
     pointed = demo.do(c.PointAt(first.node, first.target), ticks=2)

@@ -26,7 +26,7 @@ def _without_merging(method: Method) -> Method:
 
 def _without_pruning(method: Method) -> Method:
     """Let no edge leave, however low its p: R_p = 0."""
-    return replace(method, believing=replace(method.believing, prune_below=0.0))
+    return replace(method, believing=replace(method.believing, prune_below=0.0, hindered_prune_below=0.0))
 
 
 def _without_expansion(method: Method) -> Method:

@@ -182,6 +182,8 @@ class Believing:
     """However often an edge fails in one query, that is one piece of evidence (ours)."""
     hindered_weight: float = 0.15
     """What a failure counts where something stood in the way or the robot went in circles; 1 is the paper's (ours)."""
+    hindered_prune_below: float = 0.05
+    """R_p where something stood in the way: only a long run of failures goes so low; `prune_below` is the paper's (ours)."""
     prune_after_failures: int = 2
     """Failures in different queries before an edge may leave; 1 is the paper's (ours)."""
 
@@ -277,7 +279,9 @@ PAPER = Method(
         back_off_m=0.1,
     ),
     judging=Judging(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
-    believing=Believing(one_failure_per_query=False, hindered_weight=1.0, prune_after_failures=1),
+    believing=Believing(
+        one_failure_per_query=False, hindered_weight=1.0, hindered_prune_below=0.5, prune_after_failures=1
+    ),
     expanding=Expanding(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
     recovering=Recovering(wander_m=0.0),
 )

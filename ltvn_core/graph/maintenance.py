@@ -58,7 +58,8 @@ def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) ->
     belief = after_attempt(edge.belief, attempt.distance, config, succeeded=attempt.succeeded, weight=weight)
     attempts, successes = edge.attempts + 1, edge.successes + attempt.succeeded
     updated = BeliefUpdated(edge.source, edge.target, belief, attempts, successes, Cause.ATTEMPT)
-    if attempt.succeeded or not _hopeless(edge, updated, config):
+    least_p = config.hindered_prune_below if attempt.hindered else config.prune_below
+    if attempt.succeeded or not _hopeless(edge, updated, least_p, config):
         return (updated,)
     return updated, EdgePruned(edge.source, edge.target, Cause.ATTEMPT)
 
@@ -83,6 +84,6 @@ def novel_node(graph: TopologicalGraph, lost: Lost, matcher: Matcher, method: Me
     return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()
 
 
-def _hopeless(edge: Edge, updated: BeliefUpdated, config: Believing) -> bool:
+def _hopeless(edge: Edge, updated: BeliefUpdated, least_p: float, config: Believing) -> bool:
     failures = updated.attempts - updated.successes
-    return updated.belief.p < config.prune_below and failures >= config.prune_after_failures and not edge.protected
+    return updated.belief.p < least_p and failures >= config.prune_after_failures and not edge.protected

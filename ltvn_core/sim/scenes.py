@@ -37,6 +37,8 @@ class _Recipe:
 
 _WITH_TWINS = (6014, 6025, 6035, 6047)
 """Large apartments in which two or three kinds of room come twice, so that places look alike."""
+_WITH_NARROWS = (6104, 6157)
+"""Large apartments with many passages hardly wider than the robot."""
 
 
 def _recipes() -> dict[str, _Recipe]:
@@ -46,6 +48,7 @@ def _recipes() -> dict[str, _Recipe]:
     recipes |= {f"train-{k:02d}": _Recipe(1000 + k, 45.0 + (k * 37) % 85) for k in range(40)}
     recipes |= {f"tune-{k}": _Recipe(5000 + k, 55.0 + 13 * (k % 6) + 5 * (k // 6)) for k in range(9)}
     recipes |= {f"tune-twin-{k}": _Recipe(seed, 128.0) for k, seed in enumerate(_WITH_TWINS)}
+    recipes |= {f"tune-narrow-{k}": _Recipe(seed, 126.0) for k, seed in enumerate(_WITH_NARROWS)}
     return recipes
 
 

@@ -156,13 +156,16 @@ def test_what_cannot_be_here_after_all_that_was_seen_is_not_tied_in() -> None:
 
 
 def test_what_hindered_the_robot_says_little_about_the_edge() -> None:
-    graph = one_edge(p=0.9)
+    graph, config = one_edge(p=0.9), ROBUST.believing
     hindered = Attempt(1, 2, 1.0, succeeded=False, hindered=True)
-    for _ in range(ROBUST.believing.prune_after_failures):
-        for delta in update_edge(graph, hindered, ROBUST.believing):
+    for _ in range(10):
+        for delta in update_edge(graph, hindered, config):
             graph.apply(delta)
-    assert graph.edges[1, 2].belief.p > ROBUST.believing.prune_below
-    for _ in range(12):
-        for delta in update_edge(graph, hindered, ROBUST.believing):
+    assert config.hindered_prune_below < graph.edges[1, 2].belief.p < config.prune_below
+    assert any(
+        isinstance(delta, EdgePruned) for delta in update_edge(graph, Attempt(1, 2, 1.0, succeeded=False), config)
+    )
+    for _ in range(20):
+        for delta in update_edge(graph, hindered, config):
             graph.apply(delta)
     assert not graph.edges

@@ -183,7 +183,7 @@ class Believing:
     hindered_weight: float = 0.15
     """What a failure counts where something stood in the way or the robot went in circles; 1 is the paper's (ours)."""
     hindered_prune_below: float = 0.05
-    """R_p where something stood in the way: only a long run of failures goes so low; `prune_below` is the paper's (ours)."""
+    """R_p where something stood in the way, for which it takes a long run of failures; `prune_below` is the paper's."""
     prune_after_failures: int = 2
     """Failures in different queries before an edge may leave; 1 is the paper's (ours)."""
 

@@ -14,6 +14,7 @@ from ltvn_core.sim.dice import Dice
 from ltvn_core.sim.floorplan import FloorPlan, Room, RoomKind, draw_plan
 from ltvn_core.sim.footprint import Footprint
 from ltvn_core.sim.furnishing import Furnisher
+from ltvn_core.sim.standing import really_blocked
 from ltvn_core.sim.style import decorate, equip
 from ltvn_core.sim.surfaces import Surfaces
 from ltvn_core.sim.walls import Shell, sides_of
@@ -56,7 +57,9 @@ def grow(seed: int, area_m2: float) -> Apartment:
         hidden = furnisher.furnish(own, room, room_sides)
         for side, covered in zip(room_sides, hidden, strict=True):
             shell.hang(room, side, covered)
-    return Apartment(plan, builder.build(), footprint.blocked, footprint.origin)
+    surfaces = builder.build()
+    blocked = really_blocked(footprint.blocked, footprint.origin, surfaces.vertices[surfaces.faces])
+    return Apartment(plan, surfaces, blocked, footprint.origin)
 
 
 def _hues(dice: Dice, count: int) -> list[float]:

@@ -25,7 +25,7 @@ from ltvn_core.sim.surfaces import Surfaces
 
 log = logging.getLogger(__name__)
 
-GENERATOR_VERSION = 1
+GENERATOR_VERSION = 2
 """Part of the cache's file names; goes up whenever the same seed gives another apartment."""
 
 

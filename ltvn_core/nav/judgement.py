@@ -42,7 +42,10 @@ def judge_attempt(
     needed = judging.success_reachability if judging.success_distance else method.building.connect_reachability
     gap = float(distance(odometry_error))
     if reachability <= needed:
-        return Verdict(False, f"target does not look reachable: r = {reachability:.2f}, needs {needed:.2f}", hindered)
+        # Where it looks as near as odometry says, the target is probably there and merely hard to recognise.
+        agree_here = max(target_distance, gap) < _HERE
+        why = f"target does not look reachable: r = {reachability:.2f}, needs {needed:.2f}"
+        return Verdict(False, why, hindered or agree_here)
     if target_distance >= within:
         return Verdict(False, f"target is still too far: d = {target_distance:.2f}, needs {within:.2f}", hindered)
     if 0 < judging.odometry_gap < gap:
@@ -72,5 +75,7 @@ def agree(first: Waypoint, first_odometry: Pose, second: Waypoint, second_odomet
     return bool(np.hypot(gap[0], gap[1]) < _AGREE_M and abs(gap[2]) < _AGREE_RAD)
 
 
+_HERE = 0.3
+"""A target nearer than this d is here."""
 _AGREE_M = 0.3
 _AGREE_RAD = 0.25

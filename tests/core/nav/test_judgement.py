@@ -35,6 +35,12 @@ def test_what_stands_in_the_way_or_goes_in_circles_says_little_about_the_edge() 
     assert not judge_attempt(0.2, 0.9, THERE, ROBUST).hindered
 
 
+def test_a_target_that_is_where_odometry_says_but_hard_to_recognise_says_little_about_the_edge() -> None:
+    verdict = judge_attempt(0.4, 0.1, THERE, ROBUST)
+    assert (verdict.succeeded, verdict.hindered) == (False, True)
+    assert not judge_attempt(0.4, 0.1, np.array([0.5, 0.0, 0.0]), ROBUST).hindered
+
+
 def test_the_literal_method_asks_whether_the_target_is_connectable() -> None:
     assert verdict(PAPER, d=1.4).__getitem__(0)
     assert not verdict(PAPER, d=1.6)[0]

@@ -29,7 +29,8 @@ class Attempt:
     failed_before: bool = False
     """The edge failed in this query already."""
     hindered: bool = False
-    """It failed because something stood in the way, or because the robot went in circles: that says little of it."""
+    """It failed because something stood in the way, the robot went in circles or the target was hard to recognise
+    where odometry expected it: that says little of the edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

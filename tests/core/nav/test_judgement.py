@@ -36,8 +36,8 @@ def test_what_stands_in_the_way_or_goes_in_circles_says_little_about_the_edge() 
 
 
 def test_a_target_that_is_where_odometry_says_but_hard_to_recognise_says_little_about_the_edge() -> None:
-    verdict = judge_attempt(0.4, 0.1, THERE, ROBUST)
-    assert (verdict.succeeded, verdict.hindered) == (False, True)
+    judged = judge_attempt(0.4, 0.1, THERE, ROBUST)
+    assert (judged.succeeded, judged.hindered) == (False, True)
     assert not judge_attempt(0.4, 0.1, np.array([0.5, 0.0, 0.0]), ROBUST).hindered
 
 

@@ -184,8 +184,10 @@ class Believing:
     """What a failure counts where something stood in the way or the robot went in circles; 1 is the paper's (ours)."""
     hindered_prune_below: float = 0.05
     """R_p where something stood in the way, for which it takes a long run of failures; `prune_below` is the paper's."""
-    prune_after_failures: int = 2
+    prune_after_failures: int = 3
     """Failures in different queries before an edge may leave; 1 is the paper's (ours)."""
+    failures_per_success: int = 2
+    """So many failures more for each success, so that only what mostly fails may leave; 0 is the paper's (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +282,11 @@ PAPER = Method(
     ),
     judging=Judging(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
     believing=Believing(
-        one_failure_per_query=False, hindered_weight=1.0, hindered_prune_below=0.5, prune_after_failures=1
+        one_failure_per_query=False,
+        hindered_weight=1.0,
+        hindered_prune_below=0.5,
+        prune_after_failures=1,
+        failures_per_success=0,
     ),
     expanding=Expanding(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
     recovering=Recovering(wander_m=0.0),

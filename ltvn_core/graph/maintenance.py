@@ -65,6 +65,11 @@ def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) ->
     return updated, EdgePruned(edge.source, edge.target, Cause.ATTEMPT)
 
 
+def has_failed_enough(attempts: int, successes: int, config: Believing) -> bool:
+    """Tell whether an edge with this record failed so often that it may leave the map if its p is low."""
+    return attempts - successes >= config.prune_after_failures + config.failures_per_success * successes
+
+
 def novel_node(graph: TopologicalGraph, lost: Lost, matcher: Matcher, method: Method) -> tuple[GraphDelta, ...]:
     """Return the deltas that make an image nobody recognised a node; none if it merges or touches nothing.
 
@@ -86,5 +91,5 @@ def novel_node(graph: TopologicalGraph, lost: Lost, matcher: Matcher, method: Me
 
 
 def _hopeless(edge: Edge, updated: BeliefUpdated, least_p: float, config: Believing) -> bool:
-    failures = updated.attempts - updated.successes
-    return updated.belief.p < least_p and failures >= config.prune_after_failures and not edge.protected
+    failed = has_failed_enough(updated.attempts, updated.successes, config)
+    return updated.belief.p < least_p and failed and not edge.protected

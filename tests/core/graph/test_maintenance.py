@@ -61,10 +61,20 @@ def test_a_success_never_prunes() -> None:
     assert attempt(one_edge(p=0.05), PAPER, succeeded=True) == ["BeliefUpdated"]
 
 
-def test_the_robust_method_waits_for_failures_in_two_queries() -> None:
+def test_the_robust_method_waits_for_failures_in_three_queries() -> None:
     graph = one_edge(p=0.6)
-    assert attempt(graph, ROBUST, succeeded=False) == ["BeliefUpdated"]
-    assert attempt(graph, ROBUST, succeeded=False, failed_before=True) == []
+    for _ in range(2):
+        assert attempt(graph, ROBUST, succeeded=False) == ["BeliefUpdated"]
+        assert attempt(graph, ROBUST, succeeded=False, failed_before=True) == []
+    assert attempt(graph, ROBUST, succeeded=False) == ["BeliefUpdated", "EdgePruned"]
+
+
+def test_an_edge_that_was_driven_once_needs_more_failures_to_leave() -> None:
+    graph = one_edge(p=0.6)
+    attempt(graph, ROBUST, succeeded=True)
+    for _ in range(4):
+        assert attempt(graph, ROBUST, succeeded=False) == ["BeliefUpdated"]
+    assert graph.edges[1, 2].belief.p < 0.05
     assert attempt(graph, ROBUST, succeeded=False) == ["BeliefUpdated", "EdgePruned"]
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.analysis.imagined import hopeless
-from ltvn_core.config import Method
+from ltvn_core.config import PAPER, Believing, Method
 from ltvn_core.graph.builder import Progress, build
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.graph.planner import count_pieces
@@ -65,13 +65,13 @@ class RebuildCounts:
         return f"{nodes}, {edges}, {_pieces(self.before, self.after)}."
 
 
-def prune_dry_run(graph: TopologicalGraph, prune_below: float, *, failures: int = 1) -> PruneCounts:
+def prune_dry_run(graph: TopologicalGraph, prune_below: float, config: Believing = PAPER.believing) -> PruneCounts:
     """Return which edges a higher R_p would take out, and the pieces afterwards.
 
-    Only edges that failed at least `failures` times count, as in maintenance; 0 asks about every edge that is believed
-    less. Protected edges stay. Costs one copy of the map.
+    Only edges that failed as often as `config` asks for count, as in maintenance. Protected edges stay. Costs one copy
+    of the map.
     """
-    gone = hopeless(graph, prune_below, failures)
+    gone = hopeless(graph, prune_below, config)
     after = graph.copy()
     for source, target in gone:
         after.apply(EdgePruned(source, target, Cause.HAND))

@@ -21,10 +21,11 @@ from ltvn_core.analysis.changes import (
     ThresholdSet,
 )
 from ltvn_core.analysis.situation import Situation
-from ltvn_core.config import Method
+from ltvn_core.config import Believing, Method
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
+from ltvn_core.graph.maintenance import has_failed_enough
 from ltvn_core.graph.planner import EdgeWeight, edge_cost
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
@@ -113,7 +114,7 @@ def _set_threshold(world: World, threshold: Threshold, value: float) -> None:
         case Threshold.FAILURE_PENALTY:
             world.method = replace(world.method, planning=replace(planning, failure_penalty=value))
         case Threshold.R_P:
-            _cut(world.graph, hopeless(world.graph, value, world.method.believing.prune_after_failures))
+            _cut(world.graph, hopeless(world.graph, value, world.method.believing))
         case Threshold.D_C:
             _cut(world.graph, _longer(world.graph, value))
             if value > world.method.building.connect_distance:
@@ -135,12 +136,14 @@ def _relocalise(world: World, value: float) -> None:
         world.notes.append("With this D_l the robot might not be lost; the recording does not tell at which node.")
 
 
-def hopeless(graph: TopologicalGraph, prune_below: float, failures: int) -> list[EdgeKey]:
-    """Return the edges that maintenance would prune: p < R_p, failed that often, not protected. Linear in edges."""
+def hopeless(graph: TopologicalGraph, prune_below: float, config: Believing) -> list[EdgeKey]:
+    """Return the edges that maintenance would prune: p < R_p, failed enough, not protected. Linear in edges."""
     return [
         key
         for key, edge in graph.edges.items()
-        if edge.belief.p < prune_below and edge.attempts - edge.successes >= failures and not edge.protected
+        if edge.belief.p < prune_below
+        and has_failed_enough(edge.attempts, edge.successes, config)
+        and not edge.protected
     ]
 
 

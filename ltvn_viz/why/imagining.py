@@ -47,8 +47,7 @@ def imagined(
     except LtvnError as error:
         return str(error)
     levels = [each.value for each in changes if isinstance(each, ThresholdSet) and each.threshold is Threshold.R_P]
-    failures = method.believing.prune_after_failures
-    pruned = prune_dry_run(graph, levels[-1], failures=failures) if levels else None
+    pruned = prune_dry_run(graph, levels[-1], method.believing) if levels else None
     return Answer(plans, pruned, _placed(situation, changes))
 
 

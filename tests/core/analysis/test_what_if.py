@@ -23,7 +23,7 @@ from ltvn_core.analysis.dry_run import prune_dry_run, rebuild_dry_run
 from ltvn_core.analysis.situation import Situation, situation_at
 from ltvn_core.analysis.what_if import replan
 from ltvn_core.composition import open_system
-from ltvn_core.config import ROBUST
+from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
@@ -40,7 +40,7 @@ def diamond() -> TopologicalGraph:
     """Two ways from 0 to 3: by 1, which is short, and by 2; node 4 is on its own."""
     graph = TopologicalGraph(NodeAdded(Node(k, PoseRow(0, 0, 0)), Cause.BUILD) for k in range(5))
     for source, target, mu in ((0, 1, 0.5), (1, 3, 0.5), (0, 2, 0.8), (2, 3, 0.8)):
-        edge = Edge(source, target, PoseRow(mu, 0, 0), Belief(0.9, mu, 0.02), attempts=3, successes=1)
+        edge = Edge(source, target, PoseRow(mu, 0, 0), Belief(0.9, mu, 0.02), attempts=6, successes=1)
         graph.apply(EdgeAdded(edge, Cause.BUILD))
     return graph
 
@@ -178,7 +178,7 @@ def test_a_dry_run_of_pruning_counts_edges_and_pieces() -> None:
     counts = prune_dry_run(graph, 0.95)
     assert set(counts.gone) == set(graph.edges)
     assert counts.sentence == "4 edges would go, 5 pieces."
-    assert prune_dry_run(graph, 0.95, failures=3).sentence == "No edge would go."
+    assert prune_dry_run(graph, 0.95, replace(PAPER.believing, prune_after_failures=6)).sentence == "No edge would go."
     assert graph == diamond()
 
 

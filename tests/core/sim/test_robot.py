@@ -28,10 +28,11 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def start(scene: Scene) -> Pose:
-    """A place with more than a metre of free way ahead."""
+    """A place with more than a metre of free way ahead, some behind, and then walls that the robot meets head on."""
     poses = scene.clearance.sample_poses(np.random.default_rng(0), 2000, min_clearance_m=0.4)
-    ahead = poses[:, :2] + 1.2 * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    return poses[scene.clearance.along(poses[:, :2], ahead) > 0.35][0]
+    poses[:, 2] = 0.0
+    behind, ahead = poses[:, :2] - (0.8, 0.0), poses[:, :2] + (1.2, 0.0)
+    return poses[scene.clearance.along(behind, ahead) > 0.35][0]
 
 
 @pytest.fixture

@@ -76,7 +76,7 @@ def plant(where: TrialFiles) -> None:
     false = itertools.islice((edge for edge in ends if truth.is_spurious(edge)), FALSE_EDGES)
     for source, target in (edge for pair in false for edge in (pair, pair[::-1])):
         waypoint = pose_row(relative(truth.pose(source), truth.pose(target)))
-        loaded.graph.apply(EdgeAdded(Edge(source, target, waypoint, SURE, attempts=1), Cause.HAND))
+        loaded.graph.apply(EdgeAdded(Edge(source, target, waypoint, SURE, attempts=2), Cause.HAND))
     where.map().unlink()
     about = {"scene": loaded.meta.scene, "fingerprint": loaded.meta.fingerprint, "config": {}}
     save_map(where.map(), loaded.graph, loaded.observations.values(), **about)

@@ -199,7 +199,7 @@ def drive_at_the_wall(method: Method, queries: int = 5) -> Place:
 
 def test_an_edge_that_is_blocked_leaves_the_map_after_repeats() -> None:
     # What hinders the robot says little of the edge, so it takes many queries.
-    assert (2, 3) not in drive_at_the_wall(ROBUST, queries=16).graph.edges
+    assert (2, 3) not in drive_at_the_wall(ROBUST, queries=30).graph.edges
 
 
 def test_the_literal_method_takes_a_blocked_edge_for_a_success_while_its_end_is_in_sight() -> None:

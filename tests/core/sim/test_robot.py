@@ -28,11 +28,20 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def start(scene: Scene) -> Pose:
-    """A place with more than a metre of free way ahead, some behind, and then walls that the robot meets head on."""
+    """A place with more than a metre of free way ahead, some behind, and then a wall that the robot meets head on."""
     poses = scene.clearance.sample_poses(np.random.default_rng(0), 2000, min_clearance_m=0.4)
     poses[:, 2] = 0.0
     behind, ahead = poses[:, :2] - (0.8, 0.0), poses[:, :2] + (1.2, 0.0)
-    return poses[scene.clearance.along(behind, ahead) > 0.35][0]
+    open_way = scene.clearance.along(behind, ahead) > 0.35
+    return next(pose for pose in poses[open_way] if _meets_a_wall(scene, pose))
+
+
+def _meets_a_wall(scene: Scene, pose: Pose) -> bool:
+    """Tell whether what lies ahead along x is flat for as wide as the robot is, and more."""
+    x, aside = np.arange(0.0, 8.0, 0.05), np.linspace(-0.3, 0.3, 13)
+    places = pose[:2] + np.stack(np.meshgrid(x, aside, indexing="ij"), axis=-1)
+    solid = scene.clearance.at(places.reshape(-1, 2)).reshape(len(x), -1) == 0
+    return len({int(first) for first in solid.argmax(axis=0)}) == 1
 
 
 @pytest.fixture

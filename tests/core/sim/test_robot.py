@@ -29,7 +29,7 @@ def scene() -> Scene:
 @pytest.fixture(scope="module")
 def start(scene: Scene) -> Pose:
     """A place with more than a metre of free way ahead, some behind, and then a wall that the robot meets head on."""
-    poses = scene.clearance.sample_poses(np.random.default_rng(0), 2000, min_clearance_m=0.4)
+    poses = scene.clearance.sample_poses(np.random.default_rng(0), 2000, min_clearance_m=0.7)
     poses[:, 2] = 0.0
     behind, ahead = poses[:, :2] - (0.8, 0.0), poses[:, :2] + (1.2, 0.0)
     open_way = scene.clearance.along(behind, ahead) > 0.35

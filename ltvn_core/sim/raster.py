@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 
 Mask = NDArray[np.bool_]
-Triangles = NDArray[np.float64]
+Triangles = NDArray[np.floating]
 """(F, 3, 3) corners."""
 
 _FRACTION_BITS = 8

@@ -25,7 +25,7 @@ from ltvn_core.config import Believing, Method
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
-from ltvn_core.graph.maintenance import has_failed_enough
+from ltvn_core.graph.maintenance import is_hopeless
 from ltvn_core.graph.planner import EdgeWeight, edge_cost
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
@@ -137,14 +137,8 @@ def _relocalise(world: World, value: float) -> None:
 
 
 def hopeless(graph: TopologicalGraph, prune_below: float, config: Believing) -> list[EdgeKey]:
-    """Return the edges that maintenance would prune: p < R_p, failed enough, not protected. Linear in edges."""
-    return [
-        key
-        for key, edge in graph.edges.items()
-        if edge.belief.p < prune_below
-        and has_failed_enough(edge.attempts, edge.successes, config)
-        and not edge.protected
-    ]
+    """Return the edges that maintenance would prune with this R_p. Linear in edges."""
+    return [key for key, edge in graph.edges.items() if is_hopeless(edge, prune_below, config)]
 
 
 def _longer(graph: TopologicalGraph, length: float) -> list[EdgeKey]:

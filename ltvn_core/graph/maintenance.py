@@ -4,7 +4,7 @@ Owns the updates after an attempt, pruning, and novel nodes. Does not judge an a
 new paths (`graph.expansion`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ltvn_core.config import Believing, Method
 from ltvn_core.graph.beliefs import after_attempt
@@ -60,14 +60,17 @@ def update_edge(graph: TopologicalGraph, attempt: Attempt, config: Believing) ->
     attempts, successes = edge.attempts + 1, edge.successes + attempt.succeeded
     updated = BeliefUpdated(edge.source, edge.target, belief, attempts, successes, Cause.ATTEMPT)
     least_p = config.hindered_prune_below if attempt.hindered else config.prune_below
-    if attempt.succeeded or not _hopeless(edge, updated, least_p, config):
+    after = replace(edge, belief=belief, attempts=attempts, successes=successes)
+    if attempt.succeeded or not is_hopeless(after, least_p, config):
         return (updated,)
     return updated, EdgePruned(edge.source, edge.target, Cause.ATTEMPT)
 
 
-def has_failed_enough(attempts: int, successes: int, config: Believing) -> bool:
-    """Tell whether an edge with this record failed so often that it may leave the map if its p is low."""
-    return attempts - successes >= config.prune_after_failures + config.failures_per_success * successes
+def is_hopeless(edge: Edge, least_p: float, config: Believing) -> bool:
+    """Tell whether an edge is to be pruned after a failure: p below `least_p`, failed often enough, not protected."""
+    failures = edge.attempts - edge.successes
+    enough = config.prune_after_failures + config.failures_per_success * edge.successes
+    return edge.belief.p < least_p and failures >= enough and not edge.protected
 
 
 def novel_node(graph: TopologicalGraph, lost: Lost, matcher: Matcher, method: Method) -> tuple[GraphDelta, ...]:
@@ -88,8 +91,3 @@ def novel_node(graph: TopologicalGraph, lost: Lost, matcher: Matcher, method: Me
         chosen = chosen.take(connectable(chosen, gates) & fit_the_way(matcher, lost.trail, chosen, method.localising))
     # A node without an edge could never be used, so it waits until it touches something.
     return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()
-
-
-def _hopeless(edge: Edge, updated: BeliefUpdated, least_p: float, config: Believing) -> bool:
-    failed = has_failed_enough(updated.attempts, updated.successes, config)
-    return updated.belief.p < least_p and failed and not edge.protected

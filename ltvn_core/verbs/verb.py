@@ -50,6 +50,10 @@ def _shown(value: object) -> str:
         return f"{value:.3f}".rstrip("0").rstrip(".")
     if isinstance(value, dict):
         return ", ".join(f"{key} {_shown(part)}" for key, part in value.items()) or "-"
+    if isinstance(value, list | tuple):
+        if any(map(is_dataclass, value)):
+            return "".join(f"\n  {_shown(part)}" for part in value)
+        return ", ".join(map(_shown, value)) or "-"
     if is_dataclass(value) and not isinstance(value, type):
         parts = ((field.name.replace("_", " "), getattr(value, field.name)) for field in fields(value))
         return "(" + ", ".join(f"{name} {_shown(part)}" for name, part in parts) + ")"

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from ltvn_core.benchmarks.measurement import measured
 from ltvn_core.recording.maps import load_map
 from ltvn_core.recording.reader import Recording
+from ltvn_core.verbs.bench import Benched
+from ltvn_core.verbs.verb import to_text
 from tests.core.recording import scenario
 
 
@@ -61,6 +64,13 @@ def test_a_summary_is_text_for_a_person_and_json_for_a_program(drive: Path, tmp_
     assert (summary["frames"], summary["nodes"]) == (10, 3)
     assert ltvn("info", drive, "--json", tmp_path / "info.json").returncode == 0
     assert json.loads((tmp_path / "info.json").read_text()) == summary
+
+
+def test_rows_of_a_summary_get_a_line_each() -> None:
+    rows = [measured("seek", 0.8, "ms", at_most=100), measured("recolour", 296, "kB", at_most=400)]
+    _, first, second = to_text(Benched("a laptop", rows)).split("\n  (")
+    assert first.startswith("name seek, value 0.8, unit ms")
+    assert second.startswith("name recolour, value 296, unit kB")
 
 
 @pytest.mark.parametrize(

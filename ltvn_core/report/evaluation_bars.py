@@ -67,10 +67,14 @@ def causes(rows: Sequence[Row], ink: Ink) -> Figure:
     left = np.zeros(len(rows))
     for cause in Failure:
         share = np.array([row.failed(cause) for row in rows])
+        if not share.any():
+            continue
         axes.barh(names, share, left=left, height=0.62, color=cause_colour(cause), label=cause.value)
         left += share
     for y, total in enumerate(left):
-        axes.text(total + 0.006, y, f"{100 * total:.0f} %", va="center", color=ink.text)
+        axes.annotate(
+            f"{100 * total:.1f} %", (total, y), (6, 0), textcoords="offset points", va="center", color=ink.text
+        )
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))

@@ -97,7 +97,7 @@ def _followed(axes: Axes, course: Course, count: Callable[[LifelongQuery], int],
         axes.plot(
             [query.query for query in run.queries], [count(query) for query in run.queries], color=colour, linewidth=1.3
         )
-    axes.set_ylim(0, 1.15 * axes.get_ylim()[1])
+    axes.set_ylim(0, max(1.0, 1.15 * axes.get_ylim()[1]))
 
 
 def _reliability(axes: Axes, cells: Sequence[CalibrationCell], label: str, colour: Colour) -> None:

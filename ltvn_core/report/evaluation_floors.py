@@ -32,9 +32,10 @@ class Panel(NamedTuple):
 def floors(panels: Sequence[Panel], ink: Ink) -> Figure:
     """Draw maps of one scene side by side, two in a row. Trials without a floor plan are left out."""
     shown = [(panel, plan) for panel in panels if (plan := panel.trial.floorplan) is not None]
-    rows = max((len(shown) + 1) // 2, 1)
-    figure = Figure(figsize=(WIDTH_IN, 0.9 + rows * _height(shown[0][1] if shown else None)), layout="constrained")
-    grid = figure.subplots(rows, 2, squeeze=False).ravel()
+    rows, columns = max((len(shown) + 1) // 2, 1), 2 if len(shown) > 1 else 1
+    size = (columns * WIDTH_IN / 2, 0.9 + rows * _height(shown[0][1] if shown else None))
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[len(shown) :]:
         axes.set_visible(False)
     for axes, (panel, plan) in zip(grid, shown, strict=False):

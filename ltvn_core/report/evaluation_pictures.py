@@ -24,9 +24,9 @@ def _of_rows(rows: Sequence[Row], ink: Ink) -> Iterable[Picture]:
     whole = [row for row in rows if not row.setup.ablated and not row.setup.queries]
     parts = [row for row in rows if not row.setup.queries and row.setup.scene in _ablated_scenes(rows)]
     if whole:
-        caption = (
-            "Goals reached, with 95 % intervals. Rings: network as trained. Discs: after fine-tuning on the drive."
-        )
+        caption = "Goals reached, with 95 % intervals."
+        if len({row.setup.finetuned for row in whole}) > 1:
+            caption += " Rings: network as trained. Discs: after fine-tuning on the drive."
         yield Picture("success", "success", "Success per scene and method", caption, partial(success, whole, ink))
         caption = "Nodes and edges of the maps: mean of the map seeds, and from the smallest to the largest."
         yield Picture("sizes", "sizes", "Nodes and edges per scene and method", caption, partial(sizes, whole, ink))
@@ -57,9 +57,10 @@ def _of_courses(courses: Sequence[Course], ink: Ink) -> Iterable[Picture]:
     for course in courses:
         name = f"{slug(scene_name(course.scene))}-{slug(course.method)}"
         title = f"{course.method} in {scene_name(course.scene)}"
+        several = len(course.runs) > 1
         caption = (
-            "Goals reached with maintenance off, with 95 % interval; thin lines are single maps. "
-            "Below: edges added and pruned, means of the runs, those that nobody can drive in red."
+            f"Goals reached with maintenance off, with 95 % interval{'; thin lines are single maps' * several}. "
+            f"Below: edges added and pruned{', means of the runs' * several}; red are those that nobody can drive."
         )
         yield Picture("lifelong", f"lifelong-{name}", title, caption, partial(lifelong, course, ink))
         yield from _before_and_after(course, name, ink)

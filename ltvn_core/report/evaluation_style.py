@@ -4,6 +4,7 @@ Owns the colours of methods and causes, and the SVG that takes its text colour f
 """
 
 import io
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -77,8 +78,11 @@ def in_percent(axes: Axes, **limits: Any) -> None:
 
 
 def in_counts(axes: Axes) -> None:
-    """Write a logarithmic y axis in whole numbers, few of them."""
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=8))
+    """Write a logarithmic y axis in whole numbers, few of them. Call it when all is drawn."""
+    low, high = axes.get_ylim()
+    decades = math.log10(high / low)
+    subs = (1.0,) if decades > 3 else (1.0, 2.0, 5.0) if decades > 1 else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs, numticks=8))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
 

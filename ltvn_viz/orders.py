@@ -178,6 +178,9 @@ def _record(stage: Stage, command: c.Command) -> None:
 def _open(stage: Stage, asked: c.OpenRecording) -> None:
     def show(replay: Replay) -> None:
         stage.work = None
+        if isinstance(stage.activity, Navigation | Building):
+            stage.say(f"{asked.name} was not opened, because a task began meanwhile. Open it when that is over.")
+            return
         replay.watch = stage.live.watch
         replay.seek(asked.at_s)
         stage.activity = replay

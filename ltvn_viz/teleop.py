@@ -72,10 +72,15 @@ class Teleop:
         if self._waiting and not self._mapping:
             self._mapping = True
             seen = self._waiting.popleft()
-            self._worker.submit(lambda: self._offer(seen), lambda deltas: self._mapped(seen, deltas))
+            self._worker.submit(
+                lambda: self._offer(seen), lambda deltas: self._mapped(seen, deltas), otherwise=self._mapping_ended
+            )
+
+    def _mapping_ended(self) -> None:
+        self._mapping = False
 
     def _mapped(self, seen: Observation, deltas: Sequence[GraphDelta]) -> None:
-        self._mapping = False
+        self._mapping_ended()
         if deltas:
             # A recording that began while this image waited must hold it too, or its map would lack a picture.
             self._live.recorder.frame(seen)

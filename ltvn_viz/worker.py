@@ -7,9 +7,15 @@ session's thread, in the same order.
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, wait
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
+
+
+class _Job(NamedTuple):
+    future: Future[Any]
+    then: Callable[[Any], None]
+    otherwise: Callable[[], None]
 
 
 class Worker:
@@ -18,30 +24,34 @@ class Worker:
     def __init__(self, executor: Executor) -> None:
         """Run jobs on `executor`, which must have a single thread."""
         self._executor = executor
-        self._jobs: deque[tuple[Future[Any], Callable[[Any], None]]] = deque()
+        self._jobs: deque[_Job] = deque()
 
     @property
     def pending(self) -> int:
         """How many jobs are not dealt with yet."""
         return len(self._jobs)
 
-    def submit(self, job: Callable[[], T], then: Callable[[T], None]) -> None:
-        """Run `job` in the worker's thread and, from `collect`, `then` with its result."""
-        self._jobs.append((self._executor.submit(job), then))
+    def submit(
+        self, job: Callable[[], T], then: Callable[[T], None], *, otherwise: Callable[[], None] = lambda: None
+    ) -> None:
+        """Run `job` in the worker's thread and, from `collect`, `then` with its result, or `otherwise` if it raised."""
+        self._jobs.append(_Job(self._executor.submit(job), then, otherwise))
 
     def collect(self) -> None:
         """Deal with all jobs that are done; raises what a job raised, once."""
-        while self._jobs and self._jobs[0][0].done():
-            future, then = self._jobs.popleft()
-            then(future.result())
+        while self._jobs and self._jobs[0].future.done():
+            job = self._jobs.popleft()
+            if job.future.exception() is not None:
+                job.otherwise()
+            job.then(job.future.result())
 
     def settle(self) -> None:
         """Wait for all jobs and deal with them; raises what a job raised."""
         while self._jobs:
-            wait([self._jobs[0][0]])
+            wait([self._jobs[0].future])
             self.collect()
 
     def close(self) -> None:
         """Wait for the job under way and drop the rest."""
         self._executor.shutdown(wait=True, cancel_futures=True)
-        self._jobs = deque(job for job in self._jobs if not job[0].cancelled())
+        self._jobs = deque(job for job in self._jobs if not job.future.cancelled())

@@ -47,7 +47,7 @@ def match_nodes(
     Poses (3,) are those given, for instance exact ones in simulation; else odometry's, which compares only if both
     drives began at one place. Takes O(N log N).
     """
-    shared = [node for node in a.nodes if node in b.nodes and a.nodes[node] == b.nodes[node]]
+    shared = [node for node in a.nodes if node in b.nodes and a.nodes[node].odometry == b.nodes[node].odometry]
     if len(shared) * 2 >= min(len(a.nodes), len(b.nodes)):
         return Matching(MatchedBy.ID, {node: node for node in shared})
     return Matching(MatchedBy.POSE, _nearest(places(a, poses_a), places(b, poses_b)))

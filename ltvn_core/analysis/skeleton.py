@@ -121,6 +121,8 @@ def _changes(events: Sequence[Stamped]) -> list[str]:
             case NodeAdded(node=node):
                 rows[node.id] = f"assert {node.id} in graph.nodes"
             case NodeDropped(node=node):
+                # Its edges went with it.
+                rows = {key: row for key, row in rows.items() if not (isinstance(key, tuple) and node in key)}
                 rows[node] = f"assert {node} not in graph.nodes"
             case EdgeAdded(edge=edge):
                 rows[edge.source, edge.target] = f"assert ({edge.source}, {edge.target}) in graph.edges"

@@ -57,9 +57,10 @@ def _record(
             watch=write,
             through=lambda robot: RecordedRobot(robot, writer),
         )
-    before = trial.episodes[number]
-    if (again.steps, again.outcome) != (before.steps, before.outcome):
-        raise RecordingError(
-            f"Episode {number} of {files.folder} took {again.steps} steps ({again.outcome}) when it was recorded, and "
-            f"{before.steps} ({before.outcome}) before. The results were made by another version; evaluate anew."
-        )
+        before = trial.episodes[number]
+        if (again.steps, again.outcome) != (before.steps, before.outcome):
+            raise RecordingError(
+                f"Episode {number} of {files.folder} took {again.steps} steps ({again.outcome}) when it was recorded, "
+                f"and {before.steps} ({before.outcome}) before. The results were made by another version; evaluate "
+                "anew."
+            )

@@ -4,9 +4,11 @@ Owns names and paths, and that results of one plan never mix with those of anoth
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from ltvn_core.ablation import PARTS, without
 from ltvn_core.composition import PredictorName, SystemName, open_method
@@ -137,19 +139,28 @@ class TrialFiles:
 def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     """Write down what the files of a plan are made by. Raises OptionError where others made them already.
 
-    How many episodes are run makes no difference: the first ones stay the same.
+    How many episodes are run makes no difference: the first ones stay the same. The drive and the weights have a note
+    of their own, because other methods use them too.
     """
-    path = files.folder / files.label / "plan.json"
     from ltvn_core.model.weights import weights_fingerprint
 
-    weights = plan.weights or shipped_weights(plan.system)
+    weights = weights_fingerprint(plan.weights or shipped_weights(plan.system))
     steps = plan.finetune_steps if plan.finetuned else 0
-    settings = {**asdict(plan), "finetune_steps": steps, "version": version("ltvn")}
-    settings["weights"] = weights_fingerprint(weights)
+    protocol = asdict(plan.protocol)
+    del protocol["episodes"]
+    drive = {"scene": plan.scene, "seed": plan.seed}
+    drive |= {name: protocol[name] for name in ("loops", "goals", "distance_noise", "angle_noise")}
+    learned = {"weights": weights, "finetune_steps": steps}
+    made_by = {**asdict(plan), **learned, "protocol": protocol, "version": version("ltvn")}
+    _claim(files.sights.with_suffix(".plan.json"), drive)
+    if plan.finetuned:
+        _claim(files.weights.with_suffix(".plan.json"), learned)
+    _claim(files.folder / files.label / "plan.json", made_by)
+
+
+def _claim(path: Path, settings: Mapping[str, Any]) -> None:
     made_by = json.loads(json.dumps(settings, default=str))
-    del made_by["protocol"]["episodes"]
     if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(path) as part:
             part.write_text(json.dumps(made_by, indent=1), encoding="utf-8")
     before = json.loads(path.read_text(encoding="utf-8"))

@@ -72,16 +72,6 @@ class EpisodePlan:
     """The exact pose by which arrival is judged."""
 
 
-@dataclass(frozen=True, slots=True)
-class Draw:
-    """What is drawn once for a scene and a seed, and is the same for all methods."""
-
-    images: int
-    """Of the mapping drive."""
-    goals: tuple[FrameId, ...]
-    episodes: tuple[EpisodePlan, ...]
-
-
 def choose_goals(
     scene: "Scene", frames: Sequence[FrameId], poses: Pose, count: int, rng: np.random.Generator
 ) -> tuple[FrameId, ...]:
@@ -96,7 +86,8 @@ def choose_goals(
     while len(chosen) < count:
         for pool in pools[: count - len(chosen)]:
             chosen.append(_apart(np.setdiff1d(pool, chosen), poses, chosen, rng))
-        pools = [pool for pool in pools if len(np.setdiff1d(pool, chosen))]
+        # Where the rooms have too few images, those taken between them will do.
+        pools = [pool for pool in pools if len(np.setdiff1d(pool, chosen))] or [np.arange(len(frames))]
     return tuple(frames[k] for k in chosen)
 
 
@@ -105,9 +96,12 @@ def draw_episodes(
 ) -> tuple[EpisodePlan, ...]:
     """Draw episodes from a random image to a random goal that is somewhere else.
 
-    `poses` (N, 3) are the exact poses of the N frames.
+    `poses` (N, 3) are the exact poses of the N frames. Raises OptionError where none is far enough from any goal.
     """
     row = {frame: k for k, frame in enumerate(frames)}
+    from_goals = poses[None, :, :2] - poses[[row[goal] for goal in goals], None, :2]
+    if not (np.linalg.norm(from_goals, axis=-1) > _ELSEWHERE_M).any():
+        raise OptionError(f"The drive is too short: no image is farther than {_ELSEWHERE_M:g} m from any goal.")
     episodes = list[EpisodePlan]()
     while len(episodes) < count:
         start, goal = int(rng.integers(len(frames))), goals[int(rng.integers(len(goals)))]

@@ -27,7 +27,7 @@ def workers(processes: int | None, cluster: str | None) -> Iterator[Workers]:
         with _on_cluster(cluster), Parallel(return_as="generator_unordered") as parallel:
             yield parallel
         return
-    count = processes or cpu_count()
+    count = cpu_count() if processes is None else processes
     if count < 1:
         raise OptionError(f"--workers must be 1 or more, got {count}.")
     # One thread each: several processes use the cores better than several threads in one.
@@ -39,22 +39,28 @@ def workers(processes: int | None, cluster: str | None) -> Iterator[Workers]:
 @contextmanager
 def _on_cluster(address: str) -> Iterator[None]:
     scheme = address.partition("://")[0]
-    try:
-        if scheme == "ray":
+    if scheme == "ray":
+        with _needs("ray", address):
             import ray  # pyright: ignore[reportMissingImports]
             from ray.util.joblib import register_ray  # pyright: ignore[reportMissingImports]
 
-            ray.init(address)
-            register_ray()
-            with parallel_config(backend="ray"):
-                yield
-        elif scheme in ("tcp", "tls"):
+        ray.init(address)
+        register_ray()
+        with parallel_config(backend="ray"):
+            yield
+    elif scheme in ("tcp", "tls"):
+        with _needs("distributed", address):
             from dask.distributed import Client  # pyright: ignore[reportMissingImports]
 
-            with Client(address), parallel_config(backend="dask"):
-                yield
-        else:
-            raise OptionError(f"--cluster must be ray://HOST:PORT or tcp://HOST:PORT (Dask), got {address!r}.")
+        with Client(address), parallel_config(backend="dask"):
+            yield
+    else:
+        raise OptionError(f"--cluster must be ray://HOST:PORT or tcp://HOST:PORT (Dask), got {address!r}.")
+
+
+@contextmanager
+def _needs(package: str, address: str) -> Iterator[None]:
+    try:
+        yield
     except ModuleNotFoundError as missing:
-        package = "ray" if scheme == "ray" else "distributed"
         raise OptionError(f"--cluster {address} needs {missing.name}: pip install {package}") from missing

@@ -78,6 +78,9 @@ class OnlineBuilder:
     def _try_pending(self, fresh: FrameId) -> Iterator[GraphDelta]:
         """Tie the latest left-over images to the node that just came in, where they fit."""
         for frame in [*reversed(self._pending)][:RETRIES]:
+            if frame not in self._graph.reserve:  # Something else made a node of it, or let it go.
+                del self._pending[frame]
+                continue
             found = self._matcher.match(self._views.features([frame]), (fresh,))
             found = self._matcher.supported(found.take(connectable(found, self._gates)), frame)
             chosen = self._connected(found, frame)

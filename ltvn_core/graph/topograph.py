@@ -100,6 +100,7 @@ class TopologicalGraph:
         twin = type(self)()
         # Nodes and edges never change, so both graphs may hold the same ones.
         twin._nodes, twin._edges, twin._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
+        twin._names = self._names.copy()
         twin._successors = {node: targets.copy() for node, targets in self._successors.items()}
         twin._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
         twin._version = self._version

@@ -11,34 +11,53 @@ from ltvn_core.errors import RecordingError
 
 def claim(path: Path) -> None:
     """Make the folder and an empty file which nobody made before. Raises RecordingError."""
+    _make_folder(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         path.touch(exist_ok=False)
     except FileExistsError as error:
-        if path.parent.is_dir():
-            raise _exists(path) from error
-        raise RecordingError(f"{path} cannot be written: {path.parent} is no folder; name another place.") from error
+        raise _exists(path) from error
     except OSError as error:
-        raise RecordingError(
-            f"{path} cannot be written ({error.strerror}); name a file in a folder that you may write to."
-        ) from error
+        raise _refused(path, error) from error
 
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
     """Yield a name beside `path` to write to; it becomes `path` when the block ends well and vanishes otherwise.
 
-    Raises RecordingError when `path` exists already.
+    Makes its folder. Raises RecordingError when `path` exists already or cannot be written.
     """
-    if path.exists():
-        raise _exists(path)
+    check_free(path)
+    _make_folder(path)
     part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
     try:
         yield part
         claim(path)
         os.replace(part, path)
+    except OSError as error:
+        raise _refused(path, error) from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def check_free(path: Path) -> None:
+    """Raise RecordingError where there is a file of this name already; ask it before long work."""
+    if path.exists():
+        raise _exists(path)
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise RecordingError(f"{path} cannot be written: {path.parent} is no folder; name another place.") from error
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
+def _refused(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"{path} cannot be written ({error.strerror or error}); name a file in a folder that you may write to."
+    )
 
 
 def _exists(path: Path) -> RecordingError:

@@ -88,10 +88,11 @@ def calibration_error(cells: Sequence[CalibrationCell]) -> float:
 
 
 def _stretch(course: Course, first: int, until: int) -> Stretch:
-    queries = [query for run in course.runs for query in run.queries[first:until]]
+    runs = [run for run in course.runs if len(run.queries) >= until]
+    queries = [query for run in runs for query in run.queries[first:until]]
 
     def mean(name: str) -> float:
-        return sum(getattr(query, name) for query in queries) / len(course.runs)
+        return sum(getattr(query, name) for query in queries) / max(len(runs), 1)
 
     return Stretch(first, until, mean("pruned"), mean("pruned_bad"), mean("added_edges"), mean("added_spurious"))
 

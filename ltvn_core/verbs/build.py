@@ -53,7 +53,9 @@ class Build(Verb):
         from ltvn_core.graph.views import Views
         from ltvn_core.recording.maps import save_map
         from ltvn_core.recording.reader import Recording
+        from ltvn_core.recording.whole import check_free
 
+        check_free(self.output)
         recording = Recording.open(self.recording)
         observations = [recording.observation(frame) for frame in recording.frames]
         predictor = open_predictor(self.predictor, recording.meta.scene, self.weights)

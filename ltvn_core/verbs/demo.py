@@ -3,11 +3,14 @@
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ltvn_core.errors import OptionError
 from ltvn_core.verbs.streaming import announced
 from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.config import Method
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,20 @@ class Demo(Verb):
             )
         return _demonstrate(self)
 
+    def settings(self, method: "Method") -> dict[str, Any]:
+        """Say how the run was made, for the recording."""
+        return {
+            "verb": "demo",
+            "system": "ltvn",
+            "seed": self.seed,
+            "loops": self.loops,
+            "method": asdict(method),
+        }
+
+
+def _dated(name: str) -> Path:
+    return Path("runs") / time.strftime(f"{name}-%Y%m%d-%H%M%S.rrd")
+
 
 def _demonstrate(options: Demo) -> Demonstrated:
     import numpy as np
@@ -89,26 +106,21 @@ def _demonstrate(options: Demo) -> Demonstrated:
     from ltvn_core.graph.topograph import TopologicalGraph
     from ltvn_core.graph.views import Views
     from ltvn_core.recording.maps import save_map
+    from ltvn_core.recording.whole import check_free
     from ltvn_core.recording.writer import RecordingWriter
     from ltvn_core.verbs.headless import Workbench
 
+    if options.map is not None:
+        check_free(options.map)
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     simulation = open_simulation(options.scene, seed=options.seed)
     predictor = open_predictor(options.predictor, options.scene, options.weights)
     method = open_method(options.preset, options.predictor, options.weights)
-    path = options.recording or Path("runs") / time.strftime(
-        f"demo-{simulation.scene.name}-{options.seed}-%Y%m%d-%H%M%S.rrd"
-    )
+    path = options.recording or _dated(f"demo-{simulation.scene.name}-{options.seed}")
     about = {
         "scene": simulation.scene.address,
-        "config": {
-            "verb": "demo",
-            "system": "ltvn",
-            "seed": options.seed,
-            "loops": options.loops,
-            "method": asdict(method),
-        },
+        "config": options.settings(method),
         "fingerprint": predictor.fingerprint,
     }
     with RecordingWriter(path, **about, live_port=announced(options.stream)) as writer:

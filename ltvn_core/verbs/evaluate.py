@@ -142,6 +142,8 @@ class Evaluate(ProtocolOptions):
         from ltvn_core.evaluate.trials import run_trials
         from ltvn_core.evaluate.workers import workers
 
+        if self.record_failures < 0:
+            raise OptionError(f"--record-failures must be 0 or more, got {self.record_failures}.")
         started, plans = time.monotonic(), self.plans(self.method, self.episodes)
         with (
             workers(self.workers, self.cluster) as parallel,

@@ -117,6 +117,5 @@ class Export(Verb):
 def _write(path: Path, text: str) -> None:
     from ltvn_core.recording.whole import written_whole
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ltvn_core.config import Method
+    from ltvn_core.graph.topograph import TopologicalGraph
     from ltvn_core.recording.maps import LoadedMap
     from ltvn_core.types import NodeId, Pose
     from ltvn_core.verbs.headless import Queries, Workbench
@@ -69,13 +70,18 @@ class Navigate(Verb):
             )
         return _drive(self)
 
+    def check(self, graph: "TopologicalGraph") -> None:
+        """Raise MapError if the map lacks the goal and RecordingError if the output exists, before any drive."""
+        from ltvn_core.recording.whole import check_free
+
+        if self.goal is not None and self.goal not in graph.nodes:
+            nodes = sorted(graph.nodes)
+            raise MapError(f"{self.map} has no node {self.goal}; its {len(nodes)} nodes are {nodes[0]} to {nodes[-1]}.")
+        if self.output is not None:
+            check_free(self.output)
+
     def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
-        """Go to the one goal, or to random nodes. Raises MapError if the map does not have that node."""
-        if self.goal is not None and self.goal not in bench.graph.nodes:
-            nodes = sorted(bench.graph.nodes)
-            raise MapError(
-                f"{self.map} has no node {self.goal}; its nodes are {nodes[0]}, {nodes[1:2]} ... {nodes[-1]}."
-            )
+        """Go to the one goal, or to random nodes."""
         return bench.random_goals(self.queries, rng) if self.goal is None else [self.goal]
 
     def settings(self) -> dict[str, Any]:
@@ -101,6 +107,7 @@ def _drive(options: Navigate) -> Navigated:
 
     started, rng = time.monotonic(), np.random.default_rng(options.seed)
     loaded = load_map(options.map)
+    options.check(loaded.graph)
     scene = loaded.meta.scene
     predictor = open_predictor(options.predictor, scene, options.weights)
     check_fingerprint(loaded.meta, predictor.fingerprint)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 from tyro.conf import Positional
 
-from ltvn_core.errors import OptionError
+from ltvn_core.errors import MapError, OptionError
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -83,6 +83,8 @@ def _drive(options: Plant) -> Planted:
     predictor, method = open_predictor("network", loaded.meta.scene, options.weights), _method(options)
     check_fingerprint(loaded.meta, predictor.fingerprint)
     views, graph = Views(predictor), loaded.graph
+    if len(graph.nodes) < 2:
+        raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
     views.add([loaded.observations[node] for node in graph.nodes])
     faults = tuple(_planted(options, loaded, views, predictor, method))
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1

@@ -82,6 +82,15 @@ class Case:
         """The map at the moment; linear in its changes when it is asked first."""
         return self.timeline.graph_at(self.instant)
 
+    def told(self, *kinds: type) -> tuple[int, int]:
+        """Return how many changes of the map and how many events of these kinds there were so far.
+
+        An answer about both is out of date when this changes. Linear in the events.
+        """
+        before = self.timeline.count_until(self.instant)
+        events = self.timeline.events[:before]
+        return len(self.timeline.changes_before(before)), sum(isinstance(each.event, kinds) for each in events)
+
     def seconds(self, instant: Instant) -> float:
         """Return a moment as the page counts it, a hair late so that whoever goes there is not just before it."""
         return max(0.0, instant.stamp - self.start_s + HAIR_S)

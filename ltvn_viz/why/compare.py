@@ -6,9 +6,10 @@ from pathlib import Path
 
 from ltvn_core.analysis.compare import EdgeDifference, Figures, MapDifference, compare, figures
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.errors import LtvnError
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
-from ltvn_core.nav.events import Stamped
+from ltvn_core.nav.events import Judged, QueryEnded, Stamped
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz import palette
@@ -62,16 +63,20 @@ class CompareTool:
     def look(self, case: Case, selection: Selection) -> ToolView:
         """Offer recordings, or show what is different in the chosen one."""
         page = Page()
-        there = self._there(case) if self._other else None
         if not self._other:
             return _offer(case, page)
         page.html(f"<div>{page.link(LIST, Tell(LIST))}</div>")
+        try:
+            there = self._there(case)
+        except LtvnError as error:
+            page.line(str(error))
+            return page.view()
         if there is None:
             page.line(f"Opening {self._other} …")
             return page.view()
         here = case.name, case.scene, case.graph, case.timeline.events[: case.timeline.count_until(case.instant)]
         poses = _poses(case, case.graph)
-        question = ("compare", case.name, case.graph.version, there.name)
+        question = ("compare", case.name, case.told(QueryEnded, Judged), there.name)
         found = self._latest(case.later, question, lambda: _compared(Side(*here, poses), there))
         if found is None:
             page.line("Comparing …")

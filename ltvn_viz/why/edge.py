@@ -1,5 +1,7 @@
 """The edge microscope: both images, the predicted waypoint, what was believed when, and every attempt."""
 
+from html import escape
+
 import numpy as np
 
 from ltvn_core.analysis.edges import AttemptRow, EdgeStory, edge_story
@@ -86,7 +88,7 @@ class EdgeTool:
         at = "–" if row.localised is None or row.localised.node is None else str(row.localised.node)
         result = "cut" if row.succeeded is None else "success" if row.succeeded else f"failed ({row.end})"
         numbers = map(_number, (row.distance, row.reachability))
-        return self._jump(case, page, row.begin), at, f'<span title="{row.reason}">{result}</span>', *numbers
+        return self._jump(case, page, row.begin), at, f'<span title="{escape(row.reason)}">{result}</span>', *numbers
 
     @staticmethod
     def _jump(case: Case, page: Page, instant: Instant) -> str:

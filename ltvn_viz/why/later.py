@@ -3,6 +3,7 @@
 Owns what is under way and what is known. What is computed must touch nothing that the session's thread changes.
 """
 
+import logging
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any
@@ -11,6 +12,7 @@ from ltvn_core.errors import LtvnError
 from ltvn_viz.worker import Worker
 
 _KEPT = 32
+_LOG = logging.getLogger(__name__)
 
 
 class Later:
@@ -73,3 +75,7 @@ def _tried(compute: Callable[[], Any]) -> Any:
         return compute()
     except LtvnError as error:
         return error
+    except Exception as error:
+        # Whatever it was, a question must not wait for its answer for ever.
+        _LOG.exception("A question could not be answered")
+        return LtvnError(f"This could not be answered: {error!r}")

@@ -6,7 +6,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any, NamedTuple
 
-from ltvn_core.errors import OptionError
+from ltvn_core.errors import LtvnError, OptionError
 from ltvn_viz.commands import Tell
 from ltvn_viz.links import link
 from ltvn_viz.why.case import Case
@@ -84,7 +84,11 @@ class ShareTool:
     def _answer(self, page: Page, case: Case) -> None:
         if self._wish is None:
             return
-        found = case.later(self._wish.question, self._wish.compute)
+        try:
+            found = case.later(self._wish.question, self._wish.compute)
+        except LtvnError as error:
+            page.line(f"Could not {self._wish.words}: {error}")
+            return
         if found is None:
             page.line(f"{self._wish.words.capitalize()} …")
         elif isinstance(found, str):

@@ -11,7 +11,7 @@ from ltvn_core.evaluate.truth import MapTruth, calibration
 from ltvn_core.evaluate.truth_overlay import Missing, overlay
 from ltvn_core.evaluate.truth_overlay import Overlay as Verdicts
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
-from ltvn_core.nav.events import LegEnded, Stamped
+from ltvn_core.nav.events import LegEnded, QueryEnded, Stamped
 from ltvn_core.sim.scenes import load_scene
 from ltvn_core.types import FrameId, Observation, Pose
 from ltvn_viz import palette
@@ -61,8 +61,7 @@ class TruthTool:
             self._latest.forget()
         events = case.timeline.events[: case.timeline.count_until(case.instant)]
         poses, near, scene = _poses(case, events), case.method.building.connect_distance, case.scene
-        attempts = sum(isinstance(stamped.event, LegEnded) for stamped in events)
-        question = ("truth", case.name, scene, graph.version, attempts)
+        question = ("truth", case.name, scene, case.told(LegEnded, QueryEnded))
         judged = self._latest(case.later, question, lambda: _judged(scene, graph, poses, events, near))
         if judged is None:
             page.line("Asking the simulator …")

@@ -85,6 +85,7 @@ def test_a_recording_to_compare_with_that_is_not_there_or_broken_is_said_in_word
     shown = demo.do(c.Tell("holiday.rrd"), ticks=3)
     assert "holiday.rrd" in words(shown)
     assert shown.mode is Mode.REPLAY
+    assert "demo-map.rrd" in words(follow(demo, "choose another"))
 
 
 def test_maps_of_different_scenes_are_compared_by_figures_alone(tmp_path: Path) -> None:
@@ -181,4 +182,6 @@ def test_rerun_is_opened_by_a_link_and_a_failure_is_said_in_words(demo: Theatre)
 
     demo.stage.rerun = broken
     demo.do(c.Seek(1.0), ticks=2)
-    assert "no viewer here" in words(follow(demo, RERUN))
+    failed = words(follow(demo, RERUN))
+    assert "no viewer here" in failed
+    assert MOMENT in failed

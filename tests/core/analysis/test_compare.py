@@ -18,6 +18,7 @@ from ltvn_core.graph.deltas import (
     Node,
     NodeAdded,
     NodeDropped,
+    NodeNamed,
     PoseRow,
 )
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
@@ -61,6 +62,13 @@ def test_what_maintenance_did_is_the_difference_before_and_after() -> None:
     assert difference.edges_only_b == ((0, 2),)
     changed = [each for each in difference.differing if each.a is not None and each.b is not None]
     assert [each.change_of_p for each in changed] == [pytest.approx(-0.4)]
+
+
+def test_a_node_that_was_given_a_name_is_still_the_same() -> None:
+    named = chain(3)
+    named.apply(NodeNamed(1, "sofa", False, Cause.HAND))
+    difference = compare(chain(3), named)
+    assert (difference.nodes_only_a, difference.edges_only_a, difference.edges_only_b) == ((), (), ())
 
 
 def test_the_edge_that_most_paths_need_comes_first() -> None:

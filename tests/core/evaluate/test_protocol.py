@@ -36,6 +36,24 @@ def test_more_goals_than_images_are_refused(poses: np.ndarray) -> None:
         choose_goals(load_scene("demo"), list(range(4)), poses[:4], 10, np.random.default_rng(0))
 
 
+def test_where_rooms_have_too_few_images_goals_are_taken_between_them_too() -> None:
+    scene = load_scene("demo")
+    largest = max(scene.rooms, key=lambda room: room.area_m2)
+    inside = [[(largest.x0 + largest.x1) / 2 + 0.1 * k, (largest.y0 + largest.y1) / 2, 0.0] for k in range(2)]
+    outside = [[-10.0 - k, -10.0, 0.0] for k in range(4)]
+
+    goals = choose_goals(scene, range(6), np.array(inside + outside), 5, np.random.default_rng(0))
+
+    assert len(set(goals)) == 5
+    assert {0, 1} < set(goals)
+
+
+def test_a_drive_that_leads_nowhere_is_refused() -> None:
+    poses = np.array([[0.0, 0.0, yaw] for yaw in range(3)])
+    with pytest.raises(OptionError, match="too short"):
+        draw_episodes(range(3), poses, (0, 1), 5, np.random.default_rng(0))
+
+
 def test_more_episodes_begin_with_the_same_ones_and_each_leads_somewhere_else(poses: np.ndarray) -> None:
     frames = list(range(100, 300))
 

@@ -18,12 +18,12 @@ from tests.core.sim.box_house import box_house, save
 EPISODES = 4
 
 
-def _plan(folder: Path, *, seed: int = 0, step_limit: int = 250) -> TrialPlan:
+def _plan(folder: Path, *, seed: int = 0, step_limit: int = 250, goals: int = 4, preset: str = "robust") -> TrialPlan:
     """Plan a trial in a house of two rooms."""
     if not (house := folder / "house.glb").exists():
         save(box_house(), house)
-    protocol = Protocol(loops=1, goals=4, episodes=EPISODES, step_limit=step_limit)
-    return TrialPlan(scene=str(house), seed=seed, predictor="oracle", protocol=protocol)
+    protocol = Protocol(loops=1, goals=goals, episodes=EPISODES, step_limit=step_limit)
+    return TrialPlan(scene=str(house), seed=seed, preset=preset, predictor="oracle", protocol=protocol)
 
 
 def _run(plan: TrialPlan, folder: Path, episodes: int = EPISODES) -> TrialResult:
@@ -71,6 +71,11 @@ def test_what_is_done_is_not_done_again(trial: TrialResult, folder: Path) -> Non
 def test_results_of_other_settings_are_refused_and_not_overwritten(trial: TrialResult, folder: Path) -> None:
     with pytest.raises(OptionError, match=r"made with other settings \(protocol\)"):
         _run(_plan(folder, step_limit=300), folder)
+
+
+def test_a_drive_of_other_settings_is_not_taken_for_ones_own(trial: TrialResult, folder: Path) -> None:
+    with pytest.raises(OptionError, match=r"made with other settings \(goals\)"):
+        _run(_plan(folder, preset="paper", goals=5), folder)
 
 
 def test_the_oracle_reaches_its_goals_and_its_map_has_no_spurious_edge(trial: TrialResult) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ltvn_core.config import PAPER, ROBUST, Method
-from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta
 from ltvn_core.graph.expansion import reachable
 from ltvn_core.graph.online import OnlineBuilder
 from ltvn_core.graph.topograph import TopologicalGraph
@@ -70,3 +70,15 @@ def test_an_image_without_neighbours_waits_until_one_comes() -> None:
     graph, _, _ = driven([start, far, *between])
     assert set(graph.nodes) == {0, 1, 2, 3, 4}
     assert not graph.reserve
+
+
+def test_an_image_that_navigation_took_out_of_the_reserve_is_left_alone() -> None:
+    graph, predictor = TopologicalGraph(), FlatPredictor(one_room())
+    online = OnlineBuilder(graph, Views(predictor), predictor, ROBUST)
+    places = ((0, 0.7), (1, 3.5), (2, 1.4), (3, 2.1), (4, 2.8))
+    for step, x in places:
+        for delta in online.offer(look_at(np.array([x, 0.7, 0.0]), step)):
+            graph.apply(delta)
+        if step == 1:
+            graph.apply(FramesReleased((1,), Cause.EXPAND))
+    assert set(graph.nodes) == {0, 2, 3, 4}

@@ -118,6 +118,12 @@ def test_a_copy_goes_its_own_way() -> None:
     assert (1, 2) in graph.edges
 
 
+def test_a_copy_knows_which_names_are_taken() -> None:
+    copy = TopologicalGraph([node(1), node(2), NodeNamed(1, "sofa", False, Cause.HAND)]).copy()
+    with pytest.raises(MapError, match="sofa"):
+        copy.apply(NodeNamed(2, "sofa", False, Cause.HAND))
+
+
 def test_a_dropped_node_takes_its_edges_along() -> None:
     graph = TopologicalGraph([node(1), node(2), node(3), edge(1, 2), edge(2, 1), edge(2, 3), edge(3, 1)])
     graph.apply(NodeDropped(2, Cause.HAND))

@@ -34,6 +34,9 @@ FrameId: TypeAlias = int
 NodeId: TypeAlias = FrameId
 """A node is named after the frame that is its image."""
 
+CONTROL_STEP_S = 0.1
+"""Robot time between two control steps."""
+
 IMAGE_WIDTH = 96
 IMAGE_HEIGHT = 72
 

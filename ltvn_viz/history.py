@@ -16,7 +16,6 @@ from ltvn_core.types import NodeId, Pose
 from ltvn_viz.columns import Columns
 
 NEVER = np.iinfo(np.int64).max
-QUIET = frozenset({d.Cause.LOAD, d.Cause.BUILD})
 """Changes that come in bulk; they neither glow nor fade."""
 
 
@@ -114,7 +113,7 @@ class GraphHistory:
         source, target = self._node_rows.get(edge.source), self._node_rows.get(edge.target)
         if source is None or target is None:
             return  # A cut recording may have lost the node; the rest is still worth seeing.
-        came = -np.inf if cause in QUIET else stamp
+        came = -np.inf if cause in d.WHOLE_MAP else stamp
         self._cut((edge.source, edge.target), d.Cause.LOAD, stamp)
         row = self._edges.append(
             source=source, target=target, born=self.version, died=NEVER, came_s=came, went_s=-np.inf
@@ -134,7 +133,7 @@ class GraphHistory:
             for node in pair:
                 self._touching[node].discard(pair)
             self._edges["died"][row] = self.version
-            self._edges["went_s"][row] = -np.inf if cause in QUIET else stamp
+            self._edges["went_s"][row] = -np.inf if cause in d.WHOLE_MAP else stamp
 
     def _drop(self, node: NodeId, cause: d.Cause, stamp: float) -> None:
         row = self._node_rows.pop(node, None)

@@ -122,11 +122,6 @@ def help_rows() -> tuple[tuple[str, str], ...]:
     return (*rows[:last_direction], SLOW_HELP, *rows[last_direction:])
 
 
-def help_markdown() -> str:
-    """Return the help as a Markdown table, for the documentation and the help panel."""
-    return "\n".join(["| key | does |", "|---|---|", *(f"| {caps} | {text} |" for caps, text in help_rows())])
-
-
 def direction_codes() -> dict[str, str]:
     """Return the script's table of held keys: code -> direction."""
     return {code: key.meaning.value for key in KEYS if isinstance(key.meaning, Direction) for code in key.codes}

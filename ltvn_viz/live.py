@@ -12,8 +12,6 @@ from ltvn_viz.timeline import Timeline
 from ltvn_viz.why.watch import Watch
 from ltvn_viz.worker import Worker
 
-CONTROL_STEP_S = 0.1
-"""Robot time between two control steps."""
 TICK_S = 1 / 30
 """Robot time between two pictures of the page."""
 

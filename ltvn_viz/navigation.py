@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from queue import SimpleQueue
 
 from ltvn_core.nav.events import Event, Tick
-from ltvn_core.types import NodeId
-from ltvn_viz.live import CONTROL_STEP_S, TICK_S, Live
+from ltvn_core.types import CONTROL_STEP_S, NodeId
+from ltvn_viz.live import TICK_S, Live
 from ltvn_viz.modes import Mode
 from ltvn_viz.worker import Worker
 

@@ -35,7 +35,6 @@ from ltvn_viz.routes import Handler, Routes, not_found
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
-MAX_UPLOAD_BYTES = 32 * 1024 * 1024
 
 _SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
 _starting = threading.Lock()

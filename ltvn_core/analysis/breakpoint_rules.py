@@ -22,7 +22,6 @@ from ltvn_core.graph.topograph import EdgeKey
 from ltvn_core.nav import events as e
 from ltvn_core.types import NodeId
 
-_BULK = (d.Cause.BUILD, d.Cause.LOAD)
 """A map that is built or loaded is no news."""
 
 
@@ -44,7 +43,7 @@ class Occurrence:
     def delta(self) -> d.GraphDelta | None:
         """The change of the map that the event tells, bulk ones left out."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
-        return None if delta is None or delta.cause in _BULK else delta
+        return None if delta is None or delta.cause in d.WHOLE_MAP else delta
 
 
 @dataclass(slots=True)

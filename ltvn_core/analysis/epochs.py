@@ -3,10 +3,9 @@
 A recording holds two maps when another one was loaded, or when the map was built anew. Owns that decision alone.
 """
 
-from ltvn_core.graph.deltas import Cause, EdgeAdded, GraphDelta, NodeAdded, NodeDropped
+from ltvn_core.graph.deltas import WHOLE_MAP, Cause, EdgeAdded, GraphDelta, NodeAdded, NodeDropped
 from ltvn_core.types import NodeId
 
-_WHOLE = (Cause.BUILD, Cause.LOAD)
 """Causes of a map that comes in at once."""
 
 
@@ -23,7 +22,7 @@ class Epochs:
 
     def take(self, delta: GraphDelta) -> bool:
         """Count a change; tell whether a whole map begins with it."""
-        fresh = isinstance(delta, NodeAdded) and delta.cause in _WHOLE and self._begins(delta)
+        fresh = isinstance(delta, NodeAdded) and delta.cause in WHOLE_MAP and self._begins(delta)
         if fresh and self._last is not None:
             self.current += 1
             self.version = 0

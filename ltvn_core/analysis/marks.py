@@ -6,12 +6,11 @@ Owns the choice and the words. What lies between two marks is no concern of it.
 from collections.abc import Iterator
 
 from ltvn_core.analysis.records import Instant, Mark, MarkKind
-from ltvn_core.graph.deltas import Cause, EdgePruned, GraphDelta, NodeAdded, NodeDropped
+from ltvn_core.graph.deltas import WHOLE_MAP, Cause, EdgePruned, GraphDelta, NodeAdded, NodeDropped
 from ltvn_core.nav.events import Collided, Event, GraphChanged, LegEnded, Planned, QueryEnded, QueryStarted
 from ltvn_core.types import NodeId
 
 _GROWN = (Cause.EXPAND, Cause.NOVEL)
-_REPLACED = (Cause.BUILD, Cause.LOAD)
 
 
 def mark_of(index: int, instant: Instant, event: Event, last_plan: tuple[NodeId, ...] | None) -> Mark | None:
@@ -47,7 +46,7 @@ def _changed(delta: GraphDelta) -> Iterator[tuple[MarkKind, str, tuple[NodeId, .
         case EdgePruned():
             ends = delta.source, delta.target
             yield MarkKind.PRUNE, f"edge {delta.source} -> {delta.target} pruned ({delta.cause.value})", ends
-        case NodeDropped() if delta.cause not in _REPLACED:
+        case NodeDropped() if delta.cause not in WHOLE_MAP:
             yield MarkKind.PRUNE, f"node {delta.node} dropped ({delta.cause.value})", (delta.node,)
         case NodeAdded() if delta.cause in _GROWN:
             yield MarkKind.EXPAND, f"node {delta.node.id} came in ({delta.cause.value})", (delta.node.id,)

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from ltvn_core.analysis.folding import Folding
 from ltvn_core.analysis.timeline import Instant, MapChange, Timeline
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.deltas import Cause, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
-
-_WHOLE = (Cause.BUILD, Cause.LOAD)
+from ltvn_core.graph.deltas import WHOLE_MAP, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
 
 
 class Dip(NamedTuple):
@@ -106,7 +104,7 @@ def _counts(timeline: Timeline, lasts: list[int]) -> NDArray[np.int64]:
 
 def _counted(change: MapChange, lost: int) -> tuple[int, int, int]:
     delta = change.delta
-    if delta.cause in _WHOLE:
+    if delta.cause in WHOLE_MAP:
         return 0, 0, 0
     gone = lost if isinstance(delta, EdgePruned | NodeDropped) else 0
     return gone, int(isinstance(delta, NodeAdded)), int(isinstance(delta, EdgeAdded))

@@ -13,7 +13,7 @@ from ltvn_core.analysis.setbacks import Setback, first_setback, worst_touch
 from ltvn_core.analysis.timeline import Instant, Query, Timeline
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topograph import EdgeKey
-from ltvn_core.nav.events import LegEnd, Localised, Outcome, Planned
+from ltvn_core.nav.events import JAMMED, Localised, Outcome, Planned
 from ltvn_core.types import NodeId
 
 WASTED_SHARE = 1 / 3
@@ -142,7 +142,7 @@ def _wasted(timeline: Timeline, query: Query) -> dict[Trouble, int]:
     wasted: dict[Trouble, int] = {trouble: 0 for trouble in _WASTING}
     for attempt in query.attempts:
         if attempt.failed and attempt.end and attempt.ended:
-            jammed = attempt.ended.end in (LegEnd.COLLISION, LegEnd.BLOCKED)
+            jammed = attempt.ended.end in JAMMED
             wasted[Trouble.COLLISION if jammed else Trouble.FAILED_EDGE] += attempt.end.step - attempt.begin.step
     since: tuple[Trouble, int] | None = None
     for step, _, event in timeline.events[query.first : query.last + 1]:

@@ -11,12 +11,12 @@ from ltvn_core.benchmarks.planning import large_graph
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, PoseRow
 from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
 from ltvn_core.nav import events as e
+from ltvn_core.types import CONTROL_STEP_S
 
 EVENTS = 50_000
 LEGS = 10
 """Per query."""
 _STEPS_PER_EVENT = 3
-_STEP_S = 0.1
 
 
 def long_run(count: int = EVENTS, seed: int = 0) -> list[e.Stamped]:
@@ -26,7 +26,7 @@ def long_run(count: int = EVENTS, seed: int = 0) -> list[e.Stamped]:
     loaded = [e.Stamped(0, 0.0, e.GraphChanged(delta)) for delta in graph.deltas()]
     driven = (event for query in range(count) for event in _query(query, graph, rng))
     moments = (_STEPS_PER_EVENT * number for number in range(1, count + 1))
-    lived = [e.Stamped(step, _STEP_S * step, event) for step, event in zip(moments, driven, strict=False)]
+    lived = [e.Stamped(step, CONTROL_STEP_S * step, event) for step, event in zip(moments, driven, strict=False)]
     return [*loaded, *lived]
 
 

@@ -23,8 +23,8 @@ from ltvn_core.nav.episode import judge
 from ltvn_core.nav.events import Event, LegEnd, LegEnded, Localised, Tick
 from ltvn_core.nav.navigator import Navigator
 from ltvn_core.sim.odometry import OdometryNoise
-from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
-from ltvn_core.types import FrameId, Pose, Predictor, Waypoint
+from ltvn_core.sim.robot import SimulatedRobot
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose, Predictor, Waypoint
 
 _STEP_LIMIT = 240
 _LOOKS = 3

@@ -6,15 +6,16 @@ Owns the decision, as a short list in `EpisodeWitness.failure`; the sums behind 
 from collections import Counter
 from dataclasses import dataclass
 
+from ltvn_core.analysis.triage import WASTED_SHARE
 from ltvn_core.evaluate.blame import Blame, Turn
 from ltvn_core.evaluate.results import Failure
 from ltvn_core.evaluate.truth import MapTruth
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.nav.events import (
+    JAMMED,
     Collided,
     Event,
     Judged,
-    LegEnd,
     LegEnded,
     LegStarted,
     Localised,
@@ -23,11 +24,6 @@ from ltvn_core.nav.events import (
     QueryEnded,
 )
 from ltvn_core.types import FrameId, Pose
-
-WASTED_SHARE = 1 / 3
-"""If less than this share of its steps went wrong, a robot that ran out of steps was just too slow (ours)."""
-
-_JAMMED = (LegEnd.COLLISION, LegEnd.BLOCKED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +141,7 @@ class EpisodeWitness:
 
     def _leg_ended(self, turn: Turn, event: LegEnded) -> None:
         self._latest = event.frame
-        if event.end in _JAMMED:
+        if event.end in JAMMED:
             self._counts["blocked_legs"] += 1
             turn.causes.add(Failure.COLLISION)
 

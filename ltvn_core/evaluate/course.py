@@ -23,9 +23,9 @@ from ltvn_core.nav.navigator import Navigator
 from ltvn_core.recording.maps import check_fingerprint, load_map
 from ltvn_core.sim.camera import open_camera
 from ltvn_core.sim.odometry import OdometryNoise
-from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
+from ltvn_core.sim.robot import SimulatedRobot
 from ltvn_core.sim.scene import Scene
-from ltvn_core.types import FrameId, Predictor, Robot
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Predictor, Robot
 
 Watch = Callable[[Event, SimulatedRobot], None]
 """Hears of an event while the robot still stands where it happened."""

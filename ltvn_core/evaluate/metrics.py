@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from ltvn_core.evaluate.intervals import Estimate, Sample, estimates
 from ltvn_core.evaluate.results import EpisodeResult, Failure, TrialResult
 from ltvn_core.model.rates import Rate
-
-STEP_S = 0.1
-"""Simulated time of a control step."""
+from ltvn_core.types import CONTROL_STEP_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +62,7 @@ def figures(trials: Sequence[TrialResult]) -> Figures:
         spl=spl.within(0, 1),
         collisions_per_episode=collisions,
         steps_per_episode=steps,
-        time_s=Estimate(steps.mean * STEP_S, steps.low * STEP_S, steps.high * STEP_S),
+        time_s=Estimate(*(CONTROL_STEP_S * each for each in (steps.mean, steps.low, steps.high))),
         path_m=path_m,
         failures=failures(trials),
         nodes=_mean([trial.map.nodes for trial in trials]),

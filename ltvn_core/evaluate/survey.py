@@ -16,12 +16,10 @@ from ltvn_core.evaluate.ground import Ground
 from ltvn_core.geometry import relative
 from ltvn_core.graph.views import Views
 from ltvn_core.model.assessment import predict_pairs
-from ltvn_core.types import Camera, Intrinsics, Observation, Pose, Prediction, Predictor, Waypoint
+from ltvn_core.types import CONTROL_STEP_S, Camera, Intrinsics, Observation, Pose, Prediction, Predictor, Waypoint
 
 if TYPE_CHECKING:
     from ltvn_core.sim.scenes import Scene
-
-_STEP_S = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,4 +75,4 @@ def survey(scene: "Scene", camera: Camera, predictor: Predictor, poses: Pose) ->
 
 def _look(camera: Camera, pose: Pose, frame: int) -> Observation:
     rgb, depth = camera.render(pose, Intrinsics())
-    return Observation(rgb, depth, pose, frame * _STEP_S, frame, pose)
+    return Observation(rgb, depth, pose, frame * CONTROL_STEP_S, frame, pose)

@@ -32,6 +32,10 @@ class Cause(StrEnum):
     """A person did it."""
 
 
+WHOLE_MAP = (Cause.BUILD, Cause.LOAD)
+"""Changes of these causes make a map; what comes after them changes it."""
+
+
 class PoseRow(NamedTuple):
     """A pose or waypoint as plain numbers, so that a delta compares and writes exactly."""
 

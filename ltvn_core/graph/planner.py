@@ -94,9 +94,6 @@ class Planner:
             case BeliefUpdated():
                 self._set_cost((delta.source, delta.target), self._weight(delta.belief))
             case EdgeAdded():
-                for node in (delta.edge.source, delta.edge.target):
-                    if node not in self._index:
-                        self._index[node] = self._mirror.add_node(node)
                 ends = self._index[delta.edge.source], self._index[delta.edge.target]
                 self._mirror.add_edge(*ends, self._weight(delta.edge.belief))
             case EdgePruned():

@@ -11,9 +11,7 @@ import numpy as np
 from ltvn_core.config import Recovering
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.nav.events import Collided, Event, Outcome, Tick
-from ltvn_core.types import STILL, Observation, Pose, Robot, Twist
-
-CONTROL_STEP_S = 0.1
+from ltvn_core.types import CONTROL_STEP_S, STILL, Observation, Pose, Robot, Twist
 
 _T = TypeVar("_T")
 Steps: TypeAlias = Generator[Event | Tick, None, _T]

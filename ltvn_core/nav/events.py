@@ -41,6 +41,10 @@ class LegEnd(StrEnum):
     """A person took over."""
 
 
+JAMMED = (LegEnd.COLLISION, LegEnd.BLOCKED)
+"""Something was in the way."""
+
+
 class Outcome(StrEnum):
     """How a query ended, as the robot sees it."""
 

@@ -11,7 +11,7 @@ from typing import BinaryIO, NamedTuple
 _MAGIC = b"RRF2"
 _HEADER_BYTES = 12
 _MESSAGE = struct.Struct("<QQ")  # Kind and length of the payload that follows.
-_LAST_KIND, _KNOWN_KINDS = 0, (1, 2, 3)
+_KNOWN_KINDS = (1, 2, 3)
 _CLOSING_MARK = b"RRF2FOOT"
 _CLOSING_TAIL_BYTES = 12
 """The mark stands this far before the end of the file."""

@@ -3,7 +3,7 @@
 from ltvn_core.graph import deltas as dl
 from ltvn_core.nav import events as ev
 
-_QUIET_CAUSES = (dl.Cause.BUILD, dl.Cause.LOAD, dl.Cause.ONLINE)
+_QUIET_CAUSES = (*dl.WHOLE_MAP, dl.Cause.ONLINE)
 """A map that is built or loaded makes thousands of changes; the log tells their number, not each."""
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.sim.dice import Dice
-from ltvn_core.sim.textures import SIZE, Colour, colour, grid, noise, rgb, wood
+from ltvn_core.sim.textures import SIZE, Colour, colour, grid, noise, rgb
 from ltvn_core.types import Rgb
 
 Canvas = NDArray[np.float64]
@@ -66,18 +66,6 @@ def books(dice: Dice) -> Rgb:
             image[band : band + 4, left : left + width] = 255 - back * 0.6
             image[64 - height :, left : left + 1] *= 0.6
         left += width
-    return rgb(image)
-
-
-def door_leaf(dice: Dice, base: Colour) -> Rgb:
-    """Return a closed door with panels and a handle."""
-    image = wood(dice, base, size=128).astype(np.float64)
-    for top, bottom in ((10, 55), (64, 118)):
-        for left, right in ((16, 58), (70, 112)):
-            image[top:bottom, left:right] *= 0.82
-            image[top : top + 3, left:right] *= 0.7
-    image[62:68, 8:24] = 200
-    _frame(image, 3, base * 0.5)
     return rgb(image)
 
 

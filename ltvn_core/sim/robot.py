@@ -15,13 +15,21 @@ from ltvn_core.sim.drivetrain import Drivetrain
 from ltvn_core.sim.lease import LEASE_S, Lease
 from ltvn_core.sim.odometry import Odometer, OdometryNoise
 from ltvn_core.sim.world import BODY_RADIUS_M, TICK_S, TICKS_PER_SECOND, World
-from ltvn_core.types import Camera, Depth, FrameId, Intrinsics, Observation, Pose, Rgb, RobotState, Twist
+from ltvn_core.types import (
+    CONTROL_STEP_S,
+    Camera,
+    Depth,
+    FrameId,
+    Intrinsics,
+    Observation,
+    Pose,
+    Rgb,
+    RobotState,
+    Twist,
+)
 
 if TYPE_CHECKING:
     from ltvn_core.sim.scene import Scene
-
-CONTROL_STEP_S = 0.1
-"""Robot time between two control steps."""
 
 _TICKS_PER_STEP = round(CONTROL_STEP_S * TICKS_PER_SECOND)
 _TICKS_BETWEEN_TOUCHES = round(0.2 * TICKS_PER_SECOND)

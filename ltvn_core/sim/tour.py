@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.sim.clearance import ClearanceMap
-from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
+from ltvn_core.sim.robot import SimulatedRobot
 from ltvn_core.sim.scene import Scene
-from ltvn_core.types import Observation, Pose, Twist
+from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,9 +24,8 @@ from ltvn_core.nav.lifelong import Lifelong, random_goals
 from ltvn_core.nav.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.sim.robot import CONTROL_STEP_S
 from ltvn_core.sim.tour import tour
-from ltvn_core.types import NodeId, Observation, Pose, Predictor
+from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose, Predictor
 
 
 @dataclass(frozen=True)

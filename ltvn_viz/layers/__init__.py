@@ -3,17 +3,5 @@
 Every layer owns scene nodes of fixed names, changes them in place, and sends only what changed since the last snapshot.
 """
 
-from typing import Protocol
-
-from ltvn_viz.snapshot import Snapshot
-
 TRAJECTORY_Z, EDGE_Z, NODE_Z, CHANGE_Z, PLAN_Z = 0.02, 0.05, 0.06, 0.09, 0.12
 """Heights in metres, so that what matters more lies on top when seen from above."""
-
-
-class Layer(Protocol):
-    """Something drawn in the scene."""
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Draw `snapshot`."""
-        ...

@@ -28,18 +28,16 @@ def show_life(case: Case, strip: LifelongStrip, page: Page) -> None:
     if len(strip.queries) < 2:
         return
     now = f"{100 * strip.success[-1]:.0f} %"
-    page.html(
-        f"<div>Success over the last queries, now <b>{now}</b>:</div>{_curve(strip, strip.success, palette.SOURCE)}"
-    )
+    page.html(f"<div>Success over the last queries, now <b>{now}</b>:</div>{_curve(strip.success, palette.SOURCE)}")
     for name, counts, colour in (("Nodes", strip.nodes, palette.NODE), ("Edges", strip.edges, palette.PLAN)):
         shares = counts / max(int(counts.max()), 1)
         span = f"{counts[0]} → {counts[-1]}"
-        page.html(f"<div>{name}, {span}:</div>{_curve(strip, shares, colour)}")
+        page.html(f"<div>{name}, {span}:</div>{_curve(shares, colour)}")
     for dip in sorted(strip.dips, key=lambda dip: -dip.fall)[:_DIPS]:
         _dip(case, strip, dip, page)
 
 
-def _curve(strip: LifelongStrip, shares: Sequence[float] | np.ndarray, colour: Rgb8) -> str:
+def _curve(shares: Sequence[float] | np.ndarray, colour: Rgb8) -> str:
     rows = np.unique(np.linspace(0, len(shares) - 1, min(len(shares), _POINTS)).astype(np.intp))
     return curve([(float(row), float(shares[row])) for row in rows], colour=colour)
 

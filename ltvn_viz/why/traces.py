@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ltvn_core.analysis.records import Mark, MarkKind
-from ltvn_core.graph.deltas import Cause, EdgeAdded, NodeAdded
+from ltvn_core.graph.deltas import WHOLE_MAP, EdgeAdded, NodeAdded
 from ltvn_core.types import NodeId
 from ltvn_viz import palette
 from ltvn_viz.palette import Rgb8
@@ -20,7 +20,6 @@ QUERIES = 2
 _GHOSTS = 200
 """More pruned edges than this are a tangle; the latest are drawn."""
 _FAINTEST = 0.25
-_WHOLE = (Cause.BUILD, Cause.LOAD)
 
 
 class Traces:
@@ -73,4 +72,4 @@ def _young(case: Case) -> tuple[NodeId, ...]:
     timeline = case.timeline
     first, last = len(timeline.changes_before(starts[0].event)), len(timeline.changes_until(case.instant))
     deltas = (change.delta for change in timeline.changes[first:last])
-    return tuple(delta.node.id for delta in deltas if isinstance(delta, NodeAdded) and delta.cause not in _WHOLE)
+    return tuple(delta.node.id for delta in deltas if isinstance(delta, NodeAdded) and delta.cause not in WHOLE_MAP)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ltvn_core.geometry import compose, relative, wrap_angle
 from ltvn_core.types import (
+    CONTROL_STEP_S,
     STILL,
     Features,
     FrameId,
@@ -22,7 +23,6 @@ from ltvn_core.types import (
 )
 
 RADIUS_M = 0.18
-STEP_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class FlatRobot:
         return look_at(self.pose, self.step, self._odometry)
 
     def state(self) -> RobotState:
-        return RobotState(self._odometry.copy(), self.step * STEP_S, self.step, self._bumped)
+        return RobotState(self._odometry.copy(), self.step * CONTROL_STEP_S, self.step, self._bumped)
 
     def drive(self, twist: Twist) -> None:
         self.twist = twist
@@ -92,7 +92,7 @@ class FlatRobot:
     def advance(self) -> None:
         """Let one control step pass."""
         self.step += 1
-        move = np.array([self.twist.linear_m_s * STEP_S, 0.0, self.twist.angular_rad_s * STEP_S])
+        move = np.array([self.twist.linear_m_s * CONTROL_STEP_S, 0.0, self.twist.angular_rad_s * CONTROL_STEP_S])
         after = compose(self.pose, move)
         free = float(self.world.clearance(after[:2]))
         bumps = bool(move[0]) and free < RADIUS_M and free < float(self.world.clearance(self.pose[:2]))
@@ -110,7 +110,12 @@ def look_at(pose: Pose, step: FrameId, odometry: Pose | None = None) -> Observat
     pose = np.array(pose, np.float64)
     depth = np.full((72, 96), 5.0, np.float32)
     return Observation(
-        np.zeros((72, 96, 3), np.uint8), depth, pose if odometry is None else odometry.copy(), step * STEP_S, step, pose
+        np.zeros((72, 96, 3), np.uint8),
+        depth,
+        pose if odometry is None else odometry.copy(),
+        step * CONTROL_STEP_S,
+        step,
+        pose,
     )
 
 

@@ -9,12 +9,12 @@ import pytest
 from ltvn_core.analysis.records import MarkKind
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.nav import events as e
+from ltvn_core.types import CONTROL_STEP_S
 from ltvn_viz import commands as c
 from ltvn_viz import palette
 from ltvn_viz.actions import command_for
 from ltvn_viz.keymap import Action
 from ltvn_viz.library import Library
-from ltvn_viz.live import CONTROL_STEP_S
 from ltvn_viz.modes import Mode
 from ltvn_viz.replay import Replay
 from ltvn_viz.snapshot import Snapshot

@@ -20,13 +20,13 @@ from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topograph import TopologicalGraph
 from ltvn_core.model.predictor import load_predictor
 from ltvn_core.nav.events import GraphChanged, Stamped
-from ltvn_core.types import FrameId, Observation, Pose, Twist
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Twist
 from ltvn_viz import commands as c
 from ltvn_viz.absent import AbsentFeed
 from ltvn_viz.goals import Goals
 from ltvn_viz.learning import Learning
 from ltvn_viz.library import Library
-from ltvn_viz.live import CONTROL_STEP_S, Live
+from ltvn_viz.live import Live
 from ltvn_viz.mapping import Mapping
 from ltvn_viz.recorder import Recorder
 from ltvn_viz.replay import Replay, timeline_of

@@ -8,10 +8,10 @@ import pytest
 
 from ltvn_core.errors import SceneError
 from ltvn_core.sim.odometry import OdometryNoise
-from ltvn_core.sim.robot import CONTROL_STEP_S, SimulatedRobot
+from ltvn_core.sim.robot import SimulatedRobot
 from ltvn_core.sim.scenes import Scene, load_scene
 from ltvn_core.sim.world import BODY_RADIUS_M, TICK_S
-from ltvn_core.types import STILL, Intrinsics, Pose, Twist
+from ltvn_core.types import CONTROL_STEP_S, STILL, Intrinsics, Pose, Twist
 from tests.core.sim.fake_scene import GreyCamera
 
 FULL_SPEED = Twist(0.5, 0.0)

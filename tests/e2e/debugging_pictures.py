@@ -2,10 +2,9 @@
 
     python -m tests.e2e.debugging_pictures [NAME ...]
 
-Needs Chromium. Owns which pictures there are and how they are made small.
+Needs Chromium. Owns which pictures there are.
 """
 
-import io
 import re
 import sys
 import tempfile
@@ -13,7 +12,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from ltvn_viz.commands import OpenRecording
@@ -21,6 +19,7 @@ from ltvn_viz.why.tool import ToolName
 from tests.e2e.chromium import chromium_path
 from tests.e2e.conftest import FLAGS
 from tests.e2e.debugger import WINDOW, Debugger, debugging
+from tests.e2e.snapshots import save, shown
 
 FOLDER = Path(__file__).parents[2] / "docs" / "images" / "debugging"
 MOST_BYTES = 150_000
@@ -162,7 +161,7 @@ def main(names: list[str]) -> int:
                 if not names or name in names:
                     show(debugger)
                     _drawn(debugger)
-                    _save(debugger.page, FOLDER / f"{name}.png")
+                    save(debugger.page, FOLDER / f"{name}.png", MOST_BYTES)
             if not names or "rerun" in names:
                 _rerun(browser, debugger)
     return 0
@@ -181,7 +180,7 @@ def _rerun(browser: Browser, debugger: Debugger) -> None:
     viewer = browser.new_page(viewport=WINDOW)
     viewer.goto(address)
     _complete(viewer)
-    _save(viewer, FOLDER / "rerun.png")
+    save(viewer, FOLDER / "rerun.png", MOST_BYTES)
     viewer.close()
 
 
@@ -189,16 +188,12 @@ def _complete(viewer: Page) -> None:
     """Wait until the viewer has opened the file, shows many colours, and shows nothing new any more."""
     deadline, before = time.monotonic() + _RERUN_S, None
     while time.monotonic() < deadline:
-        now = _shown(viewer)
+        now = shown(viewer)
         is_open = viewer.evaluate("document.body.dataset.open === 'yes'")
         if is_open and now == before and len(now.getcolors(2**24) or ()) >= _COLOURS:
             return
         before = now
         viewer.wait_for_timeout(2000)
-
-
-def _shown(page: Page) -> Image.Image:
-    return Image.open(io.BytesIO(page.screenshot(timeout=_RERUN_S * 1000))).convert("RGB")
 
 
 def _clear_the_view(page: Page) -> None:
@@ -214,18 +209,6 @@ def _drawn(debugger: Debugger) -> None:
     client = next(iter(debugger.app.server.viser.get_clients().values()))
     client.get_render(60, 80, timeout=60.0)
     debugger.page.mouse.move(5, 5)
-
-
-def _save(page: Page, path: Path) -> None:
-    """Save what the window shows with as many colours as fit."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    shown = _shown(page)
-    for colours in (256, 128, 64, 32):
-        shown.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
-        if path.stat().st_size <= MOST_BYTES:
-            break
-    sys.stdout.write(f"{path.name}: {path.stat().st_size // 1000} kB, {colours} colours\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -1,0 +1,27 @@
+"""Pictures of a page as files for the documentation. Owns how they are made small."""
+
+import io
+import sys
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Page
+
+_PATIENCE_S = 240.0
+
+
+def shown(page: Page) -> Image.Image:
+    """Return what the window shows."""
+    return Image.open(io.BytesIO(page.screenshot(timeout=_PATIENCE_S * 1000))).convert("RGB")
+
+
+def save(page: Page, path: Path, most_bytes: int) -> None:
+    """Save what the window shows with as many colours as fit into so many bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    seen = shown(page)
+    for colours in (256, 128, 64, 32):
+        seen.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+        if path.stat().st_size <= most_bytes:
+            break
+    sys.stdout.write(f"{path.name}: {path.stat().st_size // 1000} kB, {colours} colours\n")
+    sys.stdout.flush()

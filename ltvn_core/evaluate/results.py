@@ -200,7 +200,7 @@ _CONVERTER = cattrs.Converter(forbid_extra_keys=True)
 def save_results(path: Path, results: Any) -> None:
     """Write one of these dataclasses as JSON to a new file, whole or not at all. Raises RecordingError."""
     with written_whole(path) as part:
-        part.write_text(json.dumps(asdict(results)), encoding="utf-8")
+        part.write_text(json.dumps(asdict(results), separators=(",", ":")), encoding="utf-8")
 
 
 def load_results(path: Path, kind: type) -> Any:

@@ -147,7 +147,7 @@ def calibration(graph: TopologicalGraph, truth: MapTruth, bins: int = 10) -> tup
 
 
 def floorplan(graph: TopologicalGraph, truth: MapTruth) -> Floorplan:
-    """Return what a picture of a map over its scene needs."""
+    """Return what a picture of a map over its scene needs; three digits do for that, and keep the file small."""
     spurious, clearance = truth.spurious(graph), truth.clearance
     x_m, y_m = clearance.origin.tolist()
     fits = clearance.grid > MIN_CLEARANCE_M
@@ -156,10 +156,10 @@ def floorplan(graph: TopologicalGraph, truth: MapTruth) -> Floorplan:
         resolution_m=clearance.resolution_m,
         free=tuple("".join(row) for row in np.where(fits, ".", "#")),
         nodes=tuple((node, *_numbers(truth.pose(node))) for node in graph.nodes),
-        edges=tuple((*key, edge.belief.p, key in spurious) for key, edge in graph.edges.items()),
+        edges=tuple((*key, round(edge.belief.p, 3), key in spurious) for key, edge in graph.edges.items()),
     )
 
 
 def _numbers(pose: Pose) -> tuple[float, float, float]:
-    x_m, y_m, yaw_rad = pose.tolist()
+    x_m, y_m, yaw_rad = pose.round(3).tolist()
     return x_m, y_m, yaw_rad

@@ -48,7 +48,7 @@ def main_table(rows: Sequence[Row]) -> Table:
 
 def margin_table(rows: Sequence[Row]) -> Table:
     """Return how far the first method is ahead of the others at the same stage, over all scenes."""
-    head = ("method", "against", "network", "goals reached, more", "SPL, more", "nodes", "edges")
+    head = ("method", "against", "network", "goals reached, more", "SPL, more", "of its nodes", "of its edges")
     whole = [row for row in rows_over_scenes(rows) or _of_one_scene(rows) if not row.setup.ablated]
     first = {row.setup.stage: row for row in whole if row.setup.method == whole[0].setup.method}
     body = tuple(
@@ -58,7 +58,7 @@ def margin_table(rows: Sequence[Row]) -> Table:
     )
     caption = (
         "Differences with 95 % interval, episode by episode where both methods drove the same ones. "
-        "Nodes and edges: how many for each hundred of the other method."
+        "Nodes and edges: as a share of the other method's."
     )
     return Table(caption, head, body, 3)
 
@@ -147,7 +147,7 @@ def _margin(row: Row, other: Row) -> tuple[str, ...]:
         *(row.setup.method, other.setup.method, row.setup.stage),
         f"{100 * points.mean:+.1f} points ({100 * points.low:+.1f} to {100 * points.high:+.1f})",
         f"{spl.mean:+.2f} ({spl.low:+.2f} to {spl.high:+.2f})",
-        *(_number(100 * own / theirs, 1) if theirs else "–" for own, theirs in sizes),
+        *(share(own / theirs, 1) if theirs else "–" for own, theirs in sizes),
     )
 
 

@@ -69,7 +69,7 @@ def test_the_margin_over_a_rival_is_the_difference_of_their_successes(results: R
     (line,) = margin_table(rows).rows
     assert line[:2] == ("LTVN robust", "SPTM")
     assert line[3].startswith(f"{100 * (ours.success.mean - theirs.success.mean):+.1f} points")
-    assert line[5] == f"{100 * ours.figures.nodes / theirs.figures.nodes:.1f}"
+    assert line[5] == f"{100 * ours.figures.nodes / theirs.figures.nodes:.1f} %"
     assert f"LTVN robust {100 * ours.success.mean:.0f} %" in headline(rows)
 
 

@@ -16,7 +16,6 @@ from ltvn_core.types import NodeId, Pose
 from ltvn_viz.columns import Columns
 
 NEVER = np.iinfo(np.int64).max
-"""Changes that come in bulk; they neither glow nor fade."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -22,8 +22,6 @@ from ltvn_core.graph.topograph import EdgeKey
 from ltvn_core.nav import events as e
 from ltvn_core.types import NodeId
 
-"""A map that is built or loaded is no news."""
-
 
 @dataclass(slots=True)
 class Occurrence:

@@ -6,8 +6,6 @@ A recording holds two maps when another one was loaded, or when the map was buil
 from ltvn_core.graph.deltas import WHOLE_MAP, Cause, EdgeAdded, GraphDelta, NodeAdded, NodeDropped
 from ltvn_core.types import NodeId
 
-"""Causes of a map that comes in at once."""
-
 
 class Epochs:
     """Counts maps, change after change."""

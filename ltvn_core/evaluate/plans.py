@@ -16,7 +16,7 @@ from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluate.protocol import Protocol
 from ltvn_core.graph.system import System
-from ltvn_core.recording.whole import written_whole
+from ltvn_core.recording.whole import write_whole
 from ltvn_core.sim.scene import Scene
 
 _FINE_TUNING = "fine-tuning"
@@ -161,8 +161,7 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
 def _claim(path: Path, settings: Mapping[str, Any]) -> None:
     made_by = json.loads(json.dumps(settings, default=str))
     if not path.exists():
-        with written_whole(path) as part:
-            part.write_text(json.dumps(made_by, indent=1), encoding="utf-8")
+        write_whole(path, json.dumps(made_by, indent=1))
     before = json.loads(path.read_text(encoding="utf-8"))
     if changed := sorted(key for key in made_by.keys() | before.keys() if made_by.get(key) != before.get(key)):
         raise OptionError(

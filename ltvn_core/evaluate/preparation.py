@@ -47,7 +47,6 @@ class Sights:
 def prepare(plan: TrialPlan, files: TrialFiles) -> Sights:
     """Make what is not there yet: drive, weights and map. Raises the errors of the parts."""
     sights = _drive(plan, files)
-    files.map().parent.mkdir(parents=True, exist_ok=True)
     if not files.map().exists():
         observations = _observations(files.drive)
         _build(plan, files, observations, sights, tuned_weights(plan, files, observations))

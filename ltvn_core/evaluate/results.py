@@ -12,7 +12,7 @@ from typing import Any
 import cattrs
 
 from ltvn_core.errors import OptionError
-from ltvn_core.recording.whole import written_whole
+from ltvn_core.recording.whole import write_whole
 from ltvn_core.types import FrameId
 
 
@@ -199,8 +199,7 @@ _CONVERTER = cattrs.Converter(forbid_extra_keys=True)
 
 def save_results(path: Path, results: Any) -> None:
     """Write one of these dataclasses as JSON to a new file, whole or not at all. Raises RecordingError."""
-    with written_whole(path) as part:
-        part.write_text(json.dumps(asdict(results), separators=(",", ":")), encoding="utf-8")
+    write_whole(path, json.dumps(asdict(results), separators=(",", ":")))
 
 
 def load_results(path: Path, kind: type) -> Any:

@@ -33,7 +33,7 @@ class Cause(StrEnum):
 
 
 WHOLE_MAP = (Cause.BUILD, Cause.LOAD)
-"""Changes of these causes make a map; what comes after them changes it."""
+"""Changes of these causes come in bulk and make a map, which is no news; what comes after them changes it."""
 
 
 class PoseRow(NamedTuple):

@@ -39,6 +39,12 @@ def written_whole(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write a text to a new file, whole or not at all. Raises RecordingError as `written_whole` does."""
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 def check_free(path: Path) -> None:
     """Raise RecordingError where there is a file of this name already; ask it before long work."""
     if path.exists():

@@ -86,6 +86,7 @@ class Export(Verb):
         from ltvn_core.analysis.skeleton import skeleton
         from ltvn_core.recording.excerpt import cut, moment, span
         from ltvn_core.recording.reader import Recording
+        from ltvn_core.recording.whole import write_whole
 
         recording = Recording.open(self.recording)
         begin, end = span(recording)
@@ -96,12 +97,13 @@ class Export(Verb):
             found = moment(recording.events, from_s, to_s)
             file = os.path.relpath(output.absolute(), self.test.absolute().parent)
             about = f"{self.recording.name} from {from_s:.1f} s to {to_s:.1f} s"
-            _write(self.test, skeleton(found.opened + found.events, file=file, about=about))
+            write_whole(self.test, skeleton(found.opened + found.events, file=file, about=about))
         return written
 
     def _draw(self) -> None:
         from ltvn_core.evaluate.scene_plan import scene_plan
         from ltvn_core.recording.reader import Recording
+        from ltvn_core.recording.whole import write_whole
         from ltvn_core.report.scene_svg import scene_svg
         from ltvn_viz.scene_colours import scene_colours
         from ltvn_viz.scene_page import scene_page
@@ -109,13 +111,6 @@ class Export(Verb):
         recording = Recording.open(self.recording)
         drawn = scene_plan(recording, at_s=self.to_s)
         if self.svg is not None:
-            _write(self.svg, scene_svg(drawn, scene_colours()))
+            write_whole(self.svg, scene_svg(drawn, scene_colours()))
         if self.html is not None:
-            _write(self.html, scene_page(recording, drawn))
-
-
-def _write(path: Path, text: str) -> None:
-    from ltvn_core.recording.whole import written_whole
-
-    with written_whole(path) as part:
-        part.write_text(text, encoding="utf-8")
+            write_whole(self.html, scene_page(recording, drawn))

@@ -11,7 +11,7 @@ from ltvn_core.analysis.skeleton import skeleton
 from ltvn_core.evaluate.scene_plan import scene_plan
 from ltvn_core.recording.excerpt import cut, moment, span
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.whole import written_whole
+from ltvn_core.recording.whole import write_whole
 from ltvn_core.report.scene_svg import scene_svg
 from ltvn_viz.library import Library
 from ltvn_viz.scene_colours import scene_colours
@@ -28,7 +28,7 @@ def save_moment(library: Library, name: str, from_s: float, to_s: float) -> tupl
     found = moment(recording.events, from_s, to_s)
     about = f"{name} from {from_s:.1f} s to {to_s:.1f} s"
     test = library.new_file(f"test_{re.sub(r'[^0-9A-Za-z]+', '_', output.stem)}", ".py")
-    _write(test, skeleton(found.opened + found.events, file=output.name, about=about))
+    write_whole(test, skeleton(found.opened + found.events, file=output.name, about=about))
     return output, test
 
 
@@ -38,11 +38,6 @@ def save_map(library: Library, name: str, at_s: float) -> tuple[Path, Path]:
     drawn = scene_plan(recording, at_s=at_s)
     stem = f"map-{Path(name).stem}-{at_s:.0f}s"
     page, figure = library.new_file(stem, ".html"), library.new_file(stem, ".svg")
-    _write(page, scene_page(recording, drawn))
-    _write(figure, scene_svg(drawn, scene_colours()))
+    write_whole(page, scene_page(recording, drawn))
+    write_whole(figure, scene_svg(drawn, scene_colours()))
     return page, figure
-
-
-def _write(path: Path, text: str) -> None:
-    with written_whole(path) as part:
-        part.write_text(text, encoding="utf-8")

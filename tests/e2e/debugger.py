@@ -5,7 +5,6 @@ Owns how one asks, clicks, types and waits. What is asked is the business of who
 
 import re
 import shutil
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,14 +15,14 @@ import numpy as np
 import viser
 from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
-from ltvn_viz.app import App, AppOptions, opened
+from ltvn_viz.app import App, AppOptions
 from ltvn_viz.commands import ChooseTool, Command, PointAt
-from ltvn_viz.driving import DriverSeat
 from ltvn_viz.modes import Mode
 from ltvn_viz.replay import Replay
 from ltvn_viz.viewpoint import Point
 from ltvn_viz.why.inspector import Inspection
 from ltvn_viz.why.tool import ToolName
+from tests.e2e.running import running
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 PATIENCE_S = 240.0
@@ -198,10 +197,7 @@ def debugging(chromium: Browser, folder: Path, name: str, *, at_s: float = 0.0) 
     for path in RECORDINGS.glob("demo-*.rrd"):
         shutil.copy(path, folder)
     options = AppOptions(port=0, map=folder / "demo-map.rrd", recordings=folder, replay=name, replay_at_s=at_s)
-    # A page drawn by software may stall for longer than the lease of a real one.
-    with opened(options, seat=DriverSeat(lease_s=5.0)) as app:
-        thread = threading.Thread(target=app.session.run, name="session")
-        thread.start()
+    with running(options) as app:
         page = chromium.new_page(viewport=WINDOW)
         page.set_default_timeout(PATIENCE_S * 1000)
         try:
@@ -212,5 +208,3 @@ def debugging(chromium: Browser, folder: Path, name: str, *, at_s: float = 0.0) 
             yield debugger
         finally:
             page.close()
-            app.session.stop()
-            thread.join(timeout=30)

@@ -8,10 +8,8 @@ Needs Chromium.
 import math
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +18,11 @@ from playwright.sync_api import Page, ViewportSize, sync_playwright
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.planner import Planner
 from ltvn_core.types import Pose
-from ltvn_viz.app import App, AppOptions, opened
-from ltvn_viz.driving import DriverSeat
+from ltvn_viz.app import App, AppOptions
 from ltvn_viz.modes import Mode
 from tests.e2e.chromium import chromium_path
 from tests.e2e.conftest import FLAGS
+from tests.e2e.running import running
 from tests.e2e.snapshots import save
 
 OUTPUT = Path(__file__).parents[2] / "docs" / "images" / "page.png"
@@ -37,7 +35,11 @@ UNDERWAY_M = 2.0
 
 def main() -> int:
     """Take the picture."""
-    with sync_playwright() as playwright, _running() as app:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        sync_playwright() as playwright,
+        running(AppOptions(port=0, recordings=Path(folder), seed=1)) as app,
+    ):
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
         page = browser.new_page(viewport=WINDOW)
         page.set_default_timeout(PATIENCE_S * 1000)
@@ -49,18 +51,6 @@ def main() -> int:
         save(page, OUTPUT, MOST_BYTES)
         browser.close()
     return 0
-
-
-@contextmanager
-def _running() -> Iterator[App]:
-    with tempfile.TemporaryDirectory() as folder:
-        options = AppOptions(port=0, recordings=Path(folder), seed=1)
-        with opened(options, seat=DriverSeat(lease_s=5.0)) as app:
-            thread = threading.Thread(target=app.session.run, name="session")
-            thread.start()
-            yield app
-            app.session.stop()
-            thread.join(timeout=30)
 
 
 def _set_out(app: App, page: Page) -> None:

@@ -1,7 +1,6 @@
 """The network learns a place from a drive, in a real browser: shipped network, simulated apartment, a few steps."""
 
 import re
-import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -12,9 +11,9 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from ltvn_core.model.weights import SHIPPED, read_card, weights_fingerprint
 from ltvn_core.recording.info import info
 from ltvn_core.verbs.tuning import Tuner
-from ltvn_viz.app import App, AppOptions, opened
-from ltvn_viz.driving import DriverSeat
+from ltvn_viz.app import App, AppOptions
 from ltvn_viz.modes import Mode
+from tests.e2e.running import running
 from tests.viz.lessons import PLAN, simulated
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
@@ -29,13 +28,8 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     options = AppOptions(
         port=0, scene="tune-0", recordings=tmp_path_factory.mktemp("recordings"), seed=1, tuner=FEW_STEPS
     )
-    # A page drawn by software may stall for longer than the lease of a real one.
-    with opened(options, seat=DriverSeat(lease_s=5.0)) as app:
-        thread = threading.Thread(target=app.session.run, name="session")
-        thread.start()
+    with running(options) as app:
         yield app
-        app.session.stop()
-        thread.join(timeout=60)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """The main job as a person does it, in a real browser: demo apartment, ready-made map, shipped network."""
 
 import re
-import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -13,9 +12,9 @@ from playwright.sync_api import Browser, Page
 from ltvn_core.nav.episode import judge
 from ltvn_core.nav.events import Outcome
 from ltvn_core.types import NodeId, Pose
-from ltvn_viz.app import App, AppOptions, opened
-from ltvn_viz.driving import DriverSeat
+from ltvn_viz.app import App, AppOptions
 from ltvn_viz.modes import Mode
+from tests.e2e.running import running
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(900)]
 
@@ -27,13 +26,8 @@ TRIP_S = 300.0
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     options = AppOptions(port=0, recordings=tmp_path_factory.mktemp("recordings"), seed=1)
-    # A page drawn by software may stall for longer than the lease of a real one.
-    with opened(options, seat=DriverSeat(lease_s=5.0)) as app:
-        thread = threading.Thread(target=app.session.run, name="session")
-        thread.start()
+    with running(options) as app:
         yield app
-        app.session.stop()
-        thread.join(timeout=30)
 
 
 @pytest.fixture(scope="module")

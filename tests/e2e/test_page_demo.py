@@ -4,7 +4,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,9 +11,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from ltvn_viz.app import App, AppOptions, opened
-from ltvn_viz.driving import DriverSeat
+from ltvn_viz.app import App, AppOptions
 from ltvn_viz.modes import Mode
+from tests.e2e.running import running
 
 pytestmark = pytest.mark.browser
 
@@ -27,13 +26,8 @@ expect.set_options(timeout=PATIENCE_S * 1000)
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     folder = tmp_path_factory.mktemp("recordings")
     options = AppOptions(port=0, predictor="oracle", recordings=folder)
-    # A page drawn by software may stall for longer than the lease of a real one.
-    with opened(options, seat=DriverSeat(lease_s=2.0)) as app:
-        thread = threading.Thread(target=app.session.run, name="session")
-        thread.start()
+    with running(options, lease_s=2.0) as app:
         yield app
-        app.session.stop()
-        thread.join(timeout=20)
 
 
 @pytest.fixture(scope="module")

@@ -17,13 +17,12 @@ from ltvn_core.nav.events import (
     QueryStarted,
     Stamped,
 )
-
-STEP_S = 0.1
+from ltvn_core.types import CONTROL_STEP_S
 
 
 def at(step: int, *events: Event) -> list[Stamped]:
     """All events of one step."""
-    return [Stamped(step, step * STEP_S, event) for event in events]
+    return [Stamped(step, step * CONTROL_STEP_S, event) for event in events]
 
 
 def node(frame: int, x_m: float = 0.0, cause: Cause = Cause.BUILD) -> GraphChanged:

@@ -31,9 +31,7 @@ from ltvn_core.nav.events import (
     StateChanged,
 )
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.types import Observation
-
-STEP_S = 0.1
+from ltvn_core.types import CONTROL_STEP_S, Observation
 
 
 def observation(step: int, seed: int = 0) -> Observation:
@@ -43,7 +41,7 @@ def observation(step: int, seed: int = 0) -> Observation:
     shade = 120 + 80 * np.sin(columns / 17 + step) * np.cos(rows / 13)
     rgb = np.stack([shade, shade[::-1], 255 - shade], -1).astype(np.uint8)
     depth = (1 + columns / 30 + rng.random()).astype(np.float32)
-    return Observation(rgb, depth, rng.normal(size=3), STEP_S * step, step, rng.normal(size=3))
+    return Observation(rgb, depth, rng.normal(size=3), CONTROL_STEP_S * step, step, rng.normal(size=3))
 
 
 def events() -> list[Event]:
@@ -71,7 +69,7 @@ def events() -> list[Event]:
 
 def write(path: Path, frames: int = 10) -> list[Stamped]:
     """Write a drive of some frames with the events spread over it, and return them."""
-    stamped = [Stamped(k % frames, STEP_S * (k % frames), event) for k, event in enumerate(events())]
+    stamped = [Stamped(k % frames, CONTROL_STEP_S * (k % frames), event) for k, event in enumerate(events())]
     with RecordingWriter(path, scene="demo", config={"seed": 7}, fingerprint="abc") as writer:
         for step in range(frames):
             writer.frame(observation(step))

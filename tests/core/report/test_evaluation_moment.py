@@ -8,7 +8,8 @@ from ltvn_core.evaluate.results import Failure
 from ltvn_core.nav.events import Collided, Event, LegEnd, LegEnded, Outcome, QueryEnded, QueryStarted, Stamped
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.report.evaluation_moment import BEFORE_S, moment_s
-from tests.core.recording.scenario import STEP_S, observation
+from ltvn_core.types import CONTROL_STEP_S
+from tests.core.recording.scenario import observation
 
 FIRST = 400
 """Control step at which driving begins."""
@@ -33,7 +34,7 @@ def recording(tmp_path: Path) -> Path:
     with RecordingWriter(path, scene="somewhere", config={}, fingerprint="flat") as writer:
         for step, event in story.items():
             writer.frame(observation(FIRST + step))
-            writer.event(Stamped(FIRST + step, (FIRST + step) * STEP_S, event))
+            writer.event(Stamped(FIRST + step, (FIRST + step) * CONTROL_STEP_S, event))
     return path
 
 

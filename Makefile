@@ -33,7 +33,7 @@ type: $(STAMP)  ## Check types.
 check: lint type test  ## Everything that must be clean before a commit.
 
 bench: $(STAMP)  ## Measure the budgets of docs/architecture.md; prints JSON.
-	$(BIN)/ltvn bench --json -
+	$(BIN)/python -m benchmarks --json -
 
 clean:  ## Remove the environment.
 	rm -rf $(VENV)
@@ -48,7 +48,7 @@ python:
 	  echo "make: For replay, maps and analysis without the simulator: pip install . in any Python 3.11 to 3.13."; exit 1; }
 
 chromium: $(STAMP)
-	@$(BIN)/python -m tests.e2e.chromium
+	@$(BIN)/python -m tests.browser.chromium
 
 # PyTorch first and by exact version: elsewhere pip would choose a build with gigabytes of CUDA libraries.
 $(STAMP): pyproject.toml constraints.txt | python

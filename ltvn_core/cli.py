@@ -13,53 +13,53 @@ from typing import Annotated, TypeAlias
 import tyro
 from tyro.conf import subcommand
 
+from benchmarks.bench import BenchVerb
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.verbs.app import App, Replay
-from ltvn_core.verbs.bench import Bench
-from ltvn_core.verbs.build import Build
-from ltvn_core.verbs.collect import Collect
-from ltvn_core.verbs.dataset import Dataset
-from ltvn_core.verbs.demo import Demo
-from ltvn_core.verbs.evaluate import Evaluate
-from ltvn_core.verbs.export import Export
-from ltvn_core.verbs.figures import Figures
-from ltvn_core.verbs.files import Info, Repair, Verify
-from ltvn_core.verbs.finetune import Finetune
-from ltvn_core.verbs.lifelong import Lifelong
-from ltvn_core.verbs.measure import Measure
-from ltvn_core.verbs.navigate import Navigate
-from ltvn_core.verbs.pairs import Pairs
-from ltvn_core.verbs.plant import Plant
-from ltvn_core.verbs.report import Report
-from ltvn_core.verbs.rival import Rival
-from ltvn_core.verbs.train import Train
+from ltvn_core.verbs.baseline import BaselineVerb
+from ltvn_core.verbs.build import BuildVerb
+from ltvn_core.verbs.collect import CollectVerb
+from ltvn_core.verbs.dataset import DatasetVerb
+from ltvn_core.verbs.demo import DemoVerb
+from ltvn_core.verbs.evaluate import EvaluateVerb
+from ltvn_core.verbs.export import ExportVerb
+from ltvn_core.verbs.figures import FiguresVerb
+from ltvn_core.verbs.finetune import FinetuneVerb
+from ltvn_core.verbs.lifelong import LifelongVerb
+from ltvn_core.verbs.measure import MeasureVerb
+from ltvn_core.verbs.navigate import NavigateVerb
+from ltvn_core.verbs.plant import PlantVerb
+from ltvn_core.verbs.recording_files import InfoVerb, RepairVerb, VerifyVerb
+from ltvn_core.verbs.report import ReportVerb
+from ltvn_core.verbs.train import TrainVerb
 from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
-from ltvn_core.verbs.view import View
+from ltvn_core.verbs.view import ViewVerb
+from ltvn_viz.verbs.app import AppVerb, ReplayVerb
+from ltvn_viz.verbs.pairs import PairsVerb
 
 AnyVerb: TypeAlias = (
-    Annotated[App, subcommand("app", prefix_name=False)]
-    | Annotated[Demo, subcommand("demo", prefix_name=False)]
-    | Annotated[Collect, subcommand("collect", prefix_name=False)]
-    | Annotated[Build, subcommand("build", prefix_name=False)]
-    | Annotated[Navigate, subcommand("navigate", prefix_name=False)]
-    | Annotated[Plant, subcommand("plant", prefix_name=False)]
-    | Annotated[Evaluate, subcommand("evaluate", prefix_name=False)]
-    | Annotated[Lifelong, subcommand("lifelong", prefix_name=False)]
-    | Annotated[Replay, subcommand("replay", prefix_name=False)]
-    | Annotated[View, subcommand("view", prefix_name=False)]
-    | Annotated[Dataset, subcommand("dataset", prefix_name=False)]
-    | Annotated[Pairs, subcommand("pairs", prefix_name=False)]
-    | Annotated[Train, subcommand("train", prefix_name=False)]
-    | Annotated[Finetune, subcommand("finetune", prefix_name=False)]
-    | Annotated[Rival, subcommand("rival", prefix_name=False)]
-    | Annotated[Measure, subcommand("measure", prefix_name=False)]
-    | Annotated[Figures, subcommand("figures", prefix_name=False)]
-    | Annotated[Report, subcommand("report", prefix_name=False)]
-    | Annotated[Info, subcommand("info", prefix_name=False)]
-    | Annotated[Verify, subcommand("verify", prefix_name=False)]
-    | Annotated[Repair, subcommand("repair", prefix_name=False)]
-    | Annotated[Export, subcommand("export", prefix_name=False)]
-    | Annotated[Bench, subcommand("bench", prefix_name=False)]
+    Annotated[AppVerb, subcommand("app", prefix_name=False)]
+    | Annotated[DemoVerb, subcommand("demo", prefix_name=False)]
+    | Annotated[CollectVerb, subcommand("collect", prefix_name=False)]
+    | Annotated[BuildVerb, subcommand("build", prefix_name=False)]
+    | Annotated[NavigateVerb, subcommand("navigate", prefix_name=False)]
+    | Annotated[PlantVerb, subcommand("plant", prefix_name=False)]
+    | Annotated[EvaluateVerb, subcommand("evaluate", prefix_name=False)]
+    | Annotated[LifelongVerb, subcommand("lifelong", prefix_name=False)]
+    | Annotated[ReplayVerb, subcommand("replay", prefix_name=False)]
+    | Annotated[ViewVerb, subcommand("view", prefix_name=False)]
+    | Annotated[DatasetVerb, subcommand("dataset", prefix_name=False)]
+    | Annotated[PairsVerb, subcommand("pairs", prefix_name=False)]
+    | Annotated[TrainVerb, subcommand("train", prefix_name=False)]
+    | Annotated[FinetuneVerb, subcommand("finetune", prefix_name=False)]
+    | Annotated[BaselineVerb, subcommand("baseline", prefix_name=False)]
+    | Annotated[MeasureVerb, subcommand("measure", prefix_name=False)]
+    | Annotated[FiguresVerb, subcommand("figures", prefix_name=False)]
+    | Annotated[ReportVerb, subcommand("report", prefix_name=False)]
+    | Annotated[InfoVerb, subcommand("info", prefix_name=False)]
+    | Annotated[VerifyVerb, subcommand("verify", prefix_name=False)]
+    | Annotated[RepairVerb, subcommand("repair", prefix_name=False)]
+    | Annotated[ExportVerb, subcommand("export", prefix_name=False)]
+    | Annotated[BenchVerb, subcommand("bench", prefix_name=False)]
 )
 
 DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."

@@ -13,16 +13,16 @@ import numpy as np
 
 from ltvn_core.config import Likelihoods, Method, preset
 from ltvn_core.errors import OptionError, SceneError
-from ltvn_core.graph.ltvn import ltvn
-from ltvn_core.graph.rivals.sptm import sptm
-from ltvn_core.graph.rivals.ving import ving
-from ltvn_core.graph.system import System
+from ltvn_core.graph.baselines.sptm import sptm_system
+from ltvn_core.graph.baselines.ving import ving_system
+from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.types import FrameId, Intrinsics, Pose, Predictor
 
 if TYPE_CHECKING:
-    from ltvn_core.sim.odometry import OdometryNoise
-    from ltvn_core.sim.robot import SimulatedRobot
-    from ltvn_core.sim.scene import Scene
+    from ltvn_core.simulation.scene import Scene
+    from ltvn_core.simulation.simulated_robot import SimulatedRobot
+    from ltvn_core.simulation.wheel_odometry import OdometryNoise
 
 log = logging.getLogger(__name__)
 
@@ -57,20 +57,20 @@ def open_simulation(
     Raises SceneError for an unknown scene and where the simulator cannot run at all.
     """
     try:
-        from ltvn_core.sim.robot import SimulatedRobot
+        from ltvn_core.simulation.simulated_robot import SimulatedRobot
     except ModuleNotFoundError as missing:
         raise SceneError(
             f"The simulator needs {missing.name}, which has wheels for Linux x86-64 and CPython 3.11 only. Use that "
             "Python to drive; replay, maps and analysis work here."
         ) from missing
-    from ltvn_core.sim.camera import open_camera
-    from ltvn_core.sim.scenes import load_scene
+    from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+    from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene(scene_name)
     rng = np.random.default_rng(seed)
     place = scene.clearance.sample_poses(rng, 1, min_clearance_m=START_CLEARANCE_M)[0] if start is None else start
     robot = SimulatedRobot(
-        scene, open_camera(scene), start=place, rng=rng, odometry_noise=odometry_noise, first_step=first_step
+        scene, open_renderer(scene), start=place, rng=rng, odometry_noise=odometry_noise, first_step=first_step
     )
     return Simulation(scene, robot)
 
@@ -81,11 +81,11 @@ def open_predictor(name: PredictorName, scene_name: str, weights: Path | None = 
     Raises WeightsError, and SceneError when the oracle is asked about a scene that is not simulated.
     """
     if name == "oracle":
-        from ltvn_core.sim.oracle import OraclePredictor
-        from ltvn_core.sim.scenes import load_scene
+        from ltvn_core.simulation.oracle_predictor import OraclePredictor
+        from ltvn_core.simulation.scene_registry import load_scene
 
         return OraclePredictor(load_scene(scene_name).clearance, Intrinsics())
-    from ltvn_core.model.predictor import load_predictor
+    from ltvn_core.network.predictor import load_predictor
 
     return load_predictor(weights)
 
@@ -99,7 +99,7 @@ def open_method(
     unknown preset and WeightsError for a damaged card.
     """
     method = preset(name)
-    constants = likelihoods or _measured(predictor, weights)
+    constants = likelihoods or _measured_likelihoods(predictor, weights)
     if constants is None:
         log.info(
             "Nobody measured these weights; Eq. 3 and Eq. 4 use general constants. `ltvn measure --write` does it."
@@ -108,21 +108,21 @@ def open_method(
     return replace(method, believing=replace(method.believing, **asdict(constants)))
 
 
-def open_system(name: SystemName, method: Method) -> System:
+def open_system(name: SystemName, method: Method) -> NavigationSystem:
     """Return the navigation system of that name with the thresholds of `method`; raise OptionError if there is none."""
-    systems = {"ltvn": ltvn, "sptm": sptm, "ving": ving}
+    systems = {"ltvn": ltvn_system, "sptm": sptm_system, "ving": ving_system}
     if name not in systems:
         raise OptionError(f"No navigation system is called {name!r}; choose one of: {', '.join(systems)}.")
     return systems[name](method)
 
 
-def _measured(predictor: PredictorName, weights: Path | None) -> Likelihoods | None:
+def _measured_likelihoods(predictor: PredictorName, weights: Path | None) -> Likelihoods | None:
     if predictor == "oracle":
-        from ltvn_core.sim.oracle import LIKELIHOODS
+        from ltvn_core.simulation.oracle_predictor import LIKELIHOODS
 
         return LIKELIHOODS
-    from ltvn_core.model.driving import likelihoods, read_driving
-    from ltvn_core.model.weights import SHIPPED, own_card
+    from ltvn_core.network.cards.driving_calibration import likelihoods, read_driving
+    from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, matching_card
 
-    measured = read_driving(own_card(weights or SHIPPED))
+    measured = read_driving(matching_card(weights or SHIPPED_WEIGHTS))
     return None if measured is None else likelihoods(measured)

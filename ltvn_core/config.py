@@ -14,7 +14,7 @@ from ltvn_core.errors import OptionError
 
 
 @dataclass(frozen=True, slots=True)
-class Matching:
+class MatchingConfig:
     """How two images are compared."""
 
     both_directions: bool = True
@@ -33,7 +33,7 @@ class Matching:
 
 
 @dataclass(frozen=True, slots=True)
-class Building:
+class BuildingConfig:
     """Algorithm 1: from a trajectory to a map."""
 
     merge_distance: float = 0.55
@@ -61,7 +61,7 @@ class Building:
 
 
 @dataclass(frozen=True, slots=True)
-class Localising:
+class LocalisingConfig:
     """Which node the robot is at."""
 
     distance: float = 1.1
@@ -81,7 +81,7 @@ class Localising:
 
 
 @dataclass(frozen=True, slots=True)
-class Planning:
+class PlanningConfig:
     """What a path costs."""
 
     belief_weight: float = 1.5
@@ -93,7 +93,7 @@ class Planning:
 
 
 @dataclass(frozen=True, slots=True)
-class Driving:
+class DrivingConfig:
     """The position-based controller and what makes it stop."""
 
     speed_m_s: float = 0.5
@@ -129,7 +129,7 @@ class Driving:
 
 
 @dataclass(frozen=True, slots=True)
-class Judging:
+class JudgingConfig:
     """When an attempt succeeded and when the goal is reached."""
 
     success_distance: float = 0.7
@@ -161,7 +161,7 @@ class Likelihoods:
 
 
 @dataclass(frozen=True, slots=True)
-class Believing:
+class BeliefConfig:
     """Eq. 3, Eq. 4 and pruning.
 
     The first two and `sigma2` hold for a predictor that nobody measured; `composition.open_method` puts the measured
@@ -191,7 +191,7 @@ class Believing:
 
 
 @dataclass(frozen=True, slots=True)
-class Expanding:
+class ExpansionConfig:
     """New nodes: novel images, and left-over images when there is no path."""
 
     novel_after_looks: int = 12
@@ -211,7 +211,7 @@ class Expanding:
 
 
 @dataclass(frozen=True, slots=True)
-class Recovering:
+class RecoveryConfig:
     """What the robot does when it is lost or sees no path, and when it gives up."""
 
     turn_rad: float = 0.52
@@ -232,23 +232,23 @@ class Recovering:
 class Method:
     """All thresholds of building, localising, planning, driving and maintenance."""
 
-    matching: Matching = field(default_factory=Matching)
+    matching: MatchingConfig = field(default_factory=MatchingConfig)
     """How two images are compared."""
-    building: Building = field(default_factory=Building)
+    building: BuildingConfig = field(default_factory=BuildingConfig)
     """Algorithm 1."""
-    localising: Localising = field(default_factory=Localising)
+    localising: LocalisingConfig = field(default_factory=LocalisingConfig)
     """Which node the robot is at."""
-    planning: Planning = field(default_factory=Planning)
+    planning: PlanningConfig = field(default_factory=PlanningConfig)
     """What a path costs."""
-    driving: Driving = field(default_factory=Driving)
+    driving: DrivingConfig = field(default_factory=DrivingConfig)
     """The controller."""
-    judging: Judging = field(default_factory=Judging)
+    judging: JudgingConfig = field(default_factory=JudgingConfig)
     """When an attempt succeeded."""
-    believing: Believing = field(default_factory=Believing)
+    believing: BeliefConfig = field(default_factory=BeliefConfig)
     """Eq. 3, Eq. 4 and pruning."""
-    expanding: Expanding = field(default_factory=Expanding)
+    expanding: ExpansionConfig = field(default_factory=ExpansionConfig)
     """New nodes."""
-    recovering: Recovering = field(default_factory=Recovering)
+    recovering: RecoveryConfig = field(default_factory=RecoveryConfig)
     """Lost, no path, giving up."""
     maintain: bool = True
     """Change the map while navigating; False freezes it, as the paper's first test does."""
@@ -258,8 +258,8 @@ ROBUST = Method()
 """The default: the paper's method with every departure that measurement showed to be needed."""
 
 PAPER = Method(
-    matching=Matching(reverse_within=2.5, temporal_support=False, closure_reach=0),
-    building=Building(
+    matching=MatchingConfig(reverse_within=2.5, temporal_support=False, closure_reach=0),
+    building=BuildingConfig(
         merge_distance=0.55,
         connect_distance=1.5,
         merge_yaw_rad=math.pi,
@@ -268,9 +268,9 @@ PAPER = Method(
         keep_merged=False,
         restarts=0,
     ),
-    localising=Localising(reachability_weight=0.0, shortlist=0, trail_reach=0, doubt_after_failures=0),
-    planning=Planning(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
-    driving=Driving(
+    localising=LocalisingConfig(reachability_weight=0.0, shortlist=0, trail_reach=0, doubt_after_failures=0),
+    planning=PlanningConfig(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
+    driving=DrivingConfig(
         look_every_steps=0,
         departure_reachability=0.0,
         through_map=False,
@@ -280,16 +280,16 @@ PAPER = Method(
         bends=0,
         back_off_m=0.1,
     ),
-    judging=Judging(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
-    believing=Believing(
+    judging=JudgingConfig(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
+    believing=BeliefConfig(
         one_failure_per_query=False,
         hindered_weight=1.0,
         hindered_prune_below=0.5,
         prune_after_failures=1,
         failures_per_success=0,
     ),
-    expanding=Expanding(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
-    recovering=Recovering(wander_m=0.0),
+    expanding=ExpansionConfig(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
+    recovering=RecoveryConfig(wander_m=0.0),
 )
 """The literal method: every departure is off."""
 

@@ -1,6 +1,6 @@
 """The nouns everything else is said in: what a robot senses, does and predicts.
 
-Owns the data that cross module borders and the three Protocols (`Robot`, `Camera`, `Predictor`) through which graph,
+Owns the data that cross module borders and the three Protocols (`Robot`, `Renderer`, `Predictor`) through which graph,
 navigation and analysis meet the simulator and the network. Owns no behaviour beyond checking its own fields.
 
 Conventions: metres, radians, seconds; x forward, y left, yaw counter-clockwise in (-pi, pi].
@@ -43,7 +43,7 @@ IMAGE_HEIGHT = 72
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """One look at the world. Build it from outside data with `ltvn_core.intake.observation`, which checks."""
+    """One look at the world. Build it from outside data with `ltvn_core.preprocessing.observation`, which checks."""
 
     rgb: Rgb
     """(72, 96, 3) for the method; any size is accepted at the door and resized there."""
@@ -69,7 +69,7 @@ class Twist(NamedTuple):
     """Turning rate, counter-clockwise."""
 
 
-STILL = Twist(0.0, 0.0)
+ZERO_TWIST = Twist(0.0, 0.0)
 
 
 class RobotState(NamedTuple):
@@ -81,7 +81,7 @@ class RobotState(NamedTuple):
     """Seconds on the robot's clock."""
     step: FrameId
     """Count of control steps so far."""
-    bumped: bool
+    bumper_pressed: bool
     """The bumper touches something now."""
 
 
@@ -131,7 +131,7 @@ class Robot(Protocol):
         ...
 
 
-class Camera(Protocol):
+class Renderer(Protocol):
     """Renders what a camera at a pose sees."""
 
     def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:

@@ -8,28 +8,28 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from ltvn_core.sim.locobot import locobot_glb
-from ltvn_viz.actions import listener
-from ltvn_viz.commands import OpenRecording
-from ltvn_viz.driving import DriverSeat
-from ltvn_viz.options import AppOptions
-from ltvn_viz.outlook import look_from_above
+from ltvn_core.simulation.locobot_model import locobot_glb
+from ltvn_viz.app_setup import open_app_state
+from ltvn_viz.layers.lights_and_camera import set_initial_camera
+from ltvn_viz.layers.scene_assets import floor_bounds, scene_glb
+from ltvn_viz.page_layout import PageAssets, build_layout
 from ltvn_viz.painter import Painter
-from ltvn_viz.scenery import floor_of, scene_glb
-from ltvn_viz.screen import Assets, furnish
-from ltvn_viz.server import GuardedServer
-from ltvn_viz.session import Session
-from ltvn_viz.signals import ended_by_signals
-from ltvn_viz.snapshot import Snapshot
-from ltvn_viz.staging import open_stage
-from ltvn_viz.thumbnails import Thumbnails
-from ltvn_viz.viewpoint import newest
+from ltvn_viz.server.driver_seat import DriverSeat
+from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.shutdown_signals import stop_on_signals
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session.commands import OpenRecording
+from ltvn_viz.session.options import AppOptions
+from ltvn_viz.session.session_loop import Session
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.socket_handlers import drive_listener
+from ltvn_viz.session.viewpoint import latest_viewpoint
 
-__all__ = ["App", "AppOptions", "opened", "run_app"]
+__all__ = ["AppOptions", "RunningApp", "open_app", "run_app"]
 
 
 @dataclass(frozen=True)
-class App:
+class RunningApp:
     """A page that is served; `session.run()` gives it life."""
 
     server: GuardedServer
@@ -38,7 +38,7 @@ class App:
 
 def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
     """Serve the page until interrupted; `say` gets the lines a person needs to open it. Raises LtvnError."""
-    with opened(options) as app, ended_by_signals(app.session.stop):
+    with open_app(options) as app, stop_on_signals(app.session.stop):
         port = app.server.port
         say(f"Open {app.server.url}")
         say(f"From another machine, first: ssh -L {port}:127.0.0.1:{port} THIS_MACHINE")
@@ -46,26 +46,26 @@ def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
 
 
 @contextmanager
-def opened(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator[App]:
+def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator[RunningApp]:
     """Open everything an app needs and close it again; raises LtvnError before anything is served."""
     with ExitStack() as stack:
-        thumbnails = Thumbnails()
-        stage = open_stage(options, stack, thumbnails)
+        thumbnails = ThumbnailStore()
+        state = open_app_state(options, stack, thumbnails)
         server = stack.enter_context(GuardedServer(port=options.port, seat=seat))
         server.add_route("/thumb/", thumbnails.get)
-        if (floor := floor_of(stage.scene)) is not None:
-            look_from_above(server.viser, *floor)
-        stage.viewpoint = lambda: newest(server.viser.get_clients().values())
+        if (floor := floor_bounds(state.scene)) is not None:
+            set_initial_camera(server.viser, *floor)
+        state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
         screen = _Screen()
-        session = Session(stage, server.seat, screen.publish)
-        parts = furnish(server.viser, session.send, Assets(scene_glb, locobot_glb()))
+        session = Session(state, server.seat, screen.publish)
+        parts = build_layout(server.viser, session.send, PageAssets(scene_glb, locobot_glb()))
         screen.painter = Painter(parts, server.viser.atomic)
         screen.painter.start()
         stack.callback(screen.painter.close)
-        server.listen(listener(session))
+        server.listen(drive_listener(session))
         if options.replay is not None:
             session.send(OpenRecording(options.replay, options.replay_at_s))
-        yield App(server, session)
+        yield RunningApp(server, session)
 
 
 class _Screen:

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Protocol
 
-from ltvn_viz.snapshot import Snapshot
+from ltvn_viz.session.snapshot import Snapshot
 
 logger = logging.getLogger(__name__)
 
 
-class Showing(Protocol):
+class PagePart(Protocol):
     """A layer or a panel."""
 
     def show(self, snapshot: Snapshot) -> None:
@@ -25,7 +25,7 @@ class Showing(Protocol):
 class Painter:
     """Hands the newest snapshot to all layers and panels."""
 
-    def __init__(self, parts: Sequence[Showing], batch: "Batch") -> None:
+    def __init__(self, parts: Sequence[PagePart], batch: "Batch") -> None:
         """Draw `parts`, in this order, each time within `batch()` so that the page applies it as one."""
         self._parts, self._batch = parts, batch
         self._change = threading.Condition()

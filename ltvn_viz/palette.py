@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-RAMP = np.array([[235, 90, 10], [250, 170, 70], [235, 226, 196], [95, 175, 250], [25, 115, 250]], np.float64)
+PROBABILITY_RAMP = np.array(
+    [[235, 90, 10], [250, 170, 70], [235, 226, 196], [95, 175, 250], [25, 115, 250]], np.float64
+)
 """p = 0 to 1 in equal steps; sRGB."""
 
 
@@ -30,10 +32,10 @@ NODE = Rgb8(176, 196, 232)
 LOCALISED = Rgb8(250, 215, 60)
 GOAL = Rgb8(204, 121, 240)
 PLAN = Rgb8(250, 215, 60)
-GHOST = Rgb8(250, 215, 60)
+PREDICTED_POSE = Rgb8(250, 215, 60)
 TRAJECTORY = Rgb8(255, 252, 240)
-CAME = Rgb8(0, 200, 120)
-WENT = Rgb8(230, 40, 60)
+EDGE_ADDED = Rgb8(0, 200, 120)
+EDGE_REMOVED = Rgb8(230, 40, 60)
 SOURCE = Rgb8(70, 150, 255)
 TARGET = Rgb8(240, 110, 30)
 BACKGROUND = Rgb8(24, 27, 34)
@@ -42,15 +44,15 @@ ACCENT = Rgb8(56, 139, 253)
 
 def probability_colours(p: ArrayLike) -> NDArray[np.uint8]:
     """Colour probabilities (N,) in [0, 1] as (N, 3)."""
-    steps = np.linspace(0, 1, len(RAMP))
+    steps = np.linspace(0, 1, len(PROBABILITY_RAMP))
     return (
-        np.stack([np.interp(np.asarray(p, np.float64), steps, channel) for channel in RAMP.T], axis=-1)
+        np.stack([np.interp(np.asarray(p, np.float64), steps, channel) for channel in PROBABILITY_RAMP.T], axis=-1)
         .round()
         .astype(np.uint8)
     )
 
 
-def as_light(colours: ArrayLike) -> NDArray[np.uint8]:
+def srgb_to_linear(colours: ArrayLike) -> NDArray[np.uint8]:
     """Turn colours of the screen (..., 3) into amounts of light, which is what lines and batched meshes are given."""
     return _LIGHT[np.asarray(colours, np.uint8)]
 
@@ -67,8 +69,8 @@ def faded(colour: Rgb8, ages_s: NDArray[np.float64], over_s: float) -> NDArray[n
 
 def legend_html() -> str:
     """Return the legend of the scene's colours."""
-    ramp = ", ".join(Rgb8(*(int(c) for c in stop)).css for stop in RAMP)
-    keys = [("plan", PLAN), ("goal", GOAL), ("new edge", CAME), ("pruned edge", WENT)]
+    ramp = ", ".join(Rgb8(*(int(c) for c in stop)).css for stop in PROBABILITY_RAMP)
+    keys = [("plan", PLAN), ("goal", GOAL), ("new edge", EDGE_ADDED), ("pruned edge", EDGE_REMOVED)]
     chips = "".join(
         f'<span style="white-space:nowrap"><span style="display:inline-block;width:.8em;height:.8em;border-radius:2px;'
         f'background:{colour.css};margin-right:.35em;vertical-align:-1px"></span>{name}</span>'

@@ -7,24 +7,24 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
-from ltvn_core.graph.topograph import EdgeKey
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 
 
-class Happening(StrEnum):
+class BreakpointTrigger(StrEnum):
     """What can happen, in the words one types."""
 
     PRUNE = "prune"
     EXPANSION = "expand"
     COLLISION = "collision"
     REPLAN = "replan"
-    FAILED_LEG = "failed leg"
+    FAILED_ATTEMPT = "failed leg"
     LOST = "lost"
     NO_PATH = "no path"
     HAND = "by hand"
 
 
-class Quantity(StrEnum):
+class BreakpointQuantity(StrEnum):
     """Numbers that a condition can be about."""
 
     MARGIN = "margin"
@@ -35,51 +35,58 @@ class Quantity(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class On:
+class EventBreakpoint:
     """Stop when this happens."""
 
-    happening: Happening
+    trigger: BreakpointTrigger
 
 
 @dataclass(frozen=True, slots=True)
-class Crossing:
+class BeliefCrossingBreakpoint:
     """Stop when the p of any edge crosses a level, either way."""
 
     level: float
 
 
 @dataclass(frozen=True, slots=True)
-class LookCondition:
+class LocalisationBreakpoint:
     """Stop at each look whose margin, distance or reachability is so."""
 
-    quantity: Quantity
+    quantity: BreakpointQuantity
     less: bool
     """Below the value; else above it."""
     value: float
 
 
 @dataclass(frozen=True, slots=True)
-class EdgeCondition:
+class EdgeBeliefBreakpoint:
     """Stop when p or mu of one edge becomes so; not again until it was otherwise."""
 
-    quantity: Quantity
+    quantity: BreakpointQuantity
     edge: EdgeKey
     less: bool
     value: float
 
 
 @dataclass(frozen=True, slots=True)
-class AtEdge:
+class EdgeBreakpoint:
     """Stop whenever an edge is driven or changed."""
 
     edge: EdgeKey
 
 
 @dataclass(frozen=True, slots=True)
-class AtNode:
+class NodeBreakpoint:
     """Stop whenever the robot is at a node, heads for it, or the node changes."""
 
     node: NodeId
 
 
-Breakpoint: TypeAlias = On | Crossing | LookCondition | EdgeCondition | AtEdge | AtNode
+Breakpoint: TypeAlias = (
+    EventBreakpoint
+    | BeliefCrossingBreakpoint
+    | LocalisationBreakpoint
+    | EdgeBeliefBreakpoint
+    | EdgeBreakpoint
+    | NodeBreakpoint
+)

@@ -7,30 +7,30 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from ltvn_core.analysis.breakpoint_kinds import (
-    AtEdge,
-    AtNode,
+    BeliefCrossingBreakpoint,
     Breakpoint,
-    Crossing,
-    EdgeCondition,
-    Happening,
-    LookCondition,
-    On,
-    Quantity,
+    BreakpointQuantity,
+    BreakpointTrigger,
+    EdgeBeliefBreakpoint,
+    EdgeBreakpoint,
+    EventBreakpoint,
+    LocalisationBreakpoint,
+    NodeBreakpoint,
 )
 from ltvn_core.graph import deltas as d
-from ltvn_core.graph.topograph import EdgeKey
-from ltvn_core.nav import events as e
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
 
 
 @dataclass(slots=True)
-class Occurrence:
+class EventContext:
     """One event, beside what held before it."""
 
     event: e.Event
     plan: tuple[NodeId, ...] | None
     """The plan before, None when the query had none yet."""
-    known: Mapping[EdgeKey, d.Belief]
+    known_beliefs: Mapping[EdgeKey, d.Belief]
     """Beliefs by edge."""
     key: EdgeKey | None = None
     """The edge whose belief the event changed."""
@@ -41,19 +41,19 @@ class Occurrence:
     def delta(self) -> d.GraphDelta | None:
         """The change of the map that the event tells, bulk ones left out."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
-        return None if delta is None or delta.cause in d.WHOLE_MAP else delta
+        return None if delta is None or delta.cause in d.BULK_CAUSES else delta
 
 
 @dataclass(slots=True)
-class Memory:
+class BreakpointMemory:
     """What conditions look back at: beliefs and the plan."""
 
     beliefs: dict[EdgeKey, d.Belief] = field(default_factory=dict)
     plan: tuple[NodeId, ...] | None = None
 
-    def take(self, event: e.Event) -> Occurrence:
+    def take(self, event: e.Event) -> EventContext:
         """Remember an event and return it beside what held before."""
-        occurrence = Occurrence(event, self.plan, self.beliefs)
+        occurrence = EventContext(event, self.plan, self.beliefs)
         match event:
             case e.QueryStarted():
                 self.plan = None
@@ -63,7 +63,7 @@ class Memory:
                 self._believe(delta, occurrence)
         return occurrence
 
-    def _believe(self, delta: d.GraphDelta, occurrence: Occurrence) -> None:
+    def _believe(self, delta: d.GraphDelta, occurrence: EventContext) -> None:
         match delta:
             case d.EdgeAdded(edge=edge):
                 occurrence.key, occurrence.after = (edge.source, edge.target), edge.belief
@@ -76,42 +76,42 @@ class Memory:
             self.beliefs[occurrence.key] = occurrence.after
 
 
-def met(breakpoint_: Breakpoint, occurrence: Occurrence) -> str | None:
+def breakpoint_reason(breakpoint_: Breakpoint, occurrence: EventContext) -> str | None:
     """Say why a breakpoint is met, None if it is not."""
     match breakpoint_:
-        case On(happening):
-            return _HAPPENED[happening](occurrence)
-        case Crossing(level):
+        case EventBreakpoint(trigger):
+            return _REASONS[trigger](occurrence)
+        case BeliefCrossingBreakpoint(level):
             return _crossed(occurrence, level)
-        case LookCondition(quantity, less, value):
-            return _looked(occurrence.event, quantity, value, less=less)
-        case EdgeCondition():
+        case LocalisationBreakpoint(quantity, less, value):
+            return _localised(occurrence.event, quantity, value, less=less)
+        case EdgeBeliefBreakpoint():
             return _became(breakpoint_, occurrence)
-        case AtEdge(edge):
+        case EdgeBreakpoint(edge):
             return _at_edge(occurrence, edge)
-        case AtNode(node):
+        case NodeBreakpoint(node):
             return _at_node(occurrence, node)
 
 
-def _pruned(occurrence: Occurrence) -> str | None:
+def _pruned(occurrence: EventContext) -> str | None:
     match occurrence.delta:
         case d.EdgePruned(source=source, target=target):
             return f"{_arrow((source, target))} was pruned"
     return None
 
 
-def _expanded(occurrence: Occurrence) -> str | None:
+def _expanded(occurrence: EventContext) -> str | None:
     match occurrence.delta:
         case d.NodeAdded(node=node, cause=d.Cause.EXPAND | d.Cause.NOVEL as cause):
             return f"node {node.id} came into the map ({cause})"
     return None
 
 
-def _collided(occurrence: Occurrence) -> str | None:
+def _collided(occurrence: EventContext) -> str | None:
     return f"collision {occurrence.event.count}" if isinstance(occurrence.event, e.Collided) else None
 
 
-def _replanned(occurrence: Occurrence) -> str | None:
+def _replanned(occurrence: EventContext) -> str | None:
     before = occurrence.plan
     if before is None or not isinstance(occurrence.event, e.Planned):
         return None
@@ -121,59 +121,59 @@ def _replanned(occurrence: Occurrence) -> str | None:
     return "the plan is gone" if before and not nodes else None
 
 
-def _leg_failed(occurrence: Occurrence) -> str | None:
+def _attempt_failed(occurrence: EventContext) -> str | None:
     match occurrence.event:
-        case e.LegEnded(attempt=attempt, source=source, target=target, succeeded=False, reason=reason):
+        case e.AttemptEnded(attempt=attempt, source=source, target=target, succeeded=False, reason=reason):
             return f"leg {attempt} from {'here' if source is None else source} to {target} failed: {reason}"
     return None
 
 
-def _lost(occurrence: Occurrence) -> str | None:
+def _lost(occurrence: EventContext) -> str | None:
     match occurrence.event:
         case e.Localised(node=None, distance=distance):
             return f"lost: the best node is {distance:.2f} away"
     return None
 
 
-def _without_path(occurrence: Occurrence) -> str | None:
+def _without_path(occurrence: EventContext) -> str | None:
     match occurrence.event:
         case e.Planned(nodes=()):
             return "no path to the goal"
     return None
 
 
-def _by_hand(occurrence: Occurrence) -> str | None:
+def _by_hand(occurrence: EventContext) -> str | None:
     if occurrence.delta is not None and occurrence.delta.cause is d.Cause.HAND:
         return f"a person changed the map ({type(occurrence.delta).__name__})"
     return None
 
 
-_HAPPENED: dict[Happening, Callable[[Occurrence], str | None]] = {
-    Happening.PRUNE: _pruned,
-    Happening.EXPANSION: _expanded,
-    Happening.COLLISION: _collided,
-    Happening.REPLAN: _replanned,
-    Happening.FAILED_LEG: _leg_failed,
-    Happening.LOST: _lost,
-    Happening.NO_PATH: _without_path,
-    Happening.HAND: _by_hand,
+_REASONS: dict[BreakpointTrigger, Callable[[EventContext], str | None]] = {
+    BreakpointTrigger.PRUNE: _pruned,
+    BreakpointTrigger.EXPANSION: _expanded,
+    BreakpointTrigger.COLLISION: _collided,
+    BreakpointTrigger.REPLAN: _replanned,
+    BreakpointTrigger.FAILED_ATTEMPT: _attempt_failed,
+    BreakpointTrigger.LOST: _lost,
+    BreakpointTrigger.NO_PATH: _without_path,
+    BreakpointTrigger.HAND: _by_hand,
 }
 
 
-def _crossed(occurrence: Occurrence, level: float) -> str | None:
+def _crossed(occurrence: EventContext, level: float) -> str | None:
     before, after = occurrence.before, occurrence.after
     if occurrence.key is None or before is None or after is None or (before.p < level) == (after.p < level):
         return None
     return f"p of {_arrow(occurrence.key)} {'fell' if after.p < level else 'rose'} from {before.p:.2f} to {after.p:.2f}"
 
 
-def _looked(event: e.Event, quantity: Quantity, value: float, *, less: bool) -> str | None:
-    if not isinstance(event, e.Localised) or (event.node is None and quantity is Quantity.MARGIN):
+def _localised(event: e.Event, quantity: BreakpointQuantity, value: float, *, less: bool) -> str | None:
+    if not isinstance(event, e.Localised) or (event.node is None and quantity is BreakpointQuantity.MARGIN):
         return None
     seen = {
-        Quantity.MARGIN: event.margin,
-        Quantity.DISTANCE: event.distance,
-        Quantity.REACHABILITY: event.reachability,
+        BreakpointQuantity.MARGIN: event.margin,
+        BreakpointQuantity.DISTANCE: event.distance,
+        BreakpointQuantity.REACHABILITY: event.reachability,
     }[quantity]
     if not _holds(seen, value, less=less):
         return None
@@ -181,7 +181,7 @@ def _looked(event: e.Event, quantity: Quantity, value: float, *, less: bool) -> 
     return f"{quantity} {seen:.2f}, {where}, second best {event.runner_up}"
 
 
-def _became(condition: EdgeCondition, occurrence: Occurrence) -> str | None:
+def _became(condition: EdgeBeliefBreakpoint, occurrence: EventContext) -> str | None:
     if occurrence.key != condition.edge or occurrence.after is None or occurrence.delta is None:
         return None
     now, then = (_of(belief, condition.quantity) for belief in (occurrence.after, occurrence.before))
@@ -191,21 +191,21 @@ def _became(condition: EdgeCondition, occurrence: Occurrence) -> str | None:
     return f"{condition.quantity} of {_arrow(condition.edge)} is {now:.2f}"
 
 
-def _of(belief: d.Belief | None, quantity: Quantity) -> float | None:
+def _of(belief: d.Belief | None, quantity: BreakpointQuantity) -> float | None:
     if belief is None:
         return None
-    return belief.p if quantity is Quantity.P else belief.mu
+    return belief.p if quantity is BreakpointQuantity.P else belief.mu
 
 
 def _holds(number: float, value: float, *, less: bool) -> bool:
     return number < value if less else number > value
 
 
-def _at_edge(occurrence: Occurrence, edge: EdgeKey) -> str | None:
+def _at_edge(occurrence: EventContext, edge: EdgeKey) -> str | None:
     match occurrence.event:
-        case e.LegStarted(source=source, target=target) if (source, target) == edge:
+        case e.AttemptStarted(source=source, target=target) if (source, target) == edge:
             return f"sets off along {_arrow(edge)}"
-        case e.LegEnded(source=source, target=target, succeeded=succeeded) if (source, target) == edge:
+        case e.AttemptEnded(source=source, target=target, succeeded=succeeded) if (source, target) == edge:
             return f"{_arrow(edge)} {'succeeded' if succeeded else 'failed'}"
     match occurrence.delta:
         case d.EdgeAdded(edge=added) if (added.source, added.target) == edge:
@@ -216,16 +216,16 @@ def _at_edge(occurrence: Occurrence, edge: EdgeKey) -> str | None:
             return f"p of {_arrow(edge)} is {belief.p:.2f}"
         case d.EdgeProtected(source=source, target=target) if (source, target) == edge:
             return f"{_arrow(edge)} changed its protection"
-        case d.NodeDropped(node=node) if node in edge and edge in occurrence.known:
+        case d.NodeDropped(node=node) if node in edge and edge in occurrence.known_beliefs:
             return f"{_arrow(edge)} left with node {node}"
     return None
 
 
-def _at_node(occurrence: Occurrence, node: NodeId) -> str | None:
+def _at_node(occurrence: EventContext, node: NodeId) -> str | None:
     match occurrence.event:
         case e.Localised(node=here) if here == node:
             return f"at node {node}"
-        case e.LegStarted(target=target) if target == node:
+        case e.AttemptStarted(target=target) if target == node:
             return f"sets off to node {node}"
         case e.QueryStarted(goal=goal) if goal == node:
             return f"node {node} is the goal"

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId, Pose
 
-NEAR = 0.75
+MAX_MATCH_DISTANCE = 0.75
 """Nodes farther apart than this d of Eq. 2 are never the same: half a metre and 20 degrees (ours)."""
 
 
@@ -27,10 +27,10 @@ class MatchedBy(StrEnum):
     """They come from two trajectories, and the nearest poses belong together."""
 
 
-class Matching(NamedTuple):
+class NodeMatching(NamedTuple):
     """Which nodes are the same."""
 
-    by: MatchedBy
+    matched_by: MatchedBy
     pairs: Mapping[NodeId, NodeId]
     """Node of the first map to node of the second; none occurs twice."""
 
@@ -41,7 +41,7 @@ def match_nodes(
     *,
     poses_a: Mapping[NodeId, Pose] | None = None,
     poses_b: Mapping[NodeId, Pose] | None = None,
-) -> Matching:
+) -> NodeMatching:
     """Match nodes by id if the maps come from one trajectory, else each to its nearest if that is mutual.
 
     Poses (3,) are those given, for instance exact ones in simulation; else odometry's, which compares only if both
@@ -49,11 +49,11 @@ def match_nodes(
     """
     shared = [node for node in a.nodes if node in b.nodes and a.nodes[node].odometry == b.nodes[node].odometry]
     if len(shared) * 2 >= min(len(a.nodes), len(b.nodes)):
-        return Matching(MatchedBy.ID, {node: node for node in shared})
-    return Matching(MatchedBy.POSE, _nearest(places(a, poses_a), places(b, poses_b)))
+        return NodeMatching(MatchedBy.ID, {node: node for node in shared})
+    return NodeMatching(MatchedBy.POSE, _nearest(node_poses(a, poses_a), node_poses(b, poses_b)))
 
 
-def places(graph: TopologicalGraph, poses: Mapping[NodeId, Pose] | None = None) -> dict[NodeId, Pose]:
+def node_poses(graph: TopologicalGraph, poses: Mapping[NodeId, Pose] | None = None) -> dict[NodeId, Pose]:
     """Return a pose (3,) for each node: the given one, else odometry's."""
     given = poses or {}
     return {node: given.get(node, np.array(value.odometry, np.float64)) for node, value in graph.nodes.items()}
@@ -67,7 +67,7 @@ def _nearest(a: Mapping[NodeId, Pose], b: Mapping[NodeId, Pose]) -> dict[NodeId,
     to_second = np.asarray(KDTree(_embedded(second)).query(_embedded(first))[1])
     to_first = np.asarray(KDTree(_embedded(first)).query(_embedded(second))[1])
     mutual = np.flatnonzero(to_first[to_second] == np.arange(len(names)))
-    near = mutual[distance(relative(first[mutual], second[to_second[mutual]])) <= NEAR]
+    near = mutual[distance(relative(first[mutual], second[to_second[mutual]])) <= MAX_MATCH_DISTANCE]
     return {names[k]: others[int(to_second[k])] for k in near.tolist()}
 
 

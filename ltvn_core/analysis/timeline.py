@@ -11,26 +11,34 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
-from ltvn_core.analysis.folding import Folds
-from ltvn_core.analysis.indexing import Index
-from ltvn_core.analysis.records import Attempt, Instant, MapChange, Mark, MarkKind, Plan, Query
-from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
-from ltvn_core.nav.events import Stamped
+from ltvn_core.analysis.map_replay import MapReplayCache
+from ltvn_core.analysis.timeline_builder import TimelineBuilder
+from ltvn_core.analysis.timeline_records import (
+    AttemptRecord,
+    Instant,
+    MapChange,
+    Mark,
+    MarkKind,
+    PlanRecord,
+    QueryRecord,
+)
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.events import StampedEvent
 from ltvn_core.types import FrameId, NodeId
 
-__all__ = ["Attempt", "Instant", "MapChange", "Mark", "MarkKind", "Plan", "Query", "Timeline"]
+__all__ = ["AttemptRecord", "Instant", "MapChange", "Mark", "MarkKind", "PlanRecord", "QueryRecord", "Timeline"]
 
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
     """A run, indexed. Positions called `event` are indices of `events`; a cursor is the step of an `Instant`."""
 
-    events: Sequence[Stamped]
+    events: Sequence[StampedEvent]
     """In order of their steps."""
-    queries: tuple[Query, ...]
-    attempts: tuple[Attempt, ...]
+    queries: tuple[QueryRecord, ...]
+    attempts: tuple[AttemptRecord, ...]
     """All legs, those outside a query too."""
-    plans: tuple[Plan, ...]
+    plans: tuple[PlanRecord, ...]
     changes: tuple[MapChange, ...]
     marks: tuple[Mark, ...]
     epochs: tuple[int, ...]
@@ -40,10 +48,10 @@ class Timeline:
     _by_edge: Mapping[EdgeKey, Sequence[MapChange]] = field(repr=False)
     """Goes on beyond this timeline where the run does, like the next."""
     _by_node: Mapping[NodeId, Sequence[MapChange]] = field(repr=False)
-    _folds: Folds = field(repr=False)
+    _replay_cache: MapReplayCache = field(repr=False)
 
     @classmethod
-    def of(cls, events: Iterable[Stamped]) -> Self:
+    def of(cls, events: Iterable[StampedEvent]) -> Self:
         """Index events; linear in them.
 
         Events in disorder are put in order by their steps, those of one step as they stand. Never raises for events
@@ -53,28 +61,28 @@ class Timeline:
         late = sum(after.step < before.step for before, after in pairwise(ordered))
         if late:
             ordered.sort(key=lambda stamped: stamped.step)
-        index = Index()
+        index = TimelineBuilder()
         for number, stamped in enumerate(ordered):
             index.take(number, stamped)
         disorder = (f"{late} events come after a later one; all are put in order by their steps.",) if late else ()
-        return cls.told(index, ordered, disorder)
+        return cls.built(index, ordered, disorder)
 
     @classmethod
-    def told(cls, index: Index, events: Sequence[Stamped], notes: tuple[str, ...] = ()) -> Self:
+    def built(cls, index: TimelineBuilder, events: Sequence[StampedEvent], notes: tuple[str, ...] = ()) -> Self:
         """Return the timeline of `events`, all of which `index` has taken; the index may go on taking more."""
-        told = index.finished(len(events))
+        built = index.closed_copy(len(events))
         return cls(
             events=events,
-            queries=tuple(told.queries),
-            attempts=tuple(told.attempts),
-            plans=tuple(told.plans),
-            changes=tuple(told.changes),
-            marks=tuple(told.marks),
-            epochs=tuple(told.epochs),
-            notes=(*notes, *told.notes),
-            _by_edge=told.changes_by_edge,
-            _by_node=told.changes_by_node,
-            _folds=told.folds,
+            queries=tuple(built.queries),
+            attempts=tuple(built.attempts),
+            plans=tuple(built.plans),
+            changes=tuple(built.changes),
+            marks=tuple(built.marks),
+            epochs=tuple(built.epochs),
+            notes=(*notes, *built.notes),
+            _by_edge=built.changes_by_edge,
+            _by_node=built.changes_by_node,
+            _replay_cache=built.replay_cache,
         )
 
     @cached_property
@@ -110,9 +118,9 @@ class Timeline:
 
     def graph_before(self, event: int) -> TopologicalGraph:
         """Return the map as it was just before event number `event`; costs as much as `graph_at`."""
-        return self._folds.after(self.changes, bisect_left(self.changes, event, key=_number))
+        return self._replay_cache.after(self.changes, bisect_left(self.changes, event, key=_number))
 
-    def query_at(self, event: int) -> Query | None:
+    def query_at(self, event: int) -> QueryRecord | None:
         """Return the query that event number `event` belongs to. Logarithmic."""
         place = bisect_right(self.queries, event, key=lambda query: query.first) - 1
         return self.queries[place] if place >= 0 and event <= self.queries[place].last else None
@@ -144,12 +152,12 @@ class Timeline:
         place = bisect_left(marks, at.step, key=_step_of_mark) - 1
         return marks[place] if place >= 0 else None
 
-    def next_query(self, at: Instant) -> Query | None:
+    def next_query(self, at: Instant) -> QueryRecord | None:
         """Return the first query that begins in a later step. Logarithmic."""
         place = bisect_right(self.queries, at.step, key=lambda query: query.begin.step)
         return self.queries[place] if place < len(self.queries) else None
 
-    def previous_query(self, at: Instant) -> Query | None:
+    def previous_query(self, at: Instant) -> QueryRecord | None:
         """Return the last query that began in an earlier step. Logarithmic."""
         place = bisect_left(self.queries, at.step, key=lambda query: query.begin.step) - 1
         return self.queries[place] if place >= 0 else None
@@ -162,7 +170,7 @@ class Timeline:
         """Return all arrivals and departures of a node in order; linear in them."""
         return self._known(self._by_node.get(node, ()))
 
-    def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[Attempt, ...]:
+    def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[AttemptRecord, ...]:
         """Return all legs along an edge in order, those too that drove past its end.
 
         Once per timeline linear in the attempts.
@@ -174,15 +182,15 @@ class Timeline:
         return tuple(changes[: bisect_left(changes, len(self.events), key=_number)])
 
     @cached_property
-    def _attempts_by_edge(self) -> Mapping[EdgeKey, list[Attempt]]:
-        found: dict[EdgeKey, list[Attempt]] = {}
+    def _attempts_by_edge(self) -> Mapping[EdgeKey, list[AttemptRecord]]:
+        found: dict[EdgeKey, list[AttemptRecord]] = {}
         for attempt in self.attempts:
             for edge in attempt.edges:
                 found.setdefault(edge, []).append(attempt)
         return found
 
 
-def _step(stamped: Stamped) -> FrameId:
+def _step(stamped: StampedEvent) -> FrameId:
     return stamped.step
 
 

@@ -3,16 +3,16 @@
 Owns the two filters and nothing else; the caller decides about pruning.
 """
 
-from ltvn_core.config import Believing
+from ltvn_core.config import BeliefConfig
 from ltvn_core.graph.deltas import Belief
 
 
-def initial(reachability: float, distance: float, config: Believing) -> Belief:
+def initial_belief(reachability: float, distance: float, config: BeliefConfig) -> Belief:
     """Return the belief of a new edge: p0 = r capped, mu0 = d(w), sigma0^2 = sigma^2."""
     return Belief(min(float(reachability), config.p_cap), float(distance), config.sigma2)
 
 
-def existence(p: float, config: Believing, *, succeeded: bool, weight: float = 1.0) -> float:
+def update_existence(p: float, config: BeliefConfig, *, succeeded: bool, weight: float = 1.0) -> float:
     """Return p after one attempt, Eq. 3.
 
     p' = p(s|r) p / (p(s|r) p + p(s|not r) (1 - p)), with 1 - p(s|.) in place of p(s|.) after a failure. The cap keeps
@@ -24,7 +24,7 @@ def existence(p: float, config: Believing, *, succeeded: bool, weight: float = 1
     return min(if_there * p / evidence, config.p_cap) if evidence > 0 else p
 
 
-def length(belief: Belief, measured: float, config: Believing) -> tuple[float, float]:
+def update_length(belief: Belief, measured: float, config: BeliefConfig) -> tuple[float, float]:
     """Return (mu, sigma2) after d was measured once more, Eq. 4.
 
     mu' = (sigma^2 mu + sigma_t^2 d) / (sigma_t^2 + sigma^2) and 1 / sigma'^2 = 1 / sigma_t^2 + 1 / sigma^2. Beginning
@@ -35,10 +35,10 @@ def length(belief: Belief, measured: float, config: Believing) -> tuple[float, f
     return mu, belief.sigma2 * config.sigma2 / total
 
 
-def after_attempt(
-    belief: Belief, measured: float, config: Believing, *, succeeded: bool, weight: float = 1.0
+def update_belief(
+    belief: Belief, measured: float, config: BeliefConfig, *, succeeded: bool, weight: float = 1.0
 ) -> Belief:
     """Return the belief after an attempt: Eq. 3 always, Eq. 4 only after a success."""
-    p = existence(belief.p, config, succeeded=succeeded, weight=weight)
-    mu, sigma2 = length(belief, measured, config) if succeeded else (belief.mu, belief.sigma2)
+    p = update_existence(belief.p, config, succeeded=succeeded, weight=weight)
+    mu, sigma2 = update_length(belief, measured, config) if succeeded else (belief.mu, belief.sigma2)
     return Belief(p, mu, sigma2)

@@ -11,54 +11,54 @@ import numpy as np
 
 from ltvn_core.config import Method
 from ltvn_core.errors import MapError
-from ltvn_core.graph.closures import Closures
 from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.operators import Gates, connectable, mergeable, node_of, node_with_edges
-from ltvn_core.graph.travel import Travel
-from ltvn_core.graph.views import Views
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
 _MERGE_CANDIDATES = 3
 _NEAR_IN_TIME = 12
 
-Progress = Callable[[int, int], None]
+ProgressCallback = Callable[[int, int], None]
 """Called with images done and images in all."""
 
 
 def build(
     observations: Sequence[Observation],
-    views: Views,
+    keyframes: KeyframeStore,
     predictor: Predictor,
     method: Method,
     rng: np.random.Generator,
     *,
     goals: Collection[FrameId] = (),
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> tuple[GraphDelta, ...]:
     """Return the deltas that build a map from a trajectory, Algorithm 1.
 
-    Puts the images into `views` and afterwards drops those that are neither nodes nor in reserve. Frames in `goals`
+    Puts the images into `keyframes` and afterwards drops those that are neither nodes nor in reserve. Frames in `goals`
     never merge. Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
     """
     check_trajectory(observations, goals)
-    views.add(observations)
-    matcher, travel = Matcher(predictor, views, method.matching), Travel(observations, method.building)
-    closures = Closures(matcher)
-    best: _Construction | None = None
+    keyframes.add(observations)
+    matcher, odometry_gate = Matcher(predictor, keyframes, method.matching), OdometryGate(observations, method.building)
+    loop_closures = LoopClosureVerifier(matcher)
+    best: _BuildRun | None = None
     for start in _starts(observations, goals, method.building.restarts, rng):
-        attempt = _Construction(matcher, travel, closures, method, goals)
-        attempt.run(start, observations, rng, progress or _silent)
+        attempt = _BuildRun(matcher, odometry_gate, loop_closures, method, goals)
+        attempt.run(start, observations, rng, progress or _no_progress)
         if best is None or len(attempt.nodes) > len(best.nodes):
             best = attempt
-        if best.covered(observations) >= method.building.tiny_share:
+        if best.coverage(observations) >= method.building.tiny_share:
             break
     assert best is not None
-    views.keep_only([*best.nodes, *best.reserve])
+    keyframes.keep_only([*best.nodes, *best.reserve])
     return best.finish()
 
 
-def _silent(done: int, total: int) -> None:
+def _no_progress(done: int, total: int) -> None:
     """Show no progress."""
 
 
@@ -69,8 +69,8 @@ def check_trajectory(observations: Sequence[Observation], goals: Collection[Fram
     frames = [seen.step for seen in observations]
     if len(set(frames)) != len(frames):
         raise MapError("Frame numbers repeat in the trajectory; each image needs its own.")
-    if strangers := set(goals) - set(frames):
-        raise MapError(f"The goal frames {sorted(strangers)[:5]} are not in the trajectory.")
+    if unknown := set(goals) - set(frames):
+        raise MapError(f"The goal frames {sorted(unknown)[:5]} are not in the trajectory.")
 
 
 def _starts(
@@ -82,18 +82,23 @@ def _starts(
     return order[: restarts + 1]
 
 
-class _Construction:
+class _BuildRun:
     """One run of Algorithm 1 from one start."""
 
     def __init__(
-        self, matcher: Matcher, travel: Travel, closures: Closures, method: Method, goals: Collection[FrameId]
+        self,
+        matcher: Matcher,
+        odometry_gate: OdometryGate,
+        loop_closures: LoopClosureVerifier,
+        method: Method,
+        goals: Collection[FrameId],
     ) -> None:
-        self._matcher, self._closures = matcher, closures
-        self._travel = travel
+        self._matcher, self._loop_closures = matcher, loop_closures
+        self._odometry_gate = odometry_gate
         self._method = method
-        self._gates = Gates.building(method.building)
+        self._thresholds = OperatorThresholds.building(method.building)
         second = method.building.second_pass_reachability or method.building.connect_reachability
-        self._weak_gates = replace(self._gates, connect_reachability=second)
+        self._second_pass_thresholds = replace(self._thresholds, connect_reachability=second)
         self._goals = set(goals)
         self._deltas: list[GraphDelta] = []
         self.nodes: dict[FrameId, None] = {}
@@ -108,7 +113,7 @@ class _Construction:
         merged = self._merged if self._method.building.keep_merged else []
         return tuple(sorted([*(seen.step for seen in self._left), *merged]))
 
-    def covered(self, observations: Sequence[Observation]) -> float:
+    def coverage(self, observations: Sequence[Observation]) -> float:
         """Return the share of the images that are nodes or look like one."""
         return (len(self.nodes) + len(self._merged)) / len(observations)
 
@@ -118,10 +123,14 @@ class _Construction:
         return (*self._deltas, *reserved)
 
     def run(
-        self, start: Observation, observations: Sequence[Observation], rng: np.random.Generator, progress: Progress
+        self,
+        start: Observation,
+        observations: Sequence[Observation],
+        rng: np.random.Generator,
+        progress: ProgressCallback,
     ) -> None:
         """Pass over the images until a pass adds nothing, then once more with the lower cut."""
-        self._enter([NodeAdded(node_of(start), Cause.BUILD)])
+        self._enter([NodeAdded(node_from_observation(start), Cause.BUILD)])
         self._left = [seen for seen in observations if seen is not start]
         second = False
         while True:
@@ -133,7 +142,7 @@ class _Construction:
                 return
             second = True
 
-    def _pass(self, rng: np.random.Generator, progress: Progress, total: int, *, second: bool) -> None:
+    def _pass(self, rng: np.random.Generator, progress: ProgressCallback, total: int, *, second: bool) -> None:
         order = [self._left[k] for k in rng.permutation(len(self._left))]
         order.sort(key=lambda seen: seen.step not in self._goals)
         left = []
@@ -146,18 +155,18 @@ class _Construction:
     def _consumed(self, seen: Observation, *, second: bool) -> bool:
         """Merge or connect an image; tell whether it is dealt with."""
         for fresh in self._not_met(seen.step):
-            found = self._matcher.match(self._matcher.views.features([seen.step]), fresh)
-            found = found.take(self._travel.plausible(seen.step, found))
+            found = self._matcher.match(self._matcher.keyframes.features([seen.step]), fresh)
+            found = found.take(self._odometry_gate.plausible(seen.step, found))
             if seen.step not in self._goals and self._merges(found, seen.step):
                 self._merged.append(seen.step)
                 return True
             self._remember(seen.step, found)
         known = self._known[seen.step]
-        gates = self._weak_gates if second else self._gates
-        near = connectable(known, gates)
-        trusted = self._matcher.supported(known.take(near), seen.step)
-        trusted = self._closures.proven(seen.step, trusted, connectable(trusted, gates))
-        chosen = trusted.take(connectable(trusted, gates))
+        thresholds = self._second_pass_thresholds if second else self._thresholds
+        near = connectable(known, thresholds)
+        trusted = self._matcher.with_mutual_support(known.take(near), seen.step)
+        trusted = self._loop_closures.verified(seen.step, trusted, connectable(trusted, thresholds))
+        chosen = trusted.take(connectable(trusted, thresholds))
         if second:
             best = np.argsort(-chosen.reachability, kind="stable")
             chosen = chosen.take(best[: self._method.building.second_pass_edges])
@@ -170,7 +179,7 @@ class _Construction:
     def _not_met(self, frame: FrameId) -> tuple[tuple[NodeId, ...], ...]:
         """Return the nodes that came since the last time, those near in time first: most images merge with these."""
         nodes = tuple(self.nodes)
-        fresh = self._travel.may_be_near(frame, nodes[self._met.get(frame, 0) :])
+        fresh = self._odometry_gate.may_be_near(frame, nodes[self._met.get(frame, 0) :])
         self._met[frame] = len(nodes)
         if len(fresh) <= 2 * _NEAR_IN_TIME:
             return (fresh,)
@@ -178,14 +187,14 @@ class _Construction:
         return tuple(ordered[:_NEAR_IN_TIME]), tuple(ordered[_NEAR_IN_TIME:])
 
     def _remember(self, frame: FrameId, found: Matches) -> None:
-        found = found.take(connectable(found, self._weak_gates))
-        self._known[frame] = self._known[frame].joined(found) if frame in self._known else found
+        found = found.take(connectable(found, self._second_pass_thresholds))
+        self._known[frame] = self._known[frame].concatenated(found) if frame in self._known else found
 
     def _merges(self, found: Matches, frame: FrameId) -> bool:
-        alike = found.take(mergeable(found, self._gates))
+        alike = found.take(mergeable(found, self._thresholds))
         # One after the other, because temporal support is dear and the nearest nearly always has it.
         for k in np.argsort(alike.distances, kind="stable")[:_MERGE_CANDIDATES]:
-            if mergeable(self._matcher.supported(alike.take(np.array([k])), frame), self._gates).any():
+            if mergeable(self._matcher.with_mutual_support(alike.take(np.array([k])), frame), self._thresholds).any():
                 return True
         return False
 

@@ -32,7 +32,7 @@ class Cause(StrEnum):
     """A person did it."""
 
 
-WHOLE_MAP = (Cause.BUILD, Cause.LOAD)
+BULK_CAUSES = (Cause.BUILD, Cause.LOAD)
 """Changes of these causes come in bulk and make a map, which is no news; what comes after them changes it."""
 
 

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.closures import Closures
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReleased, GraphDelta, NodeAdded
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.operators import Gates, connectable, mergeable, node_with_edges
-from ltvn_core.graph.planner import Path, Planner
-from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_with_edges
+from ltvn_core.graph.planner import GraphPath, Planner
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId
 
 
@@ -33,17 +33,17 @@ def expand(
     planner = Planner(trial, method.planning)
     added: list[tuple[GraphDelta, ...]] = []
     for frame in _candidates(graph, source, goal, method, rng):
-        deltas = _tied(trial, frame, matcher, method)
+        deltas = _connecting_deltas(trial, frame, matcher, method)
         for delta in deltas:
             trial.apply(delta)
         added += [deltas] if deltas else []
-        path = planner.plan(source, goal) if deltas else Path((), np.inf)
+        path = planner.plan(source, goal) if deltas else GraphPath((), np.inf)
         if path.nodes:
-            return _only_on(path, added, graph)
+            return _restricted_to_path(path, added, graph)
     return ()
 
 
-def reachable(graph: TopologicalGraph, start: NodeId, *, backwards: bool = False) -> set[NodeId]:
+def reachable_nodes(graph: TopologicalGraph, start: NodeId, *, backwards: bool = False) -> set[NodeId]:
     """Return all nodes that can be reached from `start`, or that can reach it; it is one of them."""
     step = graph.predecessors if backwards else graph.successors
     seen, frontier = {start}, [start]
@@ -62,11 +62,13 @@ def _candidates(
     limit = method.expanding.sample_limit
     if not limit:
         return [int(frame) for frame in rng.permutation(frames)]
-    gap = _gap(frames, reachable(graph, source)) + _gap(frames, reachable(graph, goal, backwards=True))
+    gap = _steps_to_nearest_node(frames, reachable_nodes(graph, source)) + _steps_to_nearest_node(
+        frames, reachable_nodes(graph, goal, backwards=True)
+    )
     return [int(frame) for frame in frames[np.argsort(gap, kind="stable")[:limit]]]
 
 
-def _gap(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray:
+def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray:
     """Return (N,) steps from each frame to the node nearest in time."""
     ordered = np.array(sorted(nodes))
     after = np.searchsorted(ordered, frames)
@@ -74,14 +76,16 @@ def _gap(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray:
     return np.minimum(np.abs(frames - before), np.abs(frames - ordered[np.minimum(after, len(ordered) - 1)]))
 
 
-def _tied(trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method) -> tuple[GraphDelta, ...]:
+def _connecting_deltas(
+    trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method
+) -> tuple[GraphDelta, ...]:
     """Return the deltas that make a frame a node of the trial map, none if it adds nothing or is not trusted."""
     nodes = _near_in_time(trial, frame, method.expanding.neighbour_limit)
-    matches = matcher.match(matcher.views.features([frame]), nodes)
+    matches = matcher.match(matcher.keyframes.features([frame]), nodes)
     chosen = _connected(matches, frame, matcher, method)
     if not len(chosen):
         return ()
-    seen = matcher.views.observation(frame)
+    seen = matcher.keyframes.observation(frame)
     released = FramesReleased((frame,), Cause.EXPAND)
     return released, *node_with_edges(seen, chosen, method.believing, Cause.EXPAND)
 
@@ -92,24 +96,26 @@ def _near_in_time(trial: TopologicalGraph, frame: FrameId, limit: int) -> Sequen
 
 
 def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Method) -> Matches:
-    gates = Gates.building(method.building).for_novel(method.expanding)
+    thresholds = OperatorThresholds.building(method.building).for_novel_nodes(method.expanding)
     if not method.expanding.strict:
-        merges = mergeable(matches, gates).any()
-        return matches.take(connectable(matches, gates) & ~merges)
+        merges = mergeable(matches, thresholds).any()
+        return matches.take(connectable(matches, thresholds) & ~merges)
     # Merged images are welcome here: they are in the reserve because they look like a node, and so bridge gaps.
-    chosen = matcher.supported(matches.take(connectable(matches, gates)), frame)
-    chosen = Closures(matcher).proven(frame, chosen, connectable(chosen, gates))
-    chosen = chosen.take(connectable(chosen, gates))
+    chosen = matcher.with_mutual_support(matches.take(connectable(matches, thresholds)), frame)
+    chosen = LoopClosureVerifier(matcher).verified(frame, chosen, connectable(chosen, thresholds))
+    chosen = chosen.take(connectable(chosen, thresholds))
     return chosen if len(chosen) >= 2 else chosen.take(np.zeros(len(chosen), bool))
 
 
-def _only_on(path: Path, added: Sequence[tuple[GraphDelta, ...]], graph: TopologicalGraph) -> tuple[GraphDelta, ...]:
+def _restricted_to_path(
+    path: GraphPath, added: Sequence[tuple[GraphDelta, ...]], graph: TopologicalGraph
+) -> tuple[GraphDelta, ...]:
     """Keep new nodes on the path, and their edges to nodes that stay."""
     staying = set(path.nodes) | set(graph.nodes)
-    return tuple(delta for deltas in added for delta in deltas if _stays(delta, staying))
+    return tuple(delta for deltas in added for delta in deltas if _is_kept(delta, staying))
 
 
-def _stays(delta: GraphDelta, staying: set[NodeId]) -> bool:
+def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
     match delta:
         case FramesReleased():
             return delta.frames[0] in staying

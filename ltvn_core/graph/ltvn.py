@@ -8,28 +8,28 @@ from functools import partial
 
 import numpy as np
 
-from ltvn_core.config import Localising, Method
+from ltvn_core.config import LocalisingConfig, Method
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.expansion import expand
-from ltvn_core.graph.localizer import Fix, Localizer, Recall
-from ltvn_core.graph.maintenance import Attempt, Lost, novel_node, update_edge
+from ltvn_core.graph.localiser import Localisation, LocalisationPrior, Localiser
+from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.planner import edge_cost
-from ltvn_core.graph.system import Deltas, System, Untouched, first_node
-from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, NodeId
 
 
-def ltvn(method: Method) -> System:
+def ltvn_system(method: Method) -> NavigationSystem:
     """Return the paper's system; its map stays as it is if the method does not maintain."""
-    return System(
+    return NavigationSystem(
         name="ltvn",
         method=method,
         build=partial(build, method=method),
         edge_weight=partial(edge_cost, config=method.planning),
         localise=partial(_localise, config=method.localising),
-        subgoal=first_node,
-        maintenance=LifelongMaintenance(method) if method.maintain else Untouched(),
+        subgoal=choose_first_node,
+        maintenance=LifelongMaintenance(method) if method.maintain else NoMaintenance(),
     )
 
 
@@ -39,7 +39,7 @@ class LifelongMaintenance:
 
     method: Method
 
-    def after_attempt(self, graph: TopologicalGraph, attempt: Attempt) -> Deltas:
+    def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
         """Update the belief of the edge, and prune it if it has failed too often."""
         return update_edge(graph, attempt, self.method.believing)
 
@@ -51,13 +51,15 @@ class LifelongMaintenance:
             return ()
         return expand(graph, source, goal, matcher, self.method, rng)
 
-    def lost(self, graph: TopologicalGraph, lost: Lost, matcher: Matcher) -> Deltas:
+    def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
         """Make a node of the image once looking around has not helped."""
         patience = self.method.expanding.novel_after_looks
-        if not patience or lost.looks_in_vain < patience:
+        if not patience or unrecognised.consecutive_failures < patience:
             return ()
-        return novel_node(graph, lost, matcher, self.method)
+        return novel_node(graph, unrecognised, matcher, self.method)
 
 
-def _localise(image: Features, graph: TopologicalGraph, recall: Recall, matcher: Matcher, *, config: Localising) -> Fix:
-    return Localizer(matcher, config).localise(image, graph, recall)
+def _localise(
+    features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher, *, config: LocalisingConfig
+) -> Localisation:
+    return Localiser(matcher, config).localise(features, graph, prior)

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import Matching
+from ltvn_core.config import MatchingConfig
 from ltvn_core.geometry import distance, invert
-from ltvn_core.graph.views import Views
+from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Waypoint
 
-_FEW = 8
+_MAX_NODES_BOTH_WAYS_AT_ONCE = 8
 """So few nodes are asked both ways at once."""
 
 
@@ -47,7 +47,7 @@ class Matches:
         """Return the same matches, trusted differently."""
         return replace(self, reachability=reachability)
 
-    def joined(self, other: "Matches") -> "Matches":
+    def concatenated(self, other: "Matches") -> "Matches":
         """Return these matches and others of the same image."""
         return Matches(
             self.nodes + other.nodes,
@@ -61,58 +61,58 @@ class Matches:
 class Matcher:
     """Asks the network about pairs of images whose features are at hand."""
 
-    def __init__(self, predictor: Predictor, views: Views, config: Matching) -> None:
-        """Compare against the images in `views`."""
+    def __init__(self, predictor: Predictor, keyframes: KeyframeStore, config: MatchingConfig) -> None:
+        """Compare against the images in `keyframes`."""
         self._predictor = predictor
-        self._views = views
+        self._keyframes = keyframes
         self._config = config
 
     @property
-    def config(self) -> Matching:
+    def config(self) -> MatchingConfig:
         """How images are compared."""
         return self._config
 
     @property
-    def views(self) -> Views:
+    def keyframes(self) -> KeyframeStore:
         """The images that can be compared against."""
-        return self._views
+        return self._keyframes
 
-    def match(self, image: Features, nodes: Sequence[NodeId]) -> Matches:
+    def match(self, features: Features, nodes: Sequence[NodeId]) -> Matches:
         """Compare an image (1, F) with the images of `nodes` in one batch."""
         if not nodes:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
-        targets = self._views.features(nodes)
-        forward, backward = self._answers(image, targets)
+        targets = self._keyframes.features(nodes)
+        forward, backward = self._answers(features, targets)
         reachability, waypoints = np.array(forward.reachability), np.array(forward.waypoints)
-        distances = np.where(_says_nothing(reachability, waypoints), np.inf, distance(waypoints))
+        distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
         found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
-        return self._both_ways(image, targets, found, backward) if self._config.both_directions else found
+        return self._both_ways(features, targets, found, backward) if self._config.both_directions else found
 
-    def pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
+    def match_pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
         """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
         there, back = self._there_and_back(first, second)
         ahead = there.reachability >= back.reachability
         waypoints = np.where(ahead[:, None], there.waypoints, invert(back.waypoints))
         return np.maximum(there.reachability, back.reachability), waypoints
 
-    def supported(self, matches: Matches, frame: FrameId) -> Matches:
+    def with_mutual_support(self, matches: Matches, frame: FrameId) -> Matches:
         """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.
 
         A false match between look-alike places rarely survives a step to either side, a true one does.
         """
-        own = self._views.neighbours(frame, self._config.support_gap)
-        return self._with_support(matches, self._views.features([frame]), own)
+        own = self._keyframes.temporal_neighbours(frame, self._config.support_gap)
+        return self._with_support(matches, self._keyframes.features([frame]), own)
 
-    def witnessed(self, matches: Matches, image: Features) -> Matches:
+    def with_node_support(self, matches: Matches, features: Features) -> Matches:
         """Return `matches` of a fresh image (1, F), each r lowered to the median over the nodes' neighbours in time."""
-        return self._with_support(matches, image, ())
+        return self._with_support(matches, features, ())
 
-    def _answers(self, image: Features, targets: Features) -> tuple[Prediction, Prediction | None]:
+    def _answers(self, features: Features, targets: Features) -> tuple[Prediction, Prediction | None]:
         """Ask the way to N targets, and back from them at once where they are few: a second call would cost more."""
         count = len(targets)
-        if not self._config.both_directions or count > _FEW:
-            return self._predictor.predict(image, targets), None
-        return self._there_and_back(np.repeat(image, count, axis=0), targets)
+        if not self._config.both_directions or count > _MAX_NODES_BOTH_WAYS_AT_ONCE:
+            return self._predictor.predict(features, targets), None
+        return self._there_and_back(np.repeat(features, count, axis=0), targets)
 
     def _there_and_back(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
         """Ask about P pairs (P, F), (P, F) both ways in one call."""
@@ -120,7 +120,7 @@ class Matcher:
         both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
         return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
 
-    def _both_ways(self, image: Features, targets: Features, found: Matches, answered: Prediction | None) -> Matches:
+    def _both_ways(self, features: Features, targets: Features, found: Matches, answered: Prediction | None) -> Matches:
         """Ask from the nodes to the image too, where it is near, and take the more reachable answer."""
         # The network measures a motion by aligning both images, so even where it calls the way there unreachable it
         # knows how far that is, and only near nodes need the second question.
@@ -128,7 +128,7 @@ class Matcher:
         if not len(close):
             return found
         if answered is None:
-            backward = self._predictor.predict(targets[close], np.repeat(image, len(close), axis=0))
+            backward = self._predictor.predict(targets[close], np.repeat(features, len(close), axis=0))
         else:
             backward = Prediction(*(part[close] for part in answered))
         better = backward.reachability > found.reachability[close]
@@ -139,10 +139,10 @@ class Matcher:
         found.ahead[chosen] = False
         return found
 
-    def _with_support(self, matches: Matches, image: Features, own: Sequence[FrameId]) -> Matches:
+    def _with_support(self, matches: Matches, features: Features, own: Sequence[FrameId]) -> Matches:
         if not self._config.temporal_support or not len(matches):
             return matches
-        images, nodes, owners = self._neighbouring_pairs(matches, image, own)
+        images, nodes, owners = self._neighbouring_pairs(matches, features, own)
         if not len(owners):
             return matches
         ahead = matches.ahead[owners][:, None]
@@ -153,20 +153,23 @@ class Matcher:
         return matches.with_reachability(np.minimum(matches.reachability, medians))
 
     def _neighbouring_pairs(
-        self, matches: Matches, image: Features, own: Sequence[FrameId]
+        self, matches: Matches, features: Features, own: Sequence[FrameId]
     ) -> tuple[Features, Features, NDArray[np.intp]]:
         """Return P pairs (P, F), (P, F) beside each match in time, and which match (P,) each pair belongs to."""
-        beside = [self._views.neighbours(node, self._config.support_gap) for node in matches.nodes]
+        beside = [self._keyframes.temporal_neighbours(node, self._config.support_gap) for node in matches.nodes]
         counts = [len(frames) for frames in beside]
-        here = [np.repeat(image, sum(counts), axis=0), np.repeat(self._views.features(own), len(matches), axis=0)]
+        here = [
+            np.repeat(features, sum(counts), axis=0),
+            np.repeat(self._keyframes.features(own), len(matches), axis=0),
+        ]
         there = [
-            self._views.features([frame for frames in beside for frame in frames]),
-            np.tile(self._views.features(matches.nodes), (len(own), 1)),
+            self._keyframes.features([frame for frames in beside for frame in frames]),
+            np.tile(self._keyframes.features(matches.nodes), (len(own), 1)),
         ]
         owners = [np.repeat(np.arange(len(matches)), counts), np.tile(np.arange(len(matches)), len(own))]
         return np.concatenate(here), np.concatenate(there), np.concatenate(owners)
 
 
-def _says_nothing(reachability: NDArray[np.float64], waypoints: Waypoint) -> NDArray[np.bool_]:
+def _has_no_waypoint(reachability: NDArray[np.float64], waypoints: Waypoint) -> NDArray[np.bool_]:
     """Tell (N,) which pairs a predictor passed over: it calls them unreachable and gives a waypoint of zeros."""
     return (reachability < 0.5) & ~waypoints.any(axis=1)

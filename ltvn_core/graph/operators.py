@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import Believing, Building, Expanding
+from ltvn_core.config import BeliefConfig, BuildingConfig, ExpansionConfig
 from ltvn_core.geometry import invert
-from ltvn_core.graph.beliefs import initial
+from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, Node, NodeAdded, PoseRow
 from ltvn_core.graph.matching import Matches
 from ltvn_core.types import NodeId, Observation, Waypoint
 
 
 @dataclass(frozen=True, slots=True)
-class Gates:
+class OperatorThresholds:
     """The thresholds of the two operators."""
 
     merge_distance: float
@@ -34,7 +34,7 @@ class Gates:
     """R_c."""
 
     @classmethod
-    def building(cls, config: Building) -> "Gates":
+    def building(cls, config: BuildingConfig) -> "OperatorThresholds":
         """Return the gates of Algorithm 1."""
         return cls(
             config.merge_distance,
@@ -44,7 +44,7 @@ class Gates:
             config.connect_reachability,
         )
 
-    def for_novel(self, config: Expanding) -> "Gates":
+    def for_novel_nodes(self, config: ExpansionConfig) -> "OperatorThresholds":
         """Return the gates for novel nodes: D_c looser, D_m smaller."""
         return replace(
             self,
@@ -53,21 +53,21 @@ class Gates:
         )
 
 
-def mergeable(matches: Matches, gates: Gates) -> NDArray[np.bool_]:
+def mergeable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
     """Tell for each node (N,) whether the image adds nothing to it: d < D_m."""
     return (
-        (matches.distances < gates.merge_distance)
-        & (matches.reachability > gates.merge_reachability)
-        & (np.abs(matches.waypoints[:, 2]) <= gates.merge_yaw_rad)
+        (matches.distances < thresholds.merge_distance)
+        & (matches.reachability > thresholds.merge_reachability)
+        & (np.abs(matches.waypoints[:, 2]) <= thresholds.merge_yaw_rad)
     )
 
 
-def connectable(matches: Matches, gates: Gates) -> NDArray[np.bool_]:
+def connectable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
     """Tell for each node (N,) whether an edge may join it to the image: d < D_c and r > R_c."""
-    return (matches.distances < gates.connect_distance) & (matches.reachability > gates.connect_reachability)
+    return (matches.distances < thresholds.connect_distance) & (matches.reachability > thresholds.connect_reachability)
 
 
-def node_of(observation: Observation) -> Node:
+def node_from_observation(observation: Observation) -> Node:
     """Return the node that an image becomes."""
     return Node(observation.step, pose_row(observation.odometry))
 
@@ -77,15 +77,18 @@ def pose_row(pose: Waypoint) -> PoseRow:
     return PoseRow(*(float(value) for value in pose))
 
 
-def node_with_edges(observation: Observation, matches: Matches, config: Believing, cause: Cause) -> list[GraphDelta]:
+def node_with_edges(observation: Observation, matches: Matches, config: BeliefConfig, cause: Cause) -> list[GraphDelta]:
     """Return the deltas that make an image a node and join it both ways to every match."""
-    return [NodeAdded(node_of(observation), cause), *edges_both_ways(observation.step, matches, config, cause)]
+    return [
+        NodeAdded(node_from_observation(observation), cause),
+        *bidirectional_edges(observation.step, matches, config, cause),
+    ]
 
 
-def edges_both_ways(source: NodeId, matches: Matches, config: Believing, cause: Cause) -> Iterable[GraphDelta]:
+def bidirectional_edges(source: NodeId, matches: Matches, config: BeliefConfig, cause: Cause) -> Iterable[GraphDelta]:
     """Yield an edge to each match and the same edge driven backwards, whose waypoint is the inverse."""
     for k, target in enumerate(matches.nodes):
-        belief = initial(matches.reachability[k], matches.distances[k], config)
+        belief = initial_belief(matches.reachability[k], matches.distances[k], config)
         ahead, back = pose_row(matches.waypoints[k]), pose_row(invert(matches.waypoints[k]))
         yield EdgeAdded(Edge(source, target, ahead, belief), cause)
         yield EdgeAdded(Edge(target, source, back, belief), cause)

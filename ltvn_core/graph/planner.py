@@ -12,18 +12,18 @@ from typing import NamedTuple, TypeAlias
 
 import rustworkx
 
-from ltvn_core.config import Planning
+from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgeAdded, EdgePruned, GraphDelta
-from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
-_LEAST_P = 1e-3
+_MIN_P = 1e-3
 
 EdgeWeight: TypeAlias = Callable[[Belief], float]
 """What an edge costs, given what is believed of it; finite and not negative."""
 
 
-class Path(NamedTuple):
+class GraphPath(NamedTuple):
     """A way from the first to the last of its nodes."""
 
     nodes: tuple[NodeId, ...]
@@ -32,38 +32,38 @@ class Path(NamedTuple):
     """Infinite when there is no path."""
 
 
-NO_PATH = Path((), math.inf)
+NO_PATH = GraphPath((), math.inf)
 
 
-def edge_cost(belief: Belief, config: Planning) -> float:
+def edge_cost(belief: Belief, config: PlanningConfig) -> float:
     """Return mu, or mu - weight * ln p where the belief counts."""
-    return belief.mu - config.belief_weight * math.log(max(belief.p, _LEAST_P))
+    return belief.mu - config.belief_weight * math.log(max(belief.p, _MIN_P))
 
 
 class Planner:
-    """Plans on one graph; deltas handed to `follow` keep the mirror fresh, anything missed is rebuilt at once."""
+    """Plans on one graph; deltas handed to `mirror_delta` keep the mirror fresh, anything missed is rebuilt at once."""
 
-    def __init__(self, graph: TopologicalGraph, config: Planning, *, weight: EdgeWeight | None = None) -> None:
+    def __init__(self, graph: TopologicalGraph, config: PlanningConfig, *, weight: EdgeWeight | None = None) -> None:
         """Mirror `graph`, whose edges cost `weight` if that is given and else `edge_cost`."""
         self._graph = graph
         self._weight = weight or partial(edge_cost, config=config)
         self._rebuild()
 
-    def follow(self, delta: GraphDelta) -> None:
+    def mirror_delta(self, delta: GraphDelta) -> None:
         """Mirror a delta that was just applied to the graph."""
         if self._version != self._graph.version - 1:
             return  # Something was missed before; the next plan rebuilds.
-        if self._mirrored(delta):
+        if self._try_mirror(delta):
             self._version = self._graph.version
 
-    def plan(self, source: NodeId, goal: NodeId, penalties: Mapping[EdgeKey, float] | None = None) -> Path:
+    def plan(self, source: NodeId, goal: NodeId, penalties: Mapping[EdgeKey, float] | None = None) -> GraphPath:
         """Return the cheapest path; `penalties` are added to edges for this plan alone, infinite ones close them."""
         if self._version != self._graph.version:
             self._rebuild()
         if source not in self._index or goal not in self._index:
             return NO_PATH
         if source == goal:
-            return Path((source,), 0.0)
+            return GraphPath((source,), 0.0)
         penalised = self._penalise(penalties or {})
         try:
             return self._dijkstra(source, goal)
@@ -71,14 +71,14 @@ class Planner:
             for key in penalised:
                 self._set_cost(key, self._weight(self._graph.edges[key].belief))
 
-    def _dijkstra(self, source: NodeId, goal: NodeId) -> Path:
+    def _dijkstra(self, source: NodeId, goal: NodeId) -> GraphPath:
         start, end = self._index[source], self._index[goal]
         found = rustworkx.dijkstra_shortest_paths(self._mirror, start, end, weight_fn=float)
         if end not in found:
             return NO_PATH
         steps = list(found[end])
         cost = sum(self._mirror.get_edge_data(a, b) for a, b in itertools.pairwise(steps))
-        return Path(tuple(self._mirror[k] for k in steps), cost) if math.isfinite(cost) else NO_PATH
+        return GraphPath(tuple(self._mirror[k] for k in steps), cost) if math.isfinite(cost) else NO_PATH
 
     def _penalise(self, penalties: Mapping[EdgeKey, float]) -> list[EdgeKey]:
         present = [key for key in penalties if key in self._graph.edges]
@@ -89,7 +89,7 @@ class Planner:
     def _set_cost(self, key: EdgeKey, cost: float) -> None:
         self._mirror.update_edge(self._index[key[0]], self._index[key[1]], cost)
 
-    def _mirrored(self, delta: GraphDelta) -> bool:
+    def _try_mirror(self, delta: GraphDelta) -> bool:
         match delta:
             case BeliefUpdated():
                 self._set_cost((delta.source, delta.target), self._weight(delta.belief))
@@ -115,7 +115,7 @@ class Planner:
         self._version = graph.version
 
 
-def count_pieces(graph: TopologicalGraph) -> int:
+def count_strongly_connected_components(graph: TopologicalGraph) -> int:
     """Return into how many parts a map falls between which no path leads there and back; 1 is what one wants."""
     mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))

@@ -12,20 +12,20 @@ from uuid import uuid4
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import NodeAdded
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.nav.events import (
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import (
+    AttemptEnded,
+    AttemptStarted,
     GraphChanged,
-    LegEnded,
-    LegStarted,
     Localised,
     Note,
     Planned,
     QueryEnded,
     QueryStarted,
-    Stamped,
+    StampedEvent,
 )
+from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.whole import written_whole
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import FrameId
 
@@ -47,18 +47,18 @@ class Excerpt:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class EventWindow:
     """The events of a stretch of time and what led to them."""
 
-    before: TopologicalGraph
+    graph_before: TopologicalGraph
     """The map at its start."""
-    opened: tuple[Stamped, ...]
+    ongoing: tuple[StampedEvent, ...]
     """Of the query and the leg that ran at its start: how they began, and the last fix and plan."""
-    events: tuple[Stamped, ...]
+    events: tuple[StampedEvent, ...]
     """In the order in which they were written."""
 
 
-def moment(events: Sequence[Stamped], from_s: float, to_s: float) -> Moment:
+def event_window(events: Sequence[StampedEvent], from_s: float, to_s: float) -> EventWindow:
     """Take the events from the first at or after `from_s` to the last at or before `to_s`; linear in events.
 
     Events out of order stay where they are, so that the map at the end of the moment is the one of the recording.
@@ -68,10 +68,10 @@ def moment(events: Sequence[Stamped], from_s: float, to_s: float) -> Moment:
     last = inside[-1] + 1 if inside else first
     changes = (stamped.event for stamped in events[:first])
     graph = TopologicalGraph(change.delta for change in changes if isinstance(change, GraphChanged))
-    return Moment(graph, _opened(events[:first]), tuple(events[first:last]))
+    return EventWindow(graph, _ongoing_at_start(events[:first]), tuple(events[first:last]))
 
 
-def span(recording: Recording) -> tuple[float, float]:
+def time_span(recording: Recording) -> tuple[float, float]:
     """Return the first and the last instant of a recording, in seconds on the robot's clock. Raises RecordingError."""
     stamps = [*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events)]
     if not stamps:
@@ -79,7 +79,9 @@ def span(recording: Recording) -> tuple[float, float]:
     return min(stamps), max(stamps)
 
 
-def cut(recording: Recording, output: Path | str, *, from_s: float, to_s: float, named_only: bool = False) -> Excerpt:
+def write_excerpt(
+    recording: Recording, output: Path | str, *, from_s: float, to_s: float, named_only: bool = False
+) -> Excerpt:
     """Write the moment from `from_s` to `to_s` (robot clock) of a recording to a new file that stands alone.
 
     It holds the map at its start with the images of its nodes and its reserve; with `named_only` just the images that
@@ -88,33 +90,33 @@ def cut(recording: Recording, output: Path | str, *, from_s: float, to_s: float,
     """
     output = Path(output)
     _check_times(recording, from_s, to_s)
-    found = moment(recording.events, from_s, to_s)
+    found = event_window(recording.events, from_s, to_s)
     frames = _frames(recording, found, from_s, to_s, named_only=named_only)
-    with written_whole(output) as part:
+    with atomic_output(output) as part:
         _write(recording, part, found, frames, (from_s, to_s))
     return Excerpt(
-        recording.path, output, from_s, to_s, len(frames), len(found.opened + found.events), output.stat().st_size
+        recording.path, output, from_s, to_s, len(frames), len(found.ongoing + found.events), output.stat().st_size
     )
 
 
-def _opened(events: Sequence[Stamped]) -> tuple[Stamped, ...]:
+def _ongoing_at_start(events: Sequence[StampedEvent]) -> tuple[StampedEvent, ...]:
     """Return what an unfinished query needs to be understood, oldest first."""
-    kept: dict[type, Stamped] = {}
+    kept: dict[type, StampedEvent] = {}
     for stamped in events:
         match stamped.event:
             case QueryStarted():
                 kept = {QueryStarted: stamped}
             case QueryEnded():
                 kept = {}
-            case Localised() | Planned() | LegStarted() if kept:
+            case Localised() | Planned() | AttemptStarted() if kept:
                 kept[type(stamped.event)] = stamped
-            case LegEnded():
-                kept.pop(LegStarted, None)
+            case AttemptEnded():
+                kept.pop(AttemptStarted, None)
     return tuple(sorted(kept.values(), key=events.index))
 
 
 def _check_times(recording: Recording, from_s: float, to_s: float) -> None:
-    begin, end = span(recording)
+    begin, end = time_span(recording)
     whole = f"the recording runs from {begin:.1f} s to {end:.1f} s"
     if not (math.isfinite(from_s) and math.isfinite(to_s) and from_s <= to_s):
         raise RecordingError(f"A moment runs from an earlier to a later time, not {from_s} to {to_s} s; {whole}.")
@@ -124,18 +126,18 @@ def _check_times(recording: Recording, from_s: float, to_s: float) -> None:
 
 
 def _frames(
-    recording: Recording, found: Moment, from_s: float, to_s: float, *, named_only: bool
+    recording: Recording, found: EventWindow, from_s: float, to_s: float, *, named_only: bool
 ) -> tuple[FrameId, ...]:
     """Return the frames that the moment needs and the recording holds, in order."""
     stamps = zip(recording.frames, recording.poses.stamps.tolist(), strict=True)
     wanted = {frame for frame, stamp in stamps if from_s <= stamp <= to_s}
-    wanted.update(*(_named(stamped) for stamped in found.opened + found.events))
+    wanted.update(*(_named(stamped) for stamped in found.ongoing + found.events))
     if not named_only:
-        wanted |= {*found.before.nodes, *found.before.reserve}
+        wanted |= {*found.graph_before.nodes, *found.graph_before.reserve}
     return tuple(frame for frame in recording.frames if frame in wanted)
 
 
-def _named(stamped: Stamped) -> Iterator[FrameId]:
+def _named(stamped: StampedEvent) -> Iterator[FrameId]:
     """Yield the frames that an event speaks of."""
     match stamped.event:
         case QueryStarted(goal=goal):
@@ -145,7 +147,8 @@ def _named(stamped: Stamped) -> Iterator[FrameId]:
         case Planned(nodes=nodes):
             yield from nodes
         case (
-            LegStarted(source=source, target=target, frame=frame) | LegEnded(source=source, target=target, frame=frame)
+            AttemptStarted(source=source, target=target, frame=frame)
+            | AttemptEnded(source=source, target=target, frame=frame)
         ):
             yield from (each for each in (source, target, frame) if each is not None)
         case GraphChanged(delta=NodeAdded(node=node)):
@@ -153,11 +156,11 @@ def _named(stamped: Stamped) -> Iterator[FrameId]:
 
 
 def _write(
-    recording: Recording, output: Path, found: Moment, frames: Sequence[FrameId], times: tuple[float, float]
+    recording: Recording, output: Path, found: EventWindow, frames: Sequence[FrameId], times: tuple[float, float]
 ) -> None:
-    meta, graph = recording.meta, found.before.copy()
+    meta, graph = recording.meta, found.graph_before.copy()
     origin = {"recording": recording.path.name, "id": meta.recording_id, "from_s": times[0], "to_s": times[1]}
-    everything = found.opened + found.events
+    everything = found.ongoing + found.events
     with RecordingWriter(
         output,
         scene=meta.scene,
@@ -169,8 +172,8 @@ def _write(
         started_at=meta.started_at,
     ) as writer:
         for frame in frames:
-            writer.encoded_frame(recording.stored_frame(frame).frame)
-        begin = _begin(recording, everything, times[0])
+            writer.write_encoded_frame(recording.stored_frame(frame).frame)
+        begin = _start_note(recording, everything, times[0])
         for delta in graph.deltas():
             writer.event(begin._replace(event=GraphChanged(delta)))
         writer.event(begin)
@@ -182,11 +185,11 @@ def _write(
                 writer.graph(graph, stamped.step, stamped.stamp)
 
 
-def _begin(recording: Recording, events: Sequence[Stamped], from_s: float) -> Stamped:
+def _start_note(recording: Recording, events: Sequence[StampedEvent], from_s: float) -> StampedEvent:
     """Return a note at the instant at which the map is as it was when the moment began."""
     text = f"cut out of {recording.path.name} at {from_s:.1f} s"
     if events:
         first = min(events, key=lambda stamped: stamped.step)
-        return Stamped(first.step, min(first.stamp, from_s), Note(text))
+        return StampedEvent(first.step, min(first.stamp, from_s), Note(text))
     after = recording.poses.stamps.searchsorted(from_s)
-    return Stamped(int(recording.poses.steps[after]), float(recording.poses.stamps[after]), Note(text))
+    return StampedEvent(int(recording.poses.steps[after]), float(recording.poses.stamps[after]), Note(text))

@@ -5,15 +5,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ltvn_core.nav.events import Collided, Judged, QueryEnded
-from ltvn_core.recording import framing
-from ltvn_core.recording.chunks import require_rrd
+from ltvn_core.navigation.events import Collided, Judged, QueryEnded
+from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.integrity import open_readable_part
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.salvage import whole_part
+from ltvn_core.recording.rrd_contents import require_rrd
 
 
 @dataclass(frozen=True, slots=True)
-class Info:
+class RecordingInfo:
     """The summary of a recording."""
 
     recording: Path
@@ -43,20 +43,20 @@ class Info:
     size_bytes: int
 
 
-def info(path: Path | str) -> Info:
+def read_info(path: Path | str) -> RecordingInfo:
     """Summarise a recording, whole or cut. Raises RecordingError when it is not ours or nothing is readable."""
     path = Path(path)
     require_rrd(path)
-    found = framing.scan(path)
-    with whole_part(path, found) as recording:
+    found = rrd_framing.scan_rrd(path)
+    with open_readable_part(path, found) as recording:
         return _summary(recording, found.finished, path.stat().st_size)
 
 
-def _summary(recording: Recording, whole: bool, size_bytes: int) -> Info:
+def _summary(recording: Recording, whole: bool, size_bytes: int) -> RecordingInfo:
     events, stamps = [stamped.event for stamped in recording.events], recording.poses.stamps
     graph, meta = recording.final_graph(), recording.meta
     verdicts = [event.reached for event in events if isinstance(event, Judged)]
-    return Info(
+    return RecordingInfo(
         recording=recording.path,
         whole=whole,
         scene=meta.scene,

@@ -13,19 +13,19 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ltvn_core.errors import RecordingError
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.nav.events import GraphChanged, Stamped
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording import schema
-from ltvn_core.recording.chunks import Contents, read_contents, require_finished
-from ltvn_core.recording.codec import EncodedEvent, decode_event
-from ltvn_core.recording.collector import collector_paused
-from ltvn_core.recording.frames import EncodedFrame, decode_frame
-from ltvn_core.recording.meta import Meta
-from ltvn_core.recording.rows import cell
+from ltvn_core.recording.arrow_columns import read_cell
+from ltvn_core.recording.event_codec import EncodedEvent, current_kind, decode_event
+from ltvn_core.recording.frame_codec import EncodedFrame, decode_frame
+from ltvn_core.recording.garbage_collection import garbage_collection_paused
+from ltvn_core.recording.metadata import RecordingMetadata
+from ltvn_core.recording.rrd_contents import RrdContents, read_contents, require_finished
 from ltvn_core.types import FrameId, Observation, Pose
 
 
-class Poses(NamedTuple):
+class FramePoses(NamedTuple):
     """Where all frames of a recording were taken, in the order of their steps."""
 
     steps: NDArray[np.int64]
@@ -63,25 +63,25 @@ class StoredEvent(NamedTuple):
         return self.checksum == self.event.checksum
 
 
-class _Row(NamedTuple):
+class _BatchRow(NamedTuple):
     batch: pa.RecordBatch
     row: int
 
     def numbers(self, column: str) -> NDArray:
-        return cell(self.batch.column(column), self.row)
+        return read_cell(self.batch.column(column), self.row)
 
 
 class Recording:
     """A recording that lies on disk, opened for reading."""
 
-    def __init__(self, path: Path, contents: Contents) -> None:
+    def __init__(self, path: Path, contents: RrdContents) -> None:
         """Index the contents of a file; `Recording.open` is the way in."""
         self.path = path
-        self.meta: Meta = contents.meta
+        self.meta: RecordingMetadata = contents.meta
         self._contents = contents
-        rgb, depth = _by_step(contents.of(schema.RGB)), _by_step(contents.of(schema.DEPTH))
+        rgb, depth = _by_step(contents.batches_of(schema.RGB)), _by_step(contents.batches_of(schema.DEPTH))
         # A cut file may end between the two halves of a frame; only whole frames count.
-        self._rows: Mapping[FrameId, tuple[_Row, _Row]] = {
+        self._rows: Mapping[FrameId, tuple[_BatchRow, _BatchRow]] = {
             step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
         }
 
@@ -122,7 +122,7 @@ class Recording:
         return StoredFrame(encoded, int(sums[0][0]), int(sums[1][0]))
 
     @cached_property
-    def poses(self) -> Poses:
+    def poses(self) -> FramePoses:
         """Where the frames were taken, without touching any picture."""
         chosen = [rgb for rgb, _ in self._rows.values()]
         # Row by row takes half a second for 20,000 frames, so whole columns are read and the rows taken from them.
@@ -134,7 +134,7 @@ class Recording:
         rows = np.array([starts[id(row.batch)] + row.row for row in chosen], np.int64)
         odometry = _column(batches, "odometry").reshape(-1, 3)
         exact = _column(batches, "exact_pose")
-        return Poses(
+        return FramePoses(
             steps=np.array(self.frames, np.int64),
             stamps=_column(batches, "stamp")[rows],
             odometry=odometry[rows],
@@ -144,16 +144,16 @@ class Recording:
     @cached_property
     def stored_events(self) -> Sequence[StoredEvent]:
         """All events in order, still as JSON."""
-        events = [event for batch in self._contents.of(schema.EVENTS) for event in _events(batch)]
+        events = [event for batch in self._contents.batches_of(schema.EVENTS) for event in _events(batch)]
         return sorted(events, key=lambda stored: stored.event.sequence)
 
     @cached_property
-    def events(self) -> list[Stamped]:
+    def events(self) -> list[StampedEvent]:
         """All events, in the order in which they were written. Raises RecordingError when one is damaged."""
-        with collector_paused():
-            columns = [_event_columns(batch) for batch in self._contents.of(schema.EVENTS)]
+        with garbage_collection_paused():
+            columns = [_event_columns(batch) for batch in self._contents.batches_of(schema.EVENTS)]
             rows = sorted(row for column in columns for row in zip(*column, strict=True))
-            return [Stamped(step, stamp, decode_event(text)) for _, step, stamp, text in rows]
+            return [StampedEvent(step, stamp, decode_event(text)) for _, step, stamp, text in rows]
 
     def graph_at(self, step: FrameId) -> TopologicalGraph:
         """Return the map after everything that happened up to and in `step`, by folding the deltas."""
@@ -165,18 +165,18 @@ class Recording:
 
     def scene_glb(self) -> bytes | None:
         """Return the scene that is drawn, as a binary glTF, when the file holds one."""
-        for batch in self._contents.of(schema.SCENE):
-            return cell(batch.column("Asset3D:blob"), 0).tobytes()
+        for batch in self._contents.batches_of(schema.SCENE):
+            return read_cell(batch.column("Asset3D:blob"), 0).tobytes()
         return None
 
 
-def _folded(events: Iterable[Stamped]) -> TopologicalGraph:
+def _folded(events: Iterable[StampedEvent]) -> TopologicalGraph:
     return TopologicalGraph(stamped.event.delta for stamped in events if isinstance(stamped.event, GraphChanged))
 
 
-def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, _Row]:
+def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, _BatchRow]:
     return {
-        step: _Row(batch, index)
+        step: _BatchRow(batch, index)
         for batch in batches
         if schema.STEP in batch.schema.names
         for index, step in enumerate(batch.column(schema.STEP).to_pylist())
@@ -202,6 +202,6 @@ def _events(batch: pa.RecordBatch) -> list[StoredEvent]:
     columns = [batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in names]
     steps = batch.column(schema.STEP).to_pylist()
     return [
-        StoredEvent(EncodedEvent(sequence, step, stamp, kind, text), checksum)
+        StoredEvent(EncodedEvent(sequence, step, stamp, current_kind(kind), text), checksum)
         for step, sequence, stamp, kind, text, checksum in zip(steps, *columns, strict=True)
     ]

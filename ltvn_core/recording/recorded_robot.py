@@ -25,6 +25,6 @@ class RecordedRobot:
 
     def observe(self) -> Observation:
         """Take a picture and record it."""
-        seen = self._robot.observe()
-        self._writer.frame(seen)
-        return seen
+        observation = self._robot.observe()
+        self._writer.frame(observation)
+        return observation

@@ -3,7 +3,7 @@
 `recordings/README.md` explains the same to people. Owns no reading and no writing.
 """
 
-SCHEMA = 1
+SCHEMA_VERSION = 1
 """Goes up whenever an older reader could misunderstand the file."""
 
 APPLICATION_ID = "ltvn"

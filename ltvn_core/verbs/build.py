@@ -10,7 +10,7 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 
 @dataclass(frozen=True)
-class Built:
+class BuildSummary:
     """The size of a new map."""
 
     map: Path
@@ -24,7 +24,7 @@ class Built:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Build(Verb):
+class BuildVerb(Verb):
     """Build a map from a recording by Algorithm 1, or as one of the paper's rivals does."""
 
     recording: Positional[Path]
@@ -48,18 +48,18 @@ class Build(Verb):
         from tqdm import tqdm
 
         from ltvn_core.composition import open_method, open_predictor, open_system
-        from ltvn_core.graph.planner import count_pieces
-        from ltvn_core.graph.topograph import TopologicalGraph
-        from ltvn_core.graph.views import Views
-        from ltvn_core.recording.maps import save_map
+        from ltvn_core.graph.keyframes import KeyframeStore
+        from ltvn_core.graph.planner import count_strongly_connected_components
+        from ltvn_core.graph.topological_graph import TopologicalGraph
+        from ltvn_core.recording.atomic_files import require_new_path
+        from ltvn_core.recording.map_file import save_map
         from ltvn_core.recording.reader import Recording
-        from ltvn_core.recording.whole import check_free
 
-        check_free(self.output)
+        require_new_path(self.output)
         recording = Recording.open(self.recording)
         observations = [recording.observation(frame) for frame in recording.frames]
         predictor = open_predictor(self.predictor, recording.meta.scene, self.weights)
-        views, method = Views(predictor), open_method(self.preset, self.predictor, self.weights)
+        keyframes, method = KeyframeStore(predictor), open_method(self.preset, self.predictor, self.weights)
         with tqdm(total=len(observations), desc="build", unit="image") as bar:
 
             def show(done: int, total: int) -> None:
@@ -67,14 +67,19 @@ class Build(Verb):
                 bar.update(done - bar.n)
 
             system, rng = open_system(self.system, method), np.random.default_rng(self.seed)
-            deltas = system.build(observations, views, predictor, rng=rng, progress=show)
+            deltas = system.build(observations, keyframes, predictor, rng=rng, progress=show)
         graph = TopologicalGraph(deltas)
-        kept = [views.observation(frame) for frame in views.frames]
+        kept = [keyframes.observation(frame) for frame in keyframes.frames]
         settings = {"verb": "build", "system": self.system, "preset": self.preset, "seed": self.seed}
         settings["method"] = asdict(system.method)
         save_map(
             self.output, graph, kept, scene=recording.meta.scene, config=settings, fingerprint=predictor.fingerprint
         )
-        return Built(
-            self.output, len(observations), len(graph.nodes), len(graph.edges), len(graph.reserve), count_pieces(graph)
+        return BuildSummary(
+            self.output,
+            len(observations),
+            len(graph.nodes),
+            len(graph.edges),
+            len(graph.reserve),
+            count_strongly_connected_components(graph),
         )

@@ -8,7 +8,7 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 
 @dataclass(frozen=True)
-class Collected:
+class CollectSummary:
     """What a tour brought home."""
 
     recording: Path
@@ -20,7 +20,7 @@ class Collected:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Collect(Verb):
+class CollectVerb(Verb):
     """Drive a scripted tour through a scene, as a person mapping it would, and record it."""
 
     output: Path
@@ -49,8 +49,8 @@ class Collect(Verb):
 
         from ltvn_core.composition import open_simulation
         from ltvn_core.recording.writer import RecordingWriter
-        from ltvn_core.sim.odometry import OdometryNoise
-        from ltvn_core.sim.tour import tour
+        from ltvn_core.simulation.scripted_tour import drive_tour
+        from ltvn_core.simulation.wheel_odometry import OdometryNoise
 
         noise = OdometryNoise(self.distance_noise, self.angle_noise)
         simulation = open_simulation(self.scene, seed=self.seed, odometry_noise=noise)
@@ -59,7 +59,9 @@ class Collect(Verb):
         frames = 0
         with RecordingWriter(self.output, scene=simulation.scene.address, config=settings, fingerprint="") as writer:
             rng = np.random.default_rng(self.seed)
-            for seen in tqdm(tour(robot, simulation.scene, rng, loops=self.loops), desc="collect", unit="frame"):
-                writer.frame(seen)
+            for observation in tqdm(
+                drive_tour(robot, simulation.scene, rng, loops=self.loops), desc="collect", unit="frame"
+            ):
+                writer.frame(observation)
                 frames += 1
-        return Collected(self.output, simulation.scene.name, frames, robot.collisions, robot.stamp)
+        return CollectSummary(self.output, simulation.scene.name, frames, robot.collisions, robot.stamp)

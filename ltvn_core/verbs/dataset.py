@@ -5,12 +5,12 @@ from pathlib import Path
 
 from ltvn_core.verbs.verb import Summary, Verb
 
-FAMILIES = ("train-", "tune-0", "tune-1", "tune-2")
+DEFAULT_SCENE_PREFIXES = ("train-", "tune-0", "tune-1", "tune-2")
 """Scenes that a dataset holds unless others are named: to train on, and to choose the best weights by."""
 
 
 @dataclass(frozen=True)
-class DatasetMade:
+class DatasetSummary:
     """The size of a dataset."""
 
     folder: Path
@@ -22,7 +22,7 @@ class DatasetMade:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dataset(Verb):
+class DatasetVerb(Verb):
     """Render image pairs in scenes and label them as reachable or not; goes on where an earlier call stopped."""
 
     folder: Path = Path("data")
@@ -38,17 +38,17 @@ class Dataset(Verb):
 
     def run(self) -> Summary:
         """Make the missing shards; raises SceneError and DatasetError."""
-        from ltvn_core.data.generate import DatasetRecipe, generate
-        from ltvn_core.data.shards import read_shard
-        from ltvn_core.lessons.worlds import open_world
-        from ltvn_core.sim.scenes import scene_names
+        from ltvn_core.simulation.scene_registry import scene_names
+        from ltvn_core.training.simulated_scenes import open_dataset_scene
+        from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
+        from ltvn_core.training_data.shards import read_shard
 
-        names = self.scenes or tuple(name for name in scene_names() if name.startswith(FAMILIES))
+        names = self.scenes or tuple(name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES))
         recipe = DatasetRecipe(seed=self.seed, clusters=self.clusters)
-        paths = generate(names, open_world, self.folder, recipe, processes=self.processes)
+        paths = generate_shards(names, open_dataset_scene, self.folder, recipe, processes=self.processes)
         images = pairs = reachable = 0
         for path in paths:
             shard = read_shard(path)
             images, pairs = images + len(shard.rgb), pairs + len(shard.sources)
             reachable += int(shard.reachable.sum())
-        return DatasetMade(self.folder, len(paths), images, pairs, reachable / max(pairs, 1))
+        return DatasetSummary(self.folder, len(paths), images, pairs, reachable / max(pairs, 1))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.streaming import announced
+from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Demonstrated:
+class DemoSummary:
     """What happened, in numbers."""
 
     recording: Path
@@ -44,7 +44,7 @@ class Demonstrated:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Demo(Verb):
+class DemoVerb(Verb):
     """Collect, build, navigate and record: the page's main job, or all of it without a browser (--headless)."""
 
     headless: bool = False
@@ -73,16 +73,16 @@ class Demo(Verb):
     def run(self) -> Summary:
         """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
         if not self.headless:
-            from ltvn_core.verbs.app import App
+            from ltvn_viz.verbs.app import AppVerb
 
-            return App(
+            return AppVerb(
                 scene=self.scene, seed=self.seed, predictor=self.predictor, weights=self.weights, stream=self.stream
             ).run()
         if self.queries < 0 or self.loops < 1:
             raise OptionError(
                 f"--queries must be 0 or more and --loops 1 or more, got {self.queries} and {self.loops}."
             )
-        return _demonstrate(self)
+        return _run_headless(self)
 
     def settings(self, method: "Method") -> dict[str, Any]:
         """Say how the run was made, for the recording."""
@@ -95,47 +95,47 @@ class Demo(Verb):
         }
 
 
-def _dated(name: str) -> Path:
+def _dated_path(name: str) -> Path:
     return Path("runs") / time.strftime(f"{name}-%Y%m%d-%H%M%S.rrd")
 
 
-def _demonstrate(options: Demo) -> Demonstrated:
+def _run_headless(options: DemoVerb) -> DemoSummary:
     import numpy as np
 
     from ltvn_core.composition import open_method, open_predictor, open_simulation
-    from ltvn_core.graph.topograph import TopologicalGraph
-    from ltvn_core.graph.views import Views
-    from ltvn_core.recording.maps import save_map
-    from ltvn_core.recording.whole import check_free
+    from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.recording.atomic_files import require_new_path
+    from ltvn_core.recording.map_file import save_map
     from ltvn_core.recording.writer import RecordingWriter
-    from ltvn_core.verbs.headless import Workbench
+    from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     if options.map is not None:
-        check_free(options.map)
+        require_new_path(options.map)
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     simulation = open_simulation(options.scene, seed=options.seed)
     predictor = open_predictor(options.predictor, options.scene, options.weights)
     method = open_method(options.preset, options.predictor, options.weights)
-    path = options.recording or _dated(f"demo-{simulation.scene.name}-{options.seed}")
+    path = options.recording or _dated_path(f"demo-{simulation.scene.name}-{options.seed}")
     about = {
         "scene": simulation.scene.address,
         "config": options.settings(method),
         "fingerprint": predictor.fingerprint,
     }
-    with RecordingWriter(path, **about, live_port=announced(options.stream)) as writer:
-        bench = Workbench(simulation, writer, Views(predictor), predictor, method, TopologicalGraph())
-        observations = bench.collect(rng, options.loops)
-        bench.build(observations, rng)
-        outcome = bench.run_queries(bench.random_goals(options.queries, rng), rng)
+    with RecordingWriter(path, **about, live_port=announce_stream(options.stream)) as writer:
+        runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, method, TopologicalGraph())
+        observations = runner.collect(rng, options.loops)
+        runner.build(observations, rng)
+        outcome = runner.run_queries(runner.random_goals(options.queries, rng), rng)
     if options.map is not None:
-        save_map(options.map, bench.graph, bench.kept(), **about)
-    return Demonstrated(
+        save_map(options.map, runner.graph, runner.map_observations(), **about)
+    return DemoSummary(
         recording=path,
         map=options.map,
         frames=len(observations),
-        nodes=len(bench.graph.nodes),
-        edges=len(bench.graph.edges),
+        nodes=len(runner.graph.nodes),
+        edges=len(runner.graph.edges),
         **asdict(outcome),
         predictor=options.predictor,
         preset=options.preset,

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
     from tqdm import tqdm
 
-    from ltvn_core.evaluate.plans import TrialPlan
-    from ltvn_core.evaluate.protocol import Protocol
-    from ltvn_core.evaluate.results import TrialResult
-    from ltvn_core.evaluate.trials import Told
+    from ltvn_core.evaluation.protocol import EvaluationProtocol
+    from ltvn_core.evaluation.results import TrialResult
+    from ltvn_core.evaluation.trial_plans import TrialPlan
+    from ltvn_core.evaluation.trials import EvaluationProgress
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class EvaluateSummary:
     """What the episodes of all scenes and seeds came to."""
 
     scenes: tuple[str, ...]
@@ -86,15 +86,15 @@ class ProtocolOptions(Verb):
     cluster: str | None = None
     """A running cluster instead: ray://HOST:PORT, or tcp://HOST:PORT for Dask; all machines must see the folder."""
 
-    def protocol(self, episodes: int) -> "Protocol":
+    def protocol(self, episodes: int) -> "EvaluationProtocol":
         """Return the numbers of the test. Raises OptionError."""
-        from ltvn_core.evaluate.protocol import Protocol
+        from ltvn_core.evaluation.protocol import EvaluationProtocol
 
-        return Protocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
+        return EvaluationProtocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
 
     def plans(self, method: Literal["ltvn", "sptm", "ving"], episodes: int) -> "list[TrialPlan]":
         """Return a plan for each scene and seed. Raises OptionError."""
-        from ltvn_core.evaluate.plans import TrialPlan
+        from ltvn_core.evaluation.trial_plans import TrialPlan
 
         if (
             not self.scene
@@ -122,7 +122,7 @@ class ProtocolOptions(Verb):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluate(ProtocolOptions):
+class EvaluateVerb(ProtocolOptions):
     """Test a method as the paper does: map a scene, fine-tune, build, and drive random episodes without maintenance."""
 
     method: Literal["ltvn", "sptm", "ving"] = "ltvn"
@@ -137,10 +137,10 @@ class Evaluate(ProtocolOptions):
         from joblib import delayed
         from tqdm import tqdm
 
-        from ltvn_core.evaluate.failures import record_failures
-        from ltvn_core.evaluate.plans import TrialFiles
-        from ltvn_core.evaluate.trials import run_trials
-        from ltvn_core.evaluate.workers import workers
+        from ltvn_core.evaluation.failure_recordings import record_failures
+        from ltvn_core.evaluation.trial_plans import TrialFiles
+        from ltvn_core.evaluation.trials import run_trials
+        from ltvn_core.evaluation.workers import workers
 
         if self.record_failures < 0:
             raise OptionError(f"--record-failures must be 0 or more, got {self.record_failures}.")
@@ -149,19 +149,19 @@ class Evaluate(ProtocolOptions):
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=self.episodes * len(plans), desc="evaluate", unit="episode") as bar,
         ):
-            made_by = {"command": command(), "parallel": parallel, "told": told_by(bar, len(plans))}
+            made_by = {"command": command(), "parallel": parallel, "told": progress_on_bar(bar, len(plans))}
             trials = run_trials(plans, self.folder, episodes=self.episodes, **made_by)
             if self.record_failures:
-                tasks = [(plan, TrialFiles.of(plan, self.folder)) for plan in plans]
-                again = zip(tasks, trials, strict=True)
-                list(parallel(delayed(record_failures)(*task, trial, self.record_failures) for task, trial in again))
+                jobs = [(plan, TrialFiles.of(plan, self.folder)) for plan in plans]
+                again = zip(jobs, trials, strict=True)
+                list(parallel(delayed(record_failures)(*job, trial, self.record_failures) for job, trial in again))
         return self._summary(trials, time.monotonic() - started)
 
-    def _summary(self, trials: "Sequence[TrialResult]", wall_s: float) -> Evaluated:
-        from ltvn_core.evaluate.metrics import figures
+    def _summary(self, trials: "Sequence[TrialResult]", wall_s: float) -> EvaluateSummary:
+        from ltvn_core.evaluation.metrics import compute_metrics
 
-        found = figures(trials)
-        return Evaluated(
+        found = compute_metrics(trials)
+        return EvaluateSummary(
             scenes=self.scene,
             method=self.method,
             preset=self.preset,
@@ -183,12 +183,12 @@ class Evaluate(ProtocolOptions):
         )
 
 
-def told_by(bar: "tqdm[NoReturn]", maps: int) -> "Told":
+def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> "EvaluationProgress":
     """Return whom to tell how far it is: a progress bar, for so many maps."""
-    from ltvn_core.evaluate.trials import Told
+    from ltvn_core.evaluation.trials import EvaluationProgress
 
     bar.set_postfix_str(f"preparing {maps} maps")
-    return Told(lambda ready: bar.set_postfix_str(f"{ready} of {maps} maps ready"), bar.update)
+    return EvaluationProgress(lambda ready: bar.set_postfix_str(f"{ready} of {maps} maps ready"), bar.update)
 
 
 def command() -> str:

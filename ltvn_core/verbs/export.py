@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Exported:
+class ExportSummary:
     """What was written."""
 
     recording: Path
@@ -34,7 +34,7 @@ class Exported:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export(Verb):
+class ExportVerb(Verb):
     """Take something out of a recording or a map, to pass on: a moment, a test of it, a page or a figure of the map."""
 
     recording: Positional[Path]
@@ -57,15 +57,15 @@ class Export(Verb):
     def run(self) -> Summary:
         """Write what is asked for; raises OptionError, RecordingError, MapError and SceneError."""
         self._check()
-        cut = self._cut() if self.output is not None else None
+        write_excerpt = self._cut() if self.output is not None else None
         if self.html is not None or self.svg is not None:
             self._draw()
-        return Exported(
+        return ExportSummary(
             recording=self.recording,
             output=self.output,
-            frames=None if cut is None else cut.frames,
-            events=None if cut is None else cut.events,
-            size_bytes=None if cut is None else cut.size_bytes,
+            frames=None if write_excerpt is None else write_excerpt.frames,
+            events=None if write_excerpt is None else write_excerpt.events,
+            size_bytes=None if write_excerpt is None else write_excerpt.size_bytes,
             test=self.test,
             html=self.html,
             svg=self.svg,
@@ -83,34 +83,36 @@ class Export(Verb):
                 raise OptionError(f"{path} exists already and is never overwritten; name another file.")
 
     def _cut(self) -> "Excerpt":
-        from ltvn_core.analysis.skeleton import skeleton
-        from ltvn_core.recording.excerpt import cut, moment, span
+        from ltvn_core.analysis.regression_test_source import regression_test_source
+        from ltvn_core.recording.atomic_files import write_text_atomically
+        from ltvn_core.recording.excerpt import event_window, time_span, write_excerpt
         from ltvn_core.recording.reader import Recording
-        from ltvn_core.recording.whole import write_whole
 
         recording = Recording.open(self.recording)
-        begin, end = span(recording)
+        begin, end = time_span(recording)
         from_s, to_s = begin if self.from_s is None else self.from_s, end if self.to_s is None else self.to_s
         output = self.output or Path()
-        written = cut(recording, output, from_s=from_s, to_s=to_s, named_only=self.named_only)
+        written = write_excerpt(recording, output, from_s=from_s, to_s=to_s, named_only=self.named_only)
         if self.test is not None:
-            found = moment(recording.events, from_s, to_s)
+            found = event_window(recording.events, from_s, to_s)
             file = os.path.relpath(output.absolute(), self.test.absolute().parent)
             about = f"{self.recording.name} from {from_s:.1f} s to {to_s:.1f} s"
-            write_whole(self.test, skeleton(found.opened + found.events, file=file, about=about))
+            write_text_atomically(
+                self.test, regression_test_source(found.ongoing + found.events, file=file, about=about)
+            )
         return written
 
     def _draw(self) -> None:
-        from ltvn_core.evaluate.scene_plan import scene_plan
+        from ltvn_core.evaluation.map_layout import map_layout
+        from ltvn_core.recording.atomic_files import write_text_atomically
         from ltvn_core.recording.reader import Recording
-        from ltvn_core.recording.whole import write_whole
-        from ltvn_core.report.scene_svg import scene_svg
+        from ltvn_core.reports.map_svg import map_svg
+        from ltvn_viz.layers.scene_html import scene_html
         from ltvn_viz.scene_colours import scene_colours
-        from ltvn_viz.scene_page import scene_page
 
         recording = Recording.open(self.recording)
-        drawn = scene_plan(recording, at_s=self.to_s)
+        drawn = map_layout(recording, at_s=self.to_s)
         if self.svg is not None:
-            write_whole(self.svg, scene_svg(drawn, scene_colours()))
+            write_text_atomically(self.svg, map_svg(drawn, scene_colours()))
         if self.html is not None:
-            write_whole(self.html, scene_page(recording, drawn))
+            write_text_atomically(self.html, scene_html(recording, drawn))

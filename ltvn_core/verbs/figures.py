@@ -5,17 +5,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ltvn_core.errors import OptionError
-from ltvn_core.lessons.unseen import UNSEEN, drives
-from ltvn_core.lessons.worlds import open_world
+from ltvn_core.training.held_out_scenes import TEST_SCENES, drives
+from ltvn_core.training.simulated_scenes import open_dataset_scene
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.data.shards import Shard
-    from ltvn_core.report.style import Ink
+    from ltvn_core.reports.figure_style import FigurePalette
+    from ltvn_core.training_data.shards import Shard
 
 
 @dataclass(frozen=True)
-class FiguresMade:
+class FiguresSummary:
     """What was drawn."""
 
     pictures: tuple[Path, ...]
@@ -26,7 +26,7 @@ class FiguresMade:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figures(Verb):
+class FiguresVerb(Verb):
     """Draw all pictures about the network, and write the card's figures into their page."""
 
     weights: Path | None = None
@@ -41,7 +41,7 @@ class Figures(Verb):
     """Folder of summaries of `ltvn train --evaluate`, for the page's comparisons."""
     tables_only: bool = False
     """Draw nothing, only write the page's tables anew."""
-    scenes: tuple[str, ...] = UNSEEN
+    scenes: tuple[str, ...] = TEST_SCENES
     """Scenes that training has not seen."""
     clusters: int = 180
     """Clusters of images per scene."""
@@ -50,38 +50,47 @@ class Figures(Verb):
 
     def run(self) -> Summary:
         """Draw and write; raises OptionError, WeightsError, SceneError and DatasetError."""
-        from ltvn_core.model.weights import SHIPPED, SHIPPED_RIVALS, read_card, weights_fingerprint
-        from ltvn_core.report.comparison import comparisons
-        from ltvn_core.report.tables import blocks, fill
-        from ltvn_core.report.temporal_table import temporal_blocks
+        from ltvn_core.network.weights_file import (
+            SHIPPED_BASELINE_WEIGHTS,
+            SHIPPED_WEIGHTS,
+            read_card,
+            weights_fingerprint,
+        )
+        from ltvn_core.reports.baseline_tables import baseline_blocks
+        from ltvn_core.reports.network_comparisons import comparison_tables
+        from ltvn_core.reports.network_tables import fill_blocks, network_blocks
 
-        weights = self.weights or SHIPPED
-        rivals = {name: read_card(path) for name, path in SHIPPED_RIVALS.items()}
-        tables = {**blocks(read_card(weights)), **temporal_blocks(rivals)}
+        weights = self.weights or SHIPPED_WEIGHTS
+        rivals = {name: read_card(path) for name, path in SHIPPED_BASELINE_WEIGHTS.items()}
+        tables = {**network_blocks(read_card(weights)), **baseline_blocks(rivals)}
         pictures, pairs = ((), 0) if self.tables_only else self._draw(weights)
         if self.page is not None:
-            fill(self.page, {**tables, **comparisons(self.measurements)})
-        return FiguresMade(pictures, self.page, weights_fingerprint(weights), pairs)
+            fill_blocks(self.page, {**tables, **comparison_tables(self.measurements)})
+        return FiguresSummary(pictures, self.page, weights_fingerprint(weights), pairs)
 
     def _draw(self, weights: Path) -> tuple[tuple[Path, ...], int]:
         """Return the pictures and the number of labelled pairs behind them."""
-        ensure_docs()
-        from ltvn_core.model.predictor import load_predictor
-        from ltvn_core.report.pictures import draw_all
+        require_docs_extra()
+        from ltvn_core.network.predictor import load_predictor
+        from ltvn_core.reports.network_figures import draw_network_figures
 
         predictor, shards = load_predictor(weights), self._shards()
-        pictures = draw_all(predictor, shards, drives(self.scenes, images=self.images), ink_on_white(), self.output)
+        pictures = draw_network_figures(
+            predictor, shards, drives(self.scenes, images=self.images), ink_on_white(), self.output
+        )
         return pictures, sum(len(shard.sources) for shard in shards)
 
     def _shards(self) -> "list[Shard]":
-        from ltvn_core.data.generate import DatasetRecipe, generate
-        from ltvn_core.data.shards import read_shard
+        from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
+        from ltvn_core.training_data.shards import read_shard
 
         recipe = DatasetRecipe(clusters=self.clusters)
-        return [read_shard(path) for path in generate(self.scenes, open_world, self.data / "unseen", recipe)]
+        return [
+            read_shard(path) for path in generate_shards(self.scenes, open_dataset_scene, self.data / "unseen", recipe)
+        ]
 
 
-def ensure_docs() -> None:
+def require_docs_extra() -> None:
     """Raise OptionError where a library is not installed with which pictures and pages are made."""
     from importlib.util import find_spec
 
@@ -89,13 +98,13 @@ def ensure_docs() -> None:
         raise OptionError(f"Drawing needs {' and '.join(missing)}, which is not installed: pip install 'ltvn[docs]'.")
 
 
-def ink_on_white() -> "Ink":
+def ink_on_white() -> "FigurePalette":
     """Return the app's colours, for pictures on white."""
-    from ltvn_core.report.style import Ink
+    from ltvn_core.reports.figure_style import FigurePalette
     from ltvn_viz import palette
 
     def on_white(colour: palette.Rgb8) -> tuple[float, float, float]:
         red, green, blue = (0.82 * part / 255 for part in colour)  # The page is dark and needs lighter colours.
         return red, green, blue
 
-    return Ink(on_white(palette.SOURCE), on_white(palette.TARGET), on_white(palette.GOAL))
+    return FigurePalette(on_white(palette.SOURCE), on_white(palette.TARGET), on_white(palette.GOAL))

@@ -10,13 +10,18 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.lessons.card import LessonCard
-from ltvn_core.lessons.data import read_drive, with_simulation
+from ltvn_core.training.fine_tuning_data import add_simulated_pairs, read_labelled_drive
+from ltvn_core.training.fine_tuning_provenance import FineTuningProvenance
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.data.trajectory_pairs import TrajectoryPairs
-    from ltvn_core.model.finetuning import FineTuned, FineTuningData, FineTuningPlan, Progress
+    from ltvn_core.network.optimization.fine_tuning_loop import (
+        FineTuningData,
+        FineTuningPlan,
+        FineTuningProgress,
+        FineTuningResult,
+    )
+    from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,7 @@ class FineTunedWeights:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finetune(Verb):
+class FinetuneVerb(Verb):
     """Let weights learn from a robot's own drive; goes on where an interrupted call with the same output stopped."""
 
     recording: Positional[Path]
@@ -64,12 +69,12 @@ class Finetune(Verb):
     def run(self) -> Summary:
         """Fine-tune, judge and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
         self._check_options()
-        drive = read_drive(self.recording, horizon=self.horizon, gated=not self.literal)
+        drive = read_labelled_drive(self.recording, horizon=self.horizon, gated=not self.literal)
         if (done := self._already_done(self._start, drive)) is not None:
             return done
-        data = with_simulation(drive, self.data)
+        data = add_simulated_pairs(drive, self.data)
         folder = self.output.with_suffix(".finetuning")
-        with _Bar() as bar:
+        with _ProgressBar() as bar:
             found = self.learn(data, self.plan(), folder, on_progress=bar)
         assert found is not None  # Nobody cancels here.
         rmtree(folder, ignore_errors=True)
@@ -81,13 +86,13 @@ class Finetune(Verb):
         plan: "FineTuningPlan",
         folder: Path,
         *,
-        on_progress: "Callable[[Progress], None]",
+        on_progress: "Callable[[FineTuningProgress], None]",
         cancelled: Event | None = None,
     ) -> FineTunedWeights | None:
         """Fine-tune on data at hand and save the weights; None if it was cancelled. Raises WeightsError."""
-        from ltvn_core.model.finetuning import finetune
+        from ltvn_core.network.optimization.fine_tuning_loop import run_fine_tuning
 
-        result = finetune(data, self._start, plan, folder, on_progress=on_progress, cancelled=cancelled)
+        result = run_fine_tuning(data, self._start, plan, folder, on_progress=on_progress, cancelled=cancelled)
         if result is None:
             return None
         fingerprint = self._save(result, self._start, plan, data)
@@ -95,9 +100,9 @@ class Finetune(Verb):
 
     @property
     def _start(self) -> Path:
-        from ltvn_core.model.weights import SHIPPED
+        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS
 
-        return self.weights or SHIPPED
+        return self.weights or SHIPPED_WEIGHTS
 
     def _check_options(self) -> None:
         if self.horizon < 2:
@@ -111,18 +116,18 @@ class Finetune(Verb):
         """Return what the options make of the plan."""
         from dataclasses import replace
 
-        from ltvn_core.model.finetuning import FineTuningPlan
+        from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
 
         plan = FineTuningPlan(minutes=self.minutes)
         return replace(plan, learning=replace(plan.learning, seed=self.seed))
 
     def _run(self, start: Path, drive: "TrajectoryPairs") -> dict[str, Any]:
-        from ltvn_core.model.finetuning import drive_fingerprint
-        from ltvn_core.model.weights import weights_fingerprint
+        from ltvn_core.network.optimization.fine_tuning_loop import trajectory_fingerprint
+        from ltvn_core.network.weights_file import weights_fingerprint
 
         return {
             "parent": weights_fingerprint(start),
-            "drive": drive_fingerprint(drive),
+            "drive": trajectory_fingerprint(drive),
             "minutes": self.minutes,
             "seed": self.seed,
             "data": str(self.data or ""),
@@ -140,13 +145,13 @@ class Finetune(Verb):
             )
         return _summary(self.output, card["fingerprint"], card)
 
-    def _save(self, result: "FineTuned", start: Path, plan: "FineTuningPlan", data: "FineTuningData") -> str:
-        from ltvn_core.data.trajectory_pairs import TrajectoryPairs
-        from ltvn_core.model.weights import read_card
+    def _save(self, result: "FineTuningResult", start: Path, plan: "FineTuningPlan", data: "FineTuningData") -> str:
+        from ltvn_core.network.weights_file import read_card
+        from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
 
         drive = data.drive
         assert isinstance(drive, TrajectoryPairs)
-        card = LessonCard(read_card(start), self.recording.name, self._run(start, drive), self._command())
+        card = FineTuningProvenance(read_card(start), self.recording.name, self._run(start, drive), self._command())
         return card.save(result, self.output, plan, data)
 
     def _command(self) -> str:
@@ -159,7 +164,7 @@ class Finetune(Verb):
 
 
 def _card(weights: Path) -> dict[str, Any]:
-    from ltvn_core.model.weights import read_card
+    from ltvn_core.network.weights_file import read_card
 
     return read_card(weights)
 
@@ -178,13 +183,13 @@ def _summary(weights: Path, fingerprint: str, card: dict[str, Any]) -> FineTuned
     )
 
 
-def _figures(standing: dict[str, Any]) -> dict[str, float]:
-    from ltvn_core.model.finetuning_card import flat_figures
+def _figures(metrics: dict[str, Any]) -> dict[str, float]:
+    from ltvn_core.network.cards.fine_tuning_card import flat_metrics
 
-    return flat_figures(standing)
+    return flat_metrics(metrics)
 
 
-class _Bar:
+class _ProgressBar:
     """A progress bar that fine-tuning fills."""
 
     def __init__(self) -> None:
@@ -192,7 +197,7 @@ class _Bar:
 
         self._bar = tqdm(total=100.0, desc="fine-tuning", bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}")
 
-    def __enter__(self) -> "_Bar":
+    def __enter__(self) -> "_ProgressBar":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -5,18 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ltvn_core.verbs.evaluate import ProtocolOptions, command, told_by
+from ltvn_core.verbs.evaluate import ProtocolOptions, command, progress_on_bar
 from ltvn_core.verbs.verb import Summary
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ltvn_core.evaluate.lifelong_figures import Life
-    from ltvn_core.evaluate.results import LifelongResult
+    from ltvn_core.evaluation.lifelong_metrics import LifelongMetrics
+    from ltvn_core.evaluation.results import LifelongResult
 
 
 @dataclass(frozen=True)
-class Lived:
+class LifelongSummary:
     """What the lifelong tests of all scenes and seeds came to."""
 
     scenes: tuple[str, ...]
@@ -27,15 +27,15 @@ class Lived:
     """Queries between two static tests."""
     episodes: int
     """Of each static test."""
-    all: "Life"
-    by_scene: "dict[str, Life]"
+    all: "LifelongMetrics"
+    by_scene: "dict[str, LifelongMetrics]"
     folder: Path
     """Holds drives, weights, maps and results; called again, the verb goes on from there."""
     wall_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lifelong(ProtocolOptions):
+class LifelongVerb(ProtocolOptions):
     """Test lifelong maintenance as the paper does: many queries with it, and static episodes without it in between."""
 
     queries: int = 700
@@ -49,8 +49,8 @@ class Lifelong(ProtocolOptions):
         """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
         from tqdm import tqdm
 
-        from ltvn_core.evaluate.lifelong import Schedule, run_lifelong
-        from ltvn_core.evaluate.workers import workers
+        from ltvn_core.evaluation.lifelong_evaluation import Schedule, run_lifelong
+        from ltvn_core.evaluation.workers import workers
 
         started, schedule = time.monotonic(), Schedule(self.queries, self.every, self.episodes)
         plans = self.plans("ltvn", self.episodes)
@@ -58,23 +58,25 @@ class Lifelong(ProtocolOptions):
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=schedule.work * len(plans), desc="lifelong", unit="query") as bar,
         ):
-            told = told_by(bar, len(plans))
-            results = run_lifelong(plans, self.folder, schedule, command=command(), parallel=parallel, told=told)
+            progress = progress_on_bar(bar, len(plans))
+            results = run_lifelong(
+                plans, self.folder, schedule, command=command(), parallel=parallel, progress=progress
+            )
         return self._summary(results, time.monotonic() - started)
 
-    def _summary(self, results: "Sequence[LifelongResult]", wall_s: float) -> Lived:
-        from ltvn_core.evaluate.lifelong_figures import life_of
+    def _summary(self, results: "Sequence[LifelongResult]", wall_s: float) -> LifelongSummary:
+        from ltvn_core.evaluation.lifelong_metrics import lifelong_metrics
 
         scenes = dict.fromkeys(result.scene for result in results)
-        return Lived(
+        return LifelongSummary(
             scenes=self.scene,
             preset=self.preset,
             without=self.without,
             seeds=self.seed,
             every=self.every,
             episodes=self.episodes,
-            all=life_of(results),
-            by_scene={scene: life_of([each for each in results if each.scene == scene]) for scene in scenes},
+            all=lifelong_metrics(results),
+            by_scene={scene: lifelong_metrics([each for each in results if each.scene == scene]) for scene in scenes},
             folder=self.folder,
             wall_s=wall_s,
         )

@@ -5,18 +5,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.lessons.unseen import UNSEEN
+from ltvn_core.training.held_out_scenes import TEST_SCENES
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.model.driving import MeasuredDriving
+    from ltvn_core.network.cards.driving_calibration import DrivingMeasurements
 
-IMAGES = 150
+IMAGES_PER_SCENE = 150
 """Images of the drive through each scene: more than a hundred thousand ordered pairs in six."""
 
 
 @dataclass(frozen=True)
-class DrivingMeasured:
+class MeasureSummary:
     """What simulated driving showed; `driving` holds all of it."""
 
     card: Path | None
@@ -29,11 +29,11 @@ class DrivingMeasured:
     """p(s given not r), Laplace's estimate."""
     sigma: float
     """Of d."""
-    driving: "MeasuredDriving"
+    driving: "DrivingMeasurements"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measure(Verb):
+class MeasureVerb(Verb):
     """Drive edges in simulation and measure the constants of Eq. 3 and Eq. 4; takes a few minutes."""
 
     weights: Path | None = None
@@ -44,14 +44,14 @@ class Measure(Verb):
     """Edges to drive in all: half of them exist, half do not, or fewer where the network is hard to mislead."""
     seed: int = 0
     """Draws drives, edges, starts and odometry noise."""
-    scenes: tuple[str, ...] = UNSEEN
+    scenes: tuple[str, ...] = TEST_SCENES
     """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
     write: bool = False
     """Write the result into the weights' card, from which the method takes its constants."""
 
     def run(self) -> Summary:
         """Drive and measure; raises OptionError, SceneError and, for weights that cannot be read, WeightsError."""
-        from ltvn_core.model.driving import likelihoods
+        from ltvn_core.network.cards.driving_calibration import likelihoods
 
         self._check()
         measured = self._measure()
@@ -60,7 +60,7 @@ class Measure(Verb):
             likelihoods(measured)
         except WeightsError as error:
             refused = str(error)
-        return DrivingMeasured(
+        return MeasureSummary(
             self._write(measured) if self.write and refused is None else None,
             refused,
             measured.success_if_reachable.shrunk,
@@ -75,15 +75,15 @@ class Measure(Verb):
         if self.attempts < 2 * len(self.scenes):
             raise OptionError(f"--attempts must be two or more per scene, so {2 * len(self.scenes)} or more.")
 
-    def _measure(self) -> "MeasuredDriving":
+    def _measure(self) -> "DrivingMeasurements":
         import numpy as np
         from tqdm import tqdm
 
         from ltvn_core.config import preset
-        from ltvn_core.evaluate.measuring import measure_scene, summarise
-        from ltvn_core.model.predictor import load_predictor
-        from ltvn_core.sim.camera import open_camera
-        from ltvn_core.sim.scenes import load_scene
+        from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
+        from ltvn_core.network.predictor import load_predictor
+        from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+        from ltvn_core.simulation.scene_registry import load_scene
 
         share = self.attempts // len(self.scenes)
         shares = [share + (k < self.attempts % len(self.scenes)) for k in range(len(self.scenes))]
@@ -94,23 +94,23 @@ class Measure(Verb):
                 measured.append(
                     measure_scene(
                         scene,
-                        open_camera(scene),
+                        open_renderer(scene),
                         predictor,
                         preset(self.preset),
                         attempts=attempts,
-                        images=IMAGES,
+                        images=IMAGES_PER_SCENE,
                         rng=np.random.default_rng([self.seed, k]),
                         progress=bar.update,
                     )
                 )
-        return summarise(measured, self._command())
+        return summarise_measurements(measured, self._command())
 
     def _command(self) -> str:
-        named = "" if self.scenes == UNSEEN else f" --scenes {' '.join(self.scenes)}"
+        named = "" if self.scenes == TEST_SCENES else f" --scenes {' '.join(self.scenes)}"
         return f"ltvn measure --attempts {self.attempts} --seed {self.seed} --preset {self.preset}{named}"
 
-    def _write(self, measured: "MeasuredDriving") -> Path:
-        from ltvn_core.model.driving import SECTION
-        from ltvn_core.model.weights import SHIPPED, add_to_card
+    def _write(self, measured: "DrivingMeasurements") -> Path:
+        from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION
+        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, add_to_card
 
-        return add_to_card(self.weights or SHIPPED, SECTION, asdict(measured))
+        return add_to_card(self.weights or SHIPPED_WEIGHTS, DRIVING_SECTION, asdict(measured))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import MapError, OptionError
-from ltvn_core.verbs.streaming import announced
+from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ltvn_core.config import Method
-    from ltvn_core.graph.topograph import TopologicalGraph
-    from ltvn_core.recording.maps import LoadedMap
+    from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.recording.map_file import LoadedMap
     from ltvn_core.types import NodeId, Pose
-    from ltvn_core.verbs.headless import Queries, Workbench
+    from ltvn_core.verbs.headless_runner import HeadlessRunner, QueriesSummary
 
 
 @dataclass(frozen=True)
-class Navigated:
+class NavigateSummary:
     """What the queries came to."""
 
     recording: Path
@@ -33,12 +33,12 @@ class Navigated:
     nodes: int
     """In the map at the end."""
     edges: int
-    outcome: "Queries"
+    outcome: "QueriesSummary"
     wall_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class Navigate(Verb):
+class NavigateVerb(Verb):
     """Drive to one goal or to several by a saved map, which learns from every drive."""
 
     map: Positional[Path]
@@ -72,17 +72,17 @@ class Navigate(Verb):
 
     def check(self, graph: "TopologicalGraph") -> None:
         """Raise MapError if the map lacks the goal and RecordingError if the output exists, before any drive."""
-        from ltvn_core.recording.whole import check_free
+        from ltvn_core.recording.atomic_files import require_new_path
 
         if self.goal is not None and self.goal not in graph.nodes:
             nodes = sorted(graph.nodes)
             raise MapError(f"{self.map} has no node {self.goal}; its {len(nodes)} nodes are {nodes[0]} to {nodes[-1]}.")
         if self.output is not None:
-            check_free(self.output)
+            require_new_path(self.output)
 
-    def goals(self, bench: "Workbench", rng: "np.random.Generator") -> "Sequence[NodeId]":
+    def goals(self, runner: "HeadlessRunner", rng: "np.random.Generator") -> "Sequence[NodeId]":
         """Go to the one goal, or to random nodes."""
-        return bench.random_goals(self.queries, rng) if self.goal is None else [self.goal]
+        return runner.random_goals(self.queries, rng) if self.goal is None else [self.goal]
 
     def settings(self) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
@@ -95,15 +95,15 @@ class Navigate(Verb):
         return open_method(self.preset, self.predictor, self.weights)
 
 
-def _drive(options: Navigate) -> Navigated:
+def _drive(options: NavigateVerb) -> NavigateSummary:
     """Open everything, run the queries, save the map if asked to."""
     import numpy as np
 
     from ltvn_core.composition import open_predictor, open_simulation
-    from ltvn_core.graph.views import Views
-    from ltvn_core.recording.maps import check_fingerprint, load_map, save_map
+    from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
     from ltvn_core.recording.writer import RecordingWriter
-    from ltvn_core.verbs.headless import Workbench
+    from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     started, rng = time.monotonic(), np.random.default_rng(options.seed)
     loaded = load_map(options.map)
@@ -113,17 +113,17 @@ def _drive(options: Navigate) -> Navigated:
     check_fingerprint(loaded.meta, predictor.fingerprint)
     first_step = max(loaded.observations) + 1
     simulation = open_simulation(scene, seed=options.seed, first_step=first_step, start=_start(loaded, rng))
-    views = Views(predictor)
-    views.add(list(loaded.observations.values()))
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(list(loaded.observations.values()))
     about = {"scene": scene, "config": options.settings(), "fingerprint": predictor.fingerprint}
-    with RecordingWriter(options.recording, **about, live_port=announced(options.stream)) as writer:
+    with RecordingWriter(options.recording, **about, live_port=announce_stream(options.stream)) as writer:
         writer.map(loaded.graph, loaded.observations.values())
-        bench = Workbench(simulation, writer, views, predictor, options.method(), loaded.graph)
-        outcome = bench.run_queries(options.goals(bench, rng), rng)
+        runner = HeadlessRunner(simulation, writer, keyframes, predictor, options.method(), loaded.graph)
+        outcome = runner.run_queries(options.goals(runner, rng), rng)
     if options.output is not None:
-        save_map(options.output, bench.graph, bench.kept(), origin=options.map, **about)
-    counts = len(bench.graph.nodes), len(bench.graph.edges)
-    return Navigated(options.recording, options.output, *counts, outcome, time.monotonic() - started)
+        save_map(options.output, runner.graph, runner.map_observations(), origin=options.map, **about)
+    counts = len(runner.graph.nodes), len(runner.graph.edges)
+    return NavigateSummary(options.recording, options.output, *counts, outcome, time.monotonic() - started)
 
 
 def _start(loaded: "LoadedMap", rng: "np.random.Generator") -> "Pose | None":

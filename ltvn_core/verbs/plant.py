@@ -14,18 +14,18 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from ltvn_core.config import Method
-    from ltvn_core.evaluate.faults import Fault
-    from ltvn_core.graph.topograph import TopologicalGraph
-    from ltvn_core.graph.views import Views
-    from ltvn_core.recording.maps import LoadedMap
+    from ltvn_core.evaluation.fault_injection import Fault
+    from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.recording.map_file import LoadedMap
     from ltvn_core.types import Predictor
-    from ltvn_core.verbs.headless import Queries
+    from ltvn_core.verbs.headless_runner import QueriesSummary
 
 FaultName = Literal["spurious-edge", "look-alike", "missing-edge"]
 
 
 @dataclass(frozen=True)
-class Planted:
+class PlantSummary:
     """What was planted, and what became of the queries that met it."""
 
     recording: Path
@@ -33,12 +33,12 @@ class Planted:
     """One for each query."""
     nodes: int
     edges: int
-    outcome: "Queries"
+    outcome: "QueriesSummary"
     wall_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plant(Verb):
+class PlantVerb(Verb):
     """Plant faults in a simulated map and record a query that meets each: something to find for a debugger.
 
     The map's reserve is left out, so that the map cannot be mended with it.
@@ -70,23 +70,23 @@ class Plant(Verb):
         return _drive(self)
 
 
-def _drive(options: Plant) -> Planted:
+def _drive(options: PlantVerb) -> PlantSummary:
     import numpy as np
 
     from ltvn_core.composition import open_predictor, open_simulation
-    from ltvn_core.graph.views import Views
-    from ltvn_core.recording.maps import check_fingerprint, load_map
+    from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.writer import RecordingWriter
-    from ltvn_core.verbs.headless import Workbench
+    from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     started, loaded, rng = time.monotonic(), load_map(options.map), np.random.default_rng(options.seed)
     predictor, method = open_predictor("network", loaded.meta.scene, options.weights), _method(options)
     check_fingerprint(loaded.meta, predictor.fingerprint)
-    views, graph = Views(predictor), loaded.graph
+    keyframes, graph = KeyframeStore(predictor), loaded.graph
     if len(graph.nodes) < 2:
         raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
-    views.add([loaded.observations[node] for node in graph.nodes])
-    faults = tuple(_planted(options, loaded, views, predictor, method))
+    keyframes.add([loaded.observations[node] for node in graph.nodes])
+    faults = tuple(_insert_faults(options, loaded, keyframes, predictor, method))
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
     simulation = open_simulation(loaded.meta.scene, seed=options.seed, first_step=first_step, start=start)
     about = {
@@ -96,13 +96,13 @@ def _drive(options: Plant) -> Planted:
     }
     with RecordingWriter(options.recording, **about) as writer:
         writer.map(graph, [loaded.observations[node] for node in graph.nodes])
-        bench = Workbench(simulation, writer, views, predictor, method, graph)
-        outcome = bench.run_queries([fault.goal for fault in faults], rng, starts=[fault.start for fault in faults])
+        runner = HeadlessRunner(simulation, writer, keyframes, predictor, method, graph)
+        outcome = runner.run_queries([fault.goal for fault in faults], rng, starts=[fault.start for fault in faults])
     wall_s = time.monotonic() - started
-    return Planted(options.recording, faults, len(graph.nodes), len(graph.edges), outcome, wall_s)
+    return PlantSummary(options.recording, faults, len(graph.nodes), len(graph.edges), outcome, wall_s)
 
 
-def _method(options: Plant) -> "Method":
+def _method(options: PlantVerb) -> "Method":
     """Return the robust preset, which gives up early."""
     from ltvn_core.composition import open_method
 
@@ -111,36 +111,36 @@ def _method(options: Plant) -> "Method":
     return replace(method, recovering=short)
 
 
-def _planted(
-    options: Plant, loaded: "LoadedMap", views: "Views", predictor: "Predictor", method: "Method"
+def _insert_faults(
+    options: PlantVerb, loaded: "LoadedMap", keyframes: "KeyframeStore", predictor: "Predictor", method: "Method"
 ) -> "Iterator[Fault]":
     """Put the faults into the map; cut first, so that no other fault joins what is cut."""
-    from ltvn_core.evaluate.faults import look_alike, missing_edge, spurious_edge
-    from ltvn_core.evaluate.truth import MapTruth
+    from ltvn_core.evaluation.fault_injection import missing_edge, perceptual_alias, spurious_edge
+    from ltvn_core.evaluation.ground_truth import GroundTruth
     from ltvn_core.graph.deltas import Cause, FramesReleased
-    from ltvn_core.sim.scenes import load_scene
+    from ltvn_core.simulation.scene_registry import load_scene
 
-    truth = MapTruth(load_scene(loaded.meta.scene).clearance, lambda node: loaded.observations[node])
+    truth = GroundTruth(load_scene(loaded.meta.scene).clearance, lambda node: loaded.observations[node])
     graph, near = loaded.graph, method.building.connect_distance
     graph.apply(FramesReleased(tuple(graph.reserve), Cause.LOAD))
     plant = {
         "missing-edge": lambda: missing_edge(graph, truth),
         "spurious-edge": lambda: spurious_edge(graph, truth, method.believing),
-        "look-alike": lambda: look_alike(graph, truth, views, predictor, method.believing, near),
+        "look-alike": lambda: perceptual_alias(graph, truth, keyframes, predictor, method.believing, near),
     }
     faults: dict[str, Fault] = {}
     for kind in (kind for kind in plant if kind in options.kinds):
         faults[kind] = plant[kind]()
-        _apply(graph, faults[kind])
+        _apply_fault(graph, faults[kind])
     return (faults[kind] for kind in options.kinds)
 
 
-def _apply(graph: "TopologicalGraph", fault: "Fault") -> None:
+def _apply_fault(graph: "TopologicalGraph", fault: "Fault") -> None:
     for delta in fault.deltas:
         graph.apply(delta)
 
 
-def _settings(options: Plant, method: "Method", faults: "tuple[Fault, ...]") -> dict[str, Any]:
+def _settings(options: PlantVerb, method: "Method", faults: "tuple[Fault, ...]") -> dict[str, Any]:
     """Say how the recording was made, and what is to be found in it."""
     said = [
         {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}

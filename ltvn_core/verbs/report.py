@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.figures import ensure_docs, ink_on_white
+from ltvn_core.verbs.figures import ink_on_white, require_docs_extra
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.report.evaluation_files import Found
+    from ltvn_core.reports.evaluation_files import FoundResults
 
 
 @dataclass(frozen=True)
-class Reported:
+class ReportSummary:
     """What was written."""
 
     output: Path
@@ -33,7 +33,7 @@ class Reported:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report(Verb):
+class ReportVerb(Verb):
     """Write a report of all results in a folder: figures, tables, and a gallery of failures."""
 
     folder: Positional[Path]
@@ -51,18 +51,20 @@ class Report(Verb):
 
     def run(self) -> Summary:
         """Read, draw and write; raises OptionError and RecordingError."""
-        ensure_docs()
-        from ltvn_core.report.evaluation_blocks import fill_page
-        from ltvn_core.report.evaluation_files import find_results
+        require_docs_extra()
+        from ltvn_core.reports.evaluation_blocks import fill_results_page
+        from ltvn_core.reports.evaluation_files import find_results
 
         self._check()
-        found, ink = find_results(self.folder), ink_on_white()
+        found, palette = find_results(self.folder), ink_on_white()
         shown = self._write(found)
         pictures = ()
         if self.page is not None:
-            pictures = fill_page(found.results, ink, page=self.page, images=self.images, section=self.section)
+            pictures = fill_results_page(
+                found.results, palette, page=self.page, images=self.images, section=self.section
+            )
         trials = found.results.trials
-        return Reported(
+        return ReportSummary(
             output=self.output,
             results=self._json,
             page=self.page,
@@ -84,17 +86,17 @@ class Report(Verb):
         if self.failures < 0:
             raise OptionError(f"--failures must be 0 or more, got {self.failures}.")
 
-    def _write(self, found: "Found") -> int:
+    def _write(self, found: "FoundResults") -> int:
         """Write page and JSON, and return how many failures the page shows."""
         from tqdm import tqdm
 
-        from ltvn_core.evaluate.results import save_results
-        from ltvn_core.report.evaluation_files import with_pictures
-        from ltvn_core.report.evaluation_gallery import chosen
-        from ltvn_core.report.evaluation_page import page
+        from ltvn_core.evaluation.results import save_results
+        from ltvn_core.reports.evaluation_files import with_images
+        from ltvn_core.reports.evaluation_page import render_page
+        from ltvn_core.reports.failure_gallery import select_failures
 
-        rows = with_pictures(tqdm(chosen(found.failures, self.failures), desc="failures", unit="episode"))
-        html = page(found.results, rows, ink_on_white(), folder=self.output.parent)
+        rows = with_images(tqdm(select_failures(found.failures, self.failures), desc="failures", unit="episode"))
+        html = render_page(found.results, rows, ink_on_white(), folder=self.output.parent)
         parts = [path.with_name(f".{path.name}.part") for path in (self.output, self._json)]
         try:
             self.output.parent.mkdir(parents=True, exist_ok=True)

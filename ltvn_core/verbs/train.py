@@ -5,18 +5,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError
-from ltvn_core.lessons.unseen import CLUSTERS, IMAGES, UNSEEN, VALIDATION, NetworkFigures, drives, figures, measure
+from ltvn_core.training.held_out_scenes import (
+    CLUSTERS_PER_SCENE,
+    IMAGES_PER_DRIVE,
+    TEST_SCENES,
+    VALIDATION_SCENES,
+    NetworkMetrics,
+    drives,
+    figures,
+    measure_network,
+)
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.data.shards import Shard
-    from ltvn_core.model.card import Card, Measured
-    from ltvn_core.model.speed import Speed
-    from ltvn_core.model.training import TrainingData, TrainingPlan, TrainingResult
+    from ltvn_core.network.cards.model_card import HeldOutMetrics, ModelCard
+    from ltvn_core.network.metrics.inference_speed import InferenceSpeed
+    from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
+    from ltvn_core.training_data.shards import Shard
 
 
 @dataclass(frozen=True)
-class Trained:
+class TrainSummary:
     """New weights and their figures in scenes that training has not seen."""
 
     weights: Path
@@ -28,19 +37,19 @@ class Trained:
     """Per image,"""
     pair_ms: float
     """and per pair of encoded images, on this machine."""
-    figures: NetworkFigures
+    figures: NetworkMetrics
 
 
 @dataclass(frozen=True)
-class Evaluated(NetworkFigures):
+class NetworkEvaluationSummary(NetworkMetrics):
     """Figures of weights, and of the paper's plain network beside them."""
 
-    stacked: NetworkFigures | None
+    stacked: NetworkMetrics | None
     """None where other weights than the shipped ones were asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Train(Verb):
+class TrainVerb(Verb):
     """Train the network on a dataset; goes on from the checkpoint in `work` if there is one."""
 
     data: Path = Path("data")
@@ -63,38 +72,40 @@ class Train(Verb):
     """Train nothing: measure weights that are there."""
     weights: Path | None = None
     """With --evaluate: the weights to measure instead of the shipped ones."""
-    scenes: tuple[str, ...] = UNSEEN
+    scenes: tuple[str, ...] = TEST_SCENES
     """The scenes to measure on, by name or by the path of a mesh,"""
-    clusters: int = CLUSTERS
+    clusters: int = CLUSTERS_PER_SCENE
     """clusters of labelled pairs in each of them,"""
-    images: int = IMAGES
+    images: int = IMAGES_PER_DRIVE
     """and images of the drive through each of them."""
 
     def run(self) -> Summary:
         """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
         if self.evaluate:
             return self._evaluate()
-        from ltvn_core.model.speed import measure_speed
-        from ltvn_core.model.training import train_together
-        from ltvn_core.model.weights import load_weights, save_weights
+        from ltvn_core.network.metrics.inference_speed import measure_speed
+        from ltvn_core.network.optimization.training_loop import train_distributed
+        from ltvn_core.network.weights_file import load_weights, save_weights
 
         output = self._checked_output()
         plan = self._plan()
-        result = train_together(LoadTraining(self.data), plan, self.work, processes=self._processes())
+        result = train_distributed(LoadTrainingData(self.data), plan, self.work, processes=self._processes())
         network = load_weights(result.weights)
         measured = self._measure(result.weights)
         card = self._card(output, plan, result, measure_speed(network), measured)
         save_weights(network, output, asdict(card))
         speed, found = card.speed, figures(output, measured)
         times = (speed.parameters, speed.encode_ms, speed.pair_ms)
-        return Trained(output, card.steps, card.pairs_compared, card.minutes, *times, found)
+        return TrainSummary(output, card.steps, card.pairs_compared, card.minutes, *times, found)
 
     def _plan(self) -> "TrainingPlan":
-        from ltvn_core.model.families import default_architecture
-        from ltvn_core.model.learning_plan import LearningPlan
-        from ltvn_core.model.training import TrainingPlan
+        from ltvn_core.network.network_families import default_architecture
+        from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+        from ltvn_core.network.optimization.training_loop import TrainingPlan
 
-        plan = TrainingPlan(LearningPlan(seed=self.seed), default_architecture(self.architecture), minutes=self.minutes)
+        plan = TrainingPlan(
+            Hyperparameters(seed=self.seed), default_architecture(self.architecture), minutes=self.minutes
+        )
         if self.architecture == "stacked":  # It pays for every pair from the pixels on, so it is validated on fewer.
             plan = replace(plan, validation_pairs=plan.validation_pairs // 4, validation_far=plan.validation_far // 4)
         if self.steps is None:
@@ -102,24 +113,24 @@ class Train(Verb):
         looks = min(max(self.steps // 100, 1), plan.validations)
         return replace(plan, minutes=None, steps=self.steps, validations=looks, minings=2 * looks)
 
-    def _evaluate(self) -> Evaluated:
-        from ltvn_core.model.weights import SHIPPED, SHIPPED_STACKED
+    def _evaluate(self) -> NetworkEvaluationSummary:
+        from ltvn_core.network.weights_file import SHIPPED_STACKED_WEIGHTS, SHIPPED_WEIGHTS
 
-        def judge(weights: Path) -> NetworkFigures:
+        def judge(weights: Path) -> NetworkMetrics:
             return figures(weights, self._measure(weights))
 
-        found = judge(self.weights or SHIPPED)
-        stacked = judge(SHIPPED_STACKED) if self.weights is None else None
-        return Evaluated(**vars(found), stacked=stacked)
+        found = judge(self.weights or SHIPPED_WEIGHTS)
+        stacked = judge(SHIPPED_STACKED_WEIGHTS) if self.weights is None else None
+        return NetworkEvaluationSummary(**vars(found), stacked=stacked)
 
-    def _measure(self, weights: Path) -> "Measured":
+    def _measure(self, weights: Path) -> "HeldOutMetrics":
         folder = self.data / "unseen"
-        return measure(weights, folder, self.scenes, clusters=self.clusters, images=self.images)
+        return measure_network(weights, folder, self.scenes, clusters=self.clusters, images=self.images)
 
     def _processes(self) -> int:
-        from ltvn_core.model.device import graphics_cards
+        from ltvn_core.network.device import gpu_count
 
-        return self.processes or graphics_cards() or 2
+        return self.processes or gpu_count() or 2
 
     def _checked_output(self) -> Path:
         """Return the output. Raises OptionError if there is none or weights lie there already."""
@@ -130,15 +141,20 @@ class Train(Verb):
         return self.output
 
     def _card(
-        self, output: Path, plan: "TrainingPlan", result: "TrainingResult", speed: "Speed", measured: "Measured"
-    ) -> "Card":
-        from ltvn_core.model.card import Card, TrainedOn
+        self,
+        output: Path,
+        plan: "TrainingPlan",
+        result: "TrainingResult",
+        speed: "InferenceSpeed",
+        measured: "HeldOutMetrics",
+    ) -> "ModelCard":
+        from ltvn_core.network.cards.model_card import ModelCard, TrainingDataSummary
 
         learned, _ = read_shards(self.data)
-        return Card(
-            TrainedOn(
+        return ModelCard(
+            TrainingDataSummary(
                 tuple(shard.name for shard in learned),
-                VALIDATION,
+                VALIDATION_SCENES,
                 sum(len(shard.rgb) for shard in learned),
                 sum(len(shard.sources) for shard in learned),
                 learned[0].recipe,
@@ -160,14 +176,14 @@ class Train(Verb):
 
 
 @dataclass(frozen=True)
-class LoadTraining:
+class LoadTrainingData:
     """Loads a dataset in each process of a training."""
 
     folder: Path
 
     def __call__(self) -> "TrainingData":
         """Read all shards; validation scenes also give drives. Raises DatasetError."""
-        from ltvn_core.model.training import TrainingData
+        from ltvn_core.network.optimization.training_loop import TrainingData
 
         learned, validation = read_shards(self.folder)
         return TrainingData(learned, validation, drives([shard.name for shard in validation], images=220))
@@ -175,15 +191,15 @@ class LoadTraining:
 
 def read_shards(folder: Path) -> "tuple[list[Shard], list[Shard]]":
     """Return a dataset's shards to learn from and to validate on. Raises DatasetError if there are none of a kind."""
-    from ltvn_core.data.shards import read_shard
     from ltvn_core.errors import DatasetError
+    from ltvn_core.training_data.shards import read_shard
 
     shards = [read_shard(path) for path in sorted(folder.glob("*.pairs.safetensors"))]
-    learned = [shard for shard in shards if shard.name not in VALIDATION + UNSEEN]
-    validation = [shard for shard in shards if shard.name in VALIDATION]
+    learned = [shard for shard in shards if shard.name not in VALIDATION_SCENES + TEST_SCENES]
+    validation = [shard for shard in shards if shard.name in VALIDATION_SCENES]
     if not learned or not validation:
         raise DatasetError(
-            f"{folder}: needs shards of scenes to learn from and of {', '.join(VALIDATION)}, found "
+            f"{folder}: needs shards of scenes to learn from and of {', '.join(VALIDATION_SCENES)}, found "
             f"{', '.join(shard.name for shard in shards) or 'none'}; run `ltvn dataset --folder {folder}`."
         )
     return learned, validation

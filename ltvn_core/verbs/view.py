@@ -11,14 +11,14 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Viewed:
+class ViewSummary:
     """Where the viewer was."""
 
     url: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class View(Verb):
+class ViewVerb(Verb):
     """Open a recording in the Rerun web viewer, served to this machine only."""
 
     recording: Positional[str]
@@ -28,9 +28,9 @@ class View(Verb):
 
     def run(self) -> Summary:
         """Serve until interrupted; raises RecordingError and ServerError."""
-        from ltvn_core.recording.viewer import serve_viewer
+        from ltvn_core.recording.viewer_server import serve_viewer
 
         with serve_viewer(self.recording, self.port) as viewer:
             _LOG.info("Open %s (Ctrl-C ends).", viewer.url)
             viewer.wait()
-        return Viewed(viewer.url)
+        return ViewSummary(viewer.url)

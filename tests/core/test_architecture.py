@@ -11,18 +11,24 @@ MODULES = sorted([*(ROOT / "ltvn_core").rglob("*.py"), *(ROOT / "ltvn_viz").rglo
 
 HOMES = {
     "viser": ("ltvn_viz",),
-    "pybullet": ("ltvn_core/sim",),
-    "torch": ("ltvn_core/model",),
+    "pybullet": ("ltvn_core/simulation",),
+    "torch": ("ltvn_core/network",),
     "rerun": ("ltvn_core/recording",),
-    "jinja2": ("ltvn_core/report",),
-    "matplotlib": ("ltvn_core/report",),
+    "jinja2": ("ltvn_core/reports",),
+    "matplotlib": ("ltvn_core/reports",),
 }
 
-COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluate", "ltvn_core/lessons", "ltvn_core/verbs", "ltvn_viz")
-SIBLINGS = ("sim", "data", "model", "recording")
-FOUNDATION = ("types", "geometry", "config", "errors", "intake")
+COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluation", "ltvn_core/training", "ltvn_core/verbs", "ltvn_viz")
+SIBLINGS = ("simulation", "training_data", "network", "recording")
+FOUNDATION = ("types", "geometry", "config", "errors", "preprocessing")
 
-TRUTH_READERS = ("ltvn_core/sim", "ltvn_core/recording", "ltvn_core/evaluate", "ltvn_core/intake.py", "ltvn_viz")
+TRUTH_READERS = (
+    "ltvn_core/simulation",
+    "ltvn_core/recording",
+    "ltvn_core/evaluation",
+    "ltvn_core/preprocessing.py",
+    "ltvn_viz",
+)
 
 
 def relative(path: Path) -> str:
@@ -82,13 +88,13 @@ def test_graph_stands_on_the_foundation_alone() -> None:
 
 
 def test_nav_stands_on_graph_and_the_foundation() -> None:
-    for path in files_of("nav"):
-        assert core_parts(path) <= {*FOUNDATION, "graph", "nav"}, relative(path)
+    for path in files_of("navigation"):
+        assert core_parts(path) <= {*FOUNDATION, "graph", "navigation"}, relative(path)
 
 
 def test_analysis_needs_neither_simulator_nor_network() -> None:
     for path in files_of("analysis"):
-        assert core_parts(path) <= {*FOUNDATION, "graph", "nav", "recording", "analysis"}, relative(path)
+        assert core_parts(path) <= {*FOUNDATION, "graph", "navigation", "recording", "analysis"}, relative(path)
 
 
 @pytest.mark.parametrize("part", SIBLINGS)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.benchmarks.measurement import measured
-from ltvn_core.recording.maps import load_map
+from benchmarks.bench import BenchSummary
+from benchmarks.measurement import measured
+from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
-from ltvn_core.verbs.bench import Benched
 from ltvn_core.verbs.verb import to_text
-from tests.core.recording import scenario
+from tests.core.recording import example_recording
 
 
 def ltvn(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.CompletedProcess[str]":
@@ -27,7 +27,7 @@ def ltvn(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.Complet
 
 @pytest.fixture
 def drive(tmp_path: Path) -> Path:
-    scenario.write(tmp_path / "drive.rrd")
+    example_recording.write(tmp_path / "drive.rrd")
     return tmp_path / "drive.rrd"
 
 
@@ -68,7 +68,7 @@ def test_a_summary_is_text_for_a_person_and_json_for_a_program(drive: Path, tmp_
 
 def test_rows_of_a_summary_get_a_line_each() -> None:
     rows = [measured("seek", 0.8, "ms", at_most=100), measured("recolour", 296, "kB", at_most=400)]
-    _, first, second = to_text(Benched("a laptop", rows)).split("\n  (")
+    _, first, second = to_text(BenchSummary("a laptop", rows)).split("\n  (")
     assert first.startswith("name seek, value 0.8, unit ms")
     assert second.startswith("name recolour, value 296, unit kB")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import ImageError
-from ltvn_core.intake import observation, picture
+from ltvn_core.preprocessing import preprocess_image, preprocess_observation
 from ltvn_core.types import Observation
 
 
@@ -17,10 +17,10 @@ def depth(height: int = 72, width: int = 96, metres: float = 2.0) -> np.ndarray:
 
 
 def taken(image: np.ndarray, metres: np.ndarray, odometry: object = (0, 0, 0), stamp: float = 0.0) -> Observation:
-    return observation(image, metres, np.array(odometry, float), stamp=stamp, step=7, source="front camera")
+    return preprocess_observation(image, metres, np.array(odometry, float), stamp=stamp, step=7, source="front camera")
 
 
-def test_a_good_picture_comes_in_unchanged() -> None:
+def test_a_good_image_comes_in_unchanged() -> None:
     image, metres = rgb(), depth()
     seen = taken(image, metres)
     assert np.array_equal(seen.rgb, image)
@@ -71,14 +71,14 @@ def test_depth_in_whole_millimetres_is_refused_with_the_cure() -> None:
     ],
     ids=["grey", "with alpha", "floating point", "empty"],
 )
-def test_pictures_of_another_kind_are_refused(image: np.ndarray) -> None:
+def test_images_of_another_kind_are_refused(image: np.ndarray) -> None:
     with pytest.raises(ImageError, match="expected an RGB picture"):
         taken(image, depth())
     with pytest.raises(ImageError, match=r"holiday\.png: expected an RGB picture"):
-        picture(image, "holiday.png")
+        preprocess_image(image, "holiday.png")
 
 
-def test_picture_and_depth_of_different_sizes_are_refused() -> None:
+def test_image_and_depth_of_different_sizes_are_refused() -> None:
     with pytest.raises(ImageError, match="both must have one size"):
         taken(rgb(144, 192), depth())
 
@@ -94,5 +94,5 @@ def test_a_stamp_that_is_not_finite_is_refused() -> None:
         taken(rgb(), depth(), stamp=np.nan)
 
 
-def test_an_uploaded_picture_needs_no_depth() -> None:
-    assert picture(rgb(300, 400), "upload").shape == (72, 96, 3)
+def test_an_uploaded_image_needs_no_depth() -> None:
+    assert preprocess_image(rgb(300, 400), "upload").shape == (72, 96, 3)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ltvn_core.analysis.breakpoint_kinds import Crossing, Happening
-from ltvn_core.analysis.breakpoint_text import EXAMPLES, breakpoint_text, parse_breakpoint
-from ltvn_core.analysis.breakpoints import Hit, Watcher, find_hits
+from ltvn_core.analysis.breakpoint_kinds import BeliefCrossingBreakpoint, BreakpointTrigger
+from ltvn_core.analysis.breakpoint_parser import BREAKPOINT_EXAMPLES, format_breakpoint, parse_breakpoint
+from ltvn_core.analysis.breakpoint_watcher import BreakpointHit, BreakpointWatcher, find_breakpoint_hits
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import (
     Belief,
@@ -24,7 +24,7 @@ from ltvn_core.graph.deltas import (
     NodeNamed,
     PoseRow,
 )
-from ltvn_core.nav import events as e
+from ltvn_core.navigation import events as e
 from ltvn_core.recording.reader import Recording
 
 DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
@@ -46,9 +46,9 @@ STORY: list[e.Event] = [
     e.QueryStarted(0, 3),  # 3
     look(1, 0.6),
     e.Planned(0, (1, 2, 3), 2.0),  # 5
-    e.LegStarted(0, 1, 1, 2, 4, HERE, 0.9),
+    e.AttemptStarted(0, 1, 1, 2, 4, HERE, 0.9),
     e.Collided(0, 1),  # 7
-    e.LegEnded(0, 1, 1, 2, 5, e.LegEnd.COLLISION, 1.0, 0.2, succeeded=False, reason="not connectable"),
+    e.AttemptEnded(0, 1, 1, 2, 5, e.AttemptEnd.COLLISION, 1.0, 0.2, succeeded=False, reason="not connectable"),
     believed(0.4),  # 9
     look(2, 0.1),
     e.Planned(0, (2, 3), 1.0),  # 11
@@ -64,7 +64,7 @@ STORY: list[e.Event] = [
     e.QueryStarted(1, 1),  # 21
     e.Planned(1, (4, 1), 1.0),
 ]
-STAMPED = [e.Stamped(k, 0.1 * k, event) for k, event in enumerate(STORY)]
+STAMPED = [e.StampedEvent(k, 0.1 * k, event) for k, event in enumerate(STORY)]
 
 
 @pytest.mark.parametrize(
@@ -98,54 +98,54 @@ STAMPED = [e.Stamped(k, 0.1 * k, event) for k, event in enumerate(STORY)]
     ],
 )
 def test_a_breakpoint_stops_there_and_nowhere_else(text: str, steps: list[int]) -> None:
-    hits = list(find_hits(STAMPED, [parse_breakpoint(text)]))
+    hits = list(find_breakpoint_hits(STAMPED, [parse_breakpoint(text)]))
     assert [hit.moment.step for hit in hits] == steps
     assert all(hit.why for hit in hits)
 
 
 def test_several_breakpoints_at_one_moment_are_one_hit() -> None:
     asked = [parse_breakpoint(text) for text in ("edge 1->2", "prune", "p crosses 0.5")]
-    hit = next(hit for hit in find_hits(STAMPED, asked) if hit.moment.step == 9)
+    hit = next(hit for hit in find_breakpoint_hits(STAMPED, asked) if hit.moment.step == 9)
     assert hit.breakpoints == (asked[0], asked[2])
     assert hit.why == "p of edge 1->2 is 0.40; p of edge 1->2 fell from 0.80 to 0.40"
 
 
 def test_live_watching_finds_what_replay_finds_and_may_be_changed_meanwhile() -> None:
-    watcher = Watcher([])
-    live: list[Hit] = []
+    watcher = BreakpointWatcher([])
+    live: list[BreakpointHit] = []
     for k, stamped in enumerate(STAMPED):
         if k == 6:
-            watcher.changed([Crossing(0.5)])
+            watcher.changed([BeliefCrossingBreakpoint(0.5)])
         if hit := watcher.consume(stamped):
             live.append(hit)
-    assert live == list(find_hits(STAMPED, [Crossing(0.5)]))
+    assert live == list(find_breakpoint_hits(STAMPED, [BeliefCrossingBreakpoint(0.5)]))
 
 
 def test_every_event_of_the_demo_can_be_watched() -> None:
     events = Recording.open(DEMO).events
-    asked = [parse_breakpoint(text) for text in EXAMPLES]
-    hits = list(find_hits(events, asked))
+    asked = [parse_breakpoint(text) for text in BREAKPOINT_EXAMPLES]
+    hits = list(find_breakpoint_hits(events, asked))
     looks = [s.event for s in events if isinstance(s.event, e.Localised)]
     small = sum(1 for hit in hits if parse_breakpoint("margin < 0.2") in hit.breakpoints)
     assert small == sum(1 for seen in looks if seen.node is not None and seen.margin < 0.2)
-    failed = sum(1 for s in events if isinstance(s.event, e.LegEnded) and not s.event.succeeded)
+    failed = sum(1 for s in events if isinstance(s.event, e.AttemptEnded) and not s.event.succeeded)
     assert sum(1 for hit in hits if parse_breakpoint("failed leg") in hit.breakpoints) == failed
 
 
 def test_a_recording_that_begins_in_the_middle_of_a_query_is_watched_as_far_as_it_tells() -> None:
     asked = [parse_breakpoint(text) for text in ("p crosses 0.5", "p(1->2) < 0.5", "replan", "prune")]
-    assert [hit.moment.step for hit in find_hits(STAMPED[9:], asked)] == [9, 13, 14, 16, 18]
+    assert [hit.moment.step for hit in find_breakpoint_hits(STAMPED[9:], asked)] == [9, 13, 14, 16, 18]
 
 
 def test_fifty_thousand_events_hit_as_often_as_they_should() -> None:
-    events = (e.Stamped(k, 0.1 * k, believed(0.4 if k % 2 else 0.6)) for k in range(50_000))
-    assert sum(1 for _ in find_hits(events, [Crossing(0.5)])) == 49_999
+    events = (e.StampedEvent(k, 0.1 * k, believed(0.4 if k % 2 else 0.6)) for k in range(50_000))
+    assert sum(1 for _ in find_breakpoint_hits(events, [BeliefCrossingBreakpoint(0.5)])) == 49_999
 
 
-@given(st.sampled_from(EXAMPLES), st.floats(allow_nan=False, allow_infinity=False))
+@given(st.sampled_from(BREAKPOINT_EXAMPLES), st.floats(allow_nan=False, allow_infinity=False))
 def test_what_is_shown_can_be_typed(example: str, value: float) -> None:
     typed = parse_breakpoint(example.replace("0.5", repr(value)))
-    assert parse_breakpoint(breakpoint_text(typed)) == typed
+    assert parse_breakpoint(format_breakpoint(typed)) == typed
 
 
 @pytest.mark.parametrize(
@@ -163,10 +163,10 @@ def test_a_value_that_is_no_number_is_named(word: str) -> None:
 
 
 def test_every_happening_has_an_example() -> None:
-    assert set(Happening) <= set(EXAMPLES)
+    assert set(BreakpointTrigger) <= set(BREAKPOINT_EXAMPLES)
 
 
 def test_an_edge_that_leaves_with_its_node_is_noticed() -> None:
-    dropped = e.Stamped(9, 0.9, e.GraphChanged(NodeDropped(2, Cause.HAND)))
-    hits = list(find_hits([*STAMPED[:3], dropped], [parse_breakpoint("edge 1->2")]))
+    dropped = e.StampedEvent(9, 0.9, e.GraphChanged(NodeDropped(2, Cause.HAND)))
+    hits = list(find_breakpoint_hits([*STAMPED[:3], dropped], [parse_breakpoint("edge 1->2")]))
     assert [hit.why for hit in hits] == ["edge 1->2 left with node 2"]

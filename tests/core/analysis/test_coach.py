@@ -5,17 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.coach import Advice, advise
-from ltvn_core.analysis.coverage import one_sided, open_loops, pieces
+from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
+from ltvn_core.analysis.mapping_gaps import find_missing_loop_closures, one_sided_places, strongly_connected_components
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
+from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.reader import Recording
-from tests.core.world import FlatPredictor, one_room, tour
+from tests.core.flat_world import FlatPredictor, one_room, tour
 
 DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 STEPS_M = 0.5
@@ -49,61 +49,63 @@ def join(graph: TopologicalGraph, a: int, b: int) -> None:
         graph.apply(EdgeAdded(Edge(source, target, PoseRow(0.5, 0, 0), Belief(0.9, 0.5, 0.02)), Cause.ONLINE))
 
 
-def coached(graph: TopologicalGraph, poses: np.ndarray) -> Advice:
-    return advise(graph, range(len(poses)), poses)
+def coached(graph: TopologicalGraph, poses: np.ndarray) -> MappingAdvice:
+    return advise_mapping(graph, range(len(poses)), poses)
 
 
 def test_a_loop_that_was_driven_but_not_closed_is_found_until_an_edge_closes_it() -> None:
     poses = ring()
     graph = chain(poses)
     advice = coached(graph, poses)
-    assert len(advice.loops) == 1  # The overlap is 1.5 m long, and a place is counted once.
-    assert all(loop.first - loop.second == 32 and loop.gap_m == pytest.approx(0, abs=1e-6) for loop in advice.loops)
+    assert len(advice.missing_closures) == 1  # The overlap is 1.5 m long, and a place is counted once.
+    assert all(
+        loop.first - loop.second == 32 and loop.gap_m == pytest.approx(0, abs=1e-6) for loop in advice.missing_closures
+    )
     assert "no edge joins them" in advice.hint.text
-    assert advice.hint.target in [graph.nodes[loop.first].odometry for loop in advice.loops]
+    assert advice.hint.target in [graph.nodes[loop.first].odometry for loop in advice.missing_closures]
     join(graph, 0, 32)
-    assert coached(graph, poses).loops == ()
+    assert coached(graph, poses).missing_closures == ()
 
 
 def test_pieces_come_first_and_the_way_to_the_other_one_is_told() -> None:
     poses = np.array([[0.5 * k, 0.0, 0.0] for k in range(10)])
     graph = chain(poses, gaps=(5,))
     advice = coached(graph, poses)
-    assert advice.pieces == ((0, 1, 2, 3, 4), (5, 6, 7, 8, 9))
+    assert advice.strongly_connected_components == ((0, 1, 2, 3, 4), (5, 6, 7, 8, 9))
     assert advice.hint.target == graph.nodes[4].odometry
     assert advice.hint.text.startswith("The map is in 2 pieces: drive to node 4, 2.5 m away behind you")
 
 
 def test_a_place_seen_from_one_side_asks_to_be_seen_from_the_other() -> None:
     poses = np.array([[0.2 * k, 0.0, 0.1] for k in range(15)])
-    places = one_sided(poses)
+    places = one_sided_places(poses)
     assert sum(int(place.histogram.sum()) for place in places) == 15
     assert all(place.histogram[0] == place.histogram.sum() for place in places)
     hint = coached(chain(poses), poses).hint
     assert hint.target is not None
     assert hint.target.yaw_rad == pytest.approx(0.1 - np.pi)
     back = np.concatenate([poses, poses[::-1] + np.array([0.0, 0.0, np.pi - 0.2])])
-    assert one_sided(back) == ()
+    assert one_sided_places(back) == ()
 
 
 def test_yaws_on_both_sides_of_half_a_turn_are_one_side() -> None:
     poses = np.array([[0.1, 0.1, sign * 3.1] for sign in (1, -1, 1, -1)])
-    (place,) = one_sided(poses)
+    (place,) = one_sided_places(poses)
     assert abs(place.yaw_rad) == pytest.approx(np.pi)
 
 
-def test_a_view_is_as_new_as_the_network_says() -> None:
+def test_an_image_is_as_new_as_the_network_says() -> None:
     predictor = FlatPredictor(one_room())
     drive = list(tour([(1.0, 1.0), (2.5, 1.0)]))
-    views = Views(predictor)
-    graph = TopologicalGraph(build(drive, views, predictor, ROBUST, np.random.default_rng(0)))
-    matcher, nodes = Matcher(predictor, views, ROBUST.matching), tuple(graph.nodes)
+    keyframes = KeyframeStore(predictor)
+    graph = TopologicalGraph(build(drive, keyframes, predictor, ROBUST, np.random.default_rng(0)))
+    matcher, nodes = Matcher(predictor, keyframes, ROBUST.matching), tuple(graph.nodes)
     steps, poses = [seen.step for seen in drive], np.array([seen.odometry for seen in drive])
-    known = advise(graph, steps, poses, matcher.match(predictor.encode([drive[5]]), nodes))
+    known = advise_mapping(graph, steps, poses, matcher.match(predictor.encode([drive[5]]), nodes))
     assert known.novelty == pytest.approx(0.05)
     assert "one side only" in known.hint.text
     strange = predictor.encode([drive[5]]) + np.array([2.4, 2.0, 0.0, 0.0])
-    new = advise(graph, steps, poses, matcher.match(strange, nodes))
+    new = advise_mapping(graph, steps, poses, matcher.match(strange, nodes))
     assert new.novelty == pytest.approx(0.95)
     assert "new" in new.hint.text
 
@@ -117,24 +119,29 @@ def test_where_nothing_is_left_to_mend_the_rim_is_next() -> None:
 
 
 def test_before_anything_was_driven_the_hint_is_to_drive() -> None:
-    advice = advise(TopologicalGraph(), [], np.empty((0, 3)))
+    advice = advise_mapping(TopologicalGraph(), [], np.empty((0, 3)))
     assert advice.hint.target is None
-    assert (advice.pieces, advice.loops, advice.one_sided, advice.novelty) == ((), (), (), None)
+    assert (advice.strongly_connected_components, advice.missing_closures, advice.one_sided_places, advice.novelty) == (
+        (),
+        (),
+        (),
+        None,
+    )
 
 
 def test_nodes_from_an_older_drive_are_another_visit() -> None:
     poses = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
     graph = TopologicalGraph(NodeAdded(Node(k, PoseRow(0.1, 0.0, 0.0)), Cause.LOAD) for k in (0, 900))
-    assert len(open_loops(graph, [900, 950], poses)) == 1
-    assert len(open_loops(graph, [], np.empty((0, 3)))) == 1
+    assert len(find_missing_loop_closures(graph, [900, 950], poses)) == 1
+    assert len(find_missing_loop_closures(graph, [], np.empty((0, 3)))) == 1
 
 
 def test_the_demo_drive_is_judged_as_a_whole() -> None:
     recording = Recording.open(DEMO)
     graph = recording.final_graph()
-    advice = advise(graph, recording.frames, recording.poses.odometry)
-    assert sum(map(len, advice.pieces)) == len(graph.nodes)
-    assert all(loop.first in graph.nodes and loop.second in graph.nodes for loop in advice.loops)
+    advice = advise_mapping(graph, recording.frames, recording.poses.odometry)
+    assert sum(map(len, advice.strongly_connected_components)) == len(graph.nodes)
+    assert all(loop.first in graph.nodes and loop.second in graph.nodes for loop in advice.missing_closures)
     assert advice.hint.text
 
 
@@ -142,8 +149,8 @@ def test_two_thousand_images_and_ten_thousand_nodes_are_counted_right() -> None:
     poses = ring(laps=62.5)
     graph = chain(poses)
     advice = coached(graph, poses)
-    assert pieces(graph) == (tuple(range(2000)),)
-    assert advice.loops
-    assert all(abs(loop.first - loop.second) % 32 in (0, 1, 31) for loop in advice.loops)
+    assert strongly_connected_components(graph) == (tuple(range(2000)),)
+    assert advice.missing_closures
+    assert all(abs(loop.first - loop.second) % 32 in (0, 1, 31) for loop in advice.missing_closures)
     long = np.array([[0.5 * k, 0.0, 0.0] for k in range(10_000)])
-    assert coached(chain(long), long).loops == ()
+    assert coached(chain(long), long).missing_closures == ()

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.compare import compare, figures
+from ltvn_core.analysis.edge_betweenness import edge_betweenness
+from ltvn_core.analysis.map_comparison import compare_maps, map_metrics
 from ltvn_core.analysis.node_matching import MatchedBy
-from ltvn_core.analysis.traffic import traffic
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
@@ -21,7 +21,7 @@ from ltvn_core.graph.deltas import (
     NodeNamed,
     PoseRow,
 )
-from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.recording.reader import Recording
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
@@ -44,7 +44,7 @@ def added(source: int, target: int, p: float = 0.9) -> EdgeAdded:
 
 
 def test_a_map_does_not_differ_from_itself() -> None:
-    difference = compare(chain(5), chain(5))
+    difference = compare_maps(chain(5), chain(5))
     assert (difference.differing, difference.nodes_only_a, difference.edges_only_b) == ((), (), ())
     assert (len(difference.nodes), len(difference.edges)) == (5, 8)
 
@@ -55,7 +55,7 @@ def test_what_maintenance_did_is_the_difference_before_and_after() -> None:
     after.apply(NodeDropped(5, Cause.HAND))
     after.apply(BeliefUpdated(0, 1, Belief(0.5, 1.0, 0.01), 1, 0, Cause.ATTEMPT))
     after.apply(added(0, 2))
-    difference = compare(before, after)
+    difference = compare_maps(before, after)
     assert difference.matched_by is MatchedBy.ID
     assert difference.nodes_only_a == (5,)
     assert set(difference.edges_only_a) == {(2, 3), (4, 5), (5, 4)}
@@ -67,7 +67,7 @@ def test_what_maintenance_did_is_the_difference_before_and_after() -> None:
 def test_a_node_that_was_given_a_name_is_still_the_same() -> None:
     named = chain(3)
     named.apply(NodeNamed(1, "sofa", False, Cause.HAND))
-    difference = compare(chain(3), named)
+    difference = compare_maps(chain(3), named)
     assert (difference.nodes_only_a, difference.edges_only_a, difference.edges_only_b) == ((), (), ())
 
 
@@ -75,7 +75,7 @@ def test_the_edge_that_most_paths_need_comes_first() -> None:
     before, after = chain(9), chain(9)
     for key in ((0, 1), (4, 5)):
         after.apply(BeliefUpdated(*key, Belief(0.4, 1.0, 0.01), 1, 0, Cause.ATTEMPT))
-    first, second = compare(before, after).differing
+    first, second = compare_maps(before, after).differing
     assert first.a is not None
     assert (first.a.source, first.a.target) == (4, 5)
     assert first.importance > second.importance > 0
@@ -83,7 +83,7 @@ def test_the_edge_that_most_paths_need_comes_first() -> None:
 
 def test_maps_of_two_drives_are_matched_by_place() -> None:
     a, b = chain(4), chain(5, shift_m=0.2, first=100)
-    difference = compare(a, b)
+    difference = compare_maps(a, b)
     assert difference.matched_by is MatchedBy.POSE
     assert difference.nodes == {0: 100, 1: 101, 2: 102, 3: 103}
     assert difference.nodes_only_b == (104,)
@@ -92,19 +92,19 @@ def test_maps_of_two_drives_are_matched_by_place() -> None:
 
 def test_given_poses_count_more_than_odometry() -> None:
     a, b = chain(3), chain(3, shift_m=50.0, first=100)
-    assert compare(a, b).nodes == {}
+    assert compare_maps(a, b).nodes == {}
     poses = {100 + k: np.array([float(k), 0.1, 0.0]) for k in range(3)}
-    assert len(compare(a, b, poses_b=poses).nodes) == 3
+    assert len(compare_maps(a, b, poses_b=poses).nodes) == 3
 
 
 def test_empty_maps_compare() -> None:
-    difference = compare(TopologicalGraph(), chain(2))
+    difference = compare_maps(TopologicalGraph(), chain(2))
     assert (difference.nodes, difference.nodes_only_b, len(difference.differing)) == ({}, (0, 1), 2)
-    assert figures(TopologicalGraph()).mean_p is None
+    assert map_metrics(TopologicalGraph()).mean_p is None
 
 
 def test_every_path_of_a_chain_runs_over_its_middle() -> None:
-    share = traffic(chain(4))
+    share = edge_betweenness(chain(4))
     assert share[1, 2] == pytest.approx(4 / 12)
     assert share[0, 1] == pytest.approx(3 / 12)
 
@@ -119,15 +119,15 @@ def test_a_large_map_is_compared_whole() -> None:
     gone = list(other.edges)[::50]
     for key in gone:
         other.apply(EdgePruned(*key, Cause.ATTEMPT))
-    assert len(compare(big, other).differing) == len(gone)
+    assert len(compare_maps(big, other).differing) == len(gone)
 
 
 def test_the_demo_drive_changed_its_map_where_it_drove() -> None:
     recording = Recording.open(RECORDINGS / "demo-drive.rrd")
     start = next(stamped.step for stamped in recording.events if type(stamped.event).__name__ == "QueryStarted")
     before, after = recording.graph_at(start), recording.final_graph()
-    difference = compare(before, after)
+    difference = compare_maps(before, after)
     assert set(difference.nodes) == set(before.nodes)
     assert any(each.a and each.b and each.b.attempts for each in difference.differing)
-    numbers = figures(after, recording.events)
+    numbers = map_metrics(after, recording.events)
     assert (numbers.queries, numbers.reached, numbers.nodes) == (2, 2, 180)

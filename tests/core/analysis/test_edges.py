@@ -5,24 +5,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.edges import edge_story
-from ltvn_core.analysis.projection import pole_in_image, waypoint_in_image
+from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.timeline import Instant, Timeline
+from ltvn_core.analysis.waypoint_projection import pole_in_image, waypoint_in_image
 from ltvn_core.graph.deltas import Cause, NodeDropped
-from ltvn_core.nav.events import GraphChanged, LegEnd
+from ltvn_core.navigation.events import AttemptEnd, GraphChanged
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Intrinsics
-from tests.core.analysis import runs
+from tests.core.analysis import example_runs
 
 DRIVE = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 LENS = Intrinsics()
 
 
 def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
-    story = edge_story(runs.timeline(), 1, 2)
-    (life,) = story.lives
-    assert (life.born.step, life.cause, life.r_at_birth) == (10, Cause.BUILD, 0.9)
-    assert [(at.instant.step, at.belief.p, at.attempt) for at in life.history] == [
+    story = edge_history(example_runs.timeline(), 1, 2)
+    (life,) = story.lifetimes
+    assert (life.added_at.step, life.cause, life.initial_reachability) == (10, Cause.BUILD, 0.9)
+    assert [(at.instant.step, at.belief.p, at.attempt) for at in life.beliefs] == [
         (10, 0.9, None),
         (60, 0.6, 2),
         (140, 0.2, 4),
@@ -33,7 +33,7 @@ def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
 
 
 def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
-    rows = edge_story(runs.timeline(), 1, 2).attempts
+    rows = edge_history(example_runs.timeline(), 1, 2).attempts
     assert [(row.attempt, row.query, row.succeeded, row.counted) for row in rows] == [
         (2, 0, False, True),
         (3, 0, False, False),
@@ -43,49 +43,53 @@ def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
     assert (first.departure, first.arrival, first.end, first.distance, first.reachability) == (
         40,
         60,
-        LegEnd.COLLISION,
+        AttemptEnd.COLLISION,
         0.9,
         0.1,
     )
     assert first.localised is not None
-    assert (first.localised.node, first.collisions, first.whole) == (1, 1, True)
+    assert (first.localised.node, first.collisions, first.only_this_edge) == (1, 1, True)
 
 
 def test_plans_through_an_edge_are_counted() -> None:
-    assert [at.step for at in edge_story(runs.timeline(), 1, 2).planned] == [20, 40, 60, 100]
+    assert [at.step for at in edge_history(example_runs.timeline(), 1, 2).planned_at] == [20, 40, 60, 100]
 
 
 def test_the_story_up_to_an_instant_knows_nothing_of_what_came_later() -> None:
-    story = edge_story(runs.timeline(), 1, 2, until=Instant(60, 6.0))
+    story = edge_history(example_runs.timeline(), 1, 2, until=Instant(60, 6.0))
     assert story.alive
     assert story.belief is not None
-    assert (story.belief.p, len(story.attempts), len(story.planned)) == (0.6, 2, 3)
+    assert (story.belief.p, len(story.attempts), len(story.planned_at)) == (0.6, 2, 3)
 
 
 def test_an_edge_that_never_was_has_an_empty_story() -> None:
-    story = edge_story(runs.timeline(), 5, 99)
-    assert (story.lives, story.attempts, story.planned, story.alive, story.belief) == ((), (), (), False, None)
+    story = edge_history(example_runs.timeline(), 5, 99)
+    assert (story.lifetimes, story.attempts, story.planned_at, story.alive, story.belief) == ((), (), (), False, None)
 
 
 def test_an_edge_that_comes_back_lives_twice_and_one_goes_with_its_node() -> None:
     dropped = GraphChanged(NodeDropped(2, Cause.HAND))
-    run = [*runs.two_failures(), *runs.at(190, runs.edge(1, 2, cause=Cause.HAND)), *runs.at(195, dropped)]
-    first, second = edge_story(Timeline.of(run), 1, 2).lives
+    run = [
+        *example_runs.two_failures(),
+        *example_runs.at(190, example_runs.edge(1, 2, cause=Cause.HAND)),
+        *example_runs.at(195, dropped),
+    ]
+    first, second = edge_history(Timeline.of(run), 1, 2).lifetimes
     assert first.end is not None
     assert second.end is not None
     assert (second.cause, second.end.node, second.end.instant.step) == (Cause.HAND, 2, 195)
 
 
 def test_an_edge_goes_with_its_map_when_another_comes_in() -> None:
-    run = [*runs.two_failures(), *runs.at(200, runs.node(0, cause=Cause.LOAD))]
-    (life,) = edge_story(Timeline.of(run), 0, 1).lives
+    run = [*example_runs.two_failures(), *example_runs.at(200, example_runs.node(0, cause=Cause.LOAD))]
+    (life,) = edge_history(Timeline.of(run), 0, 1).lifetimes
     assert life.end is not None
     assert (life.end.instant.step, life.end.whole_map) == (200, True)
 
 
 def test_without_the_map_before_it_an_edge_has_attempts_but_no_life() -> None:
-    story = edge_story(Timeline.of([stamped for stamped in runs.two_failures() if stamped.step >= 20]), 1, 2)
-    assert (story.lives, len(story.attempts)) == ((), 3)
+    story = edge_history(Timeline.of([stamped for stamped in example_runs.two_failures() if stamped.step >= 20]), 1, 2)
+    assert (story.lifetimes, len(story.attempts)) == ((), 3)
 
 
 def test_all_attempts_of_a_real_drive_end_in_the_belief_of_the_final_map() -> None:
@@ -94,7 +98,7 @@ def test_all_attempts_of_a_real_drive_end_in_the_belief_of_the_final_map() -> No
     driven = [edge for edge in graph.edges.values() if edge.attempts]
     assert driven
     for edge in driven:
-        story = edge_story(timeline, edge.source, edge.target)
+        story = edge_history(timeline, edge.source, edge.target)
         assert story.belief == edge.belief
         assert sum(row.counted for row in story.attempts) == edge.attempts
 
@@ -112,7 +116,7 @@ def test_the_waypoint_lies_where_the_camera_sees_the_floor_at_that_depth() -> No
 
 
 @pytest.mark.parametrize("waypoint", [(-1.0, 0.0, 0.0), (0.5, 2.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
-def test_a_floor_point_out_of_the_picture_has_no_pixel(waypoint: tuple[float, float, float]) -> None:
+def test_a_floor_point_out_of_the_image_has_no_pixel(waypoint: tuple[float, float, float]) -> None:
     assert waypoint_in_image(np.array(waypoint), LENS) is None
 
 

@@ -5,63 +5,66 @@ from collections.abc import Iterator
 
 import pytest
 
-from ltvn_core.analysis import blame
-from ltvn_core.analysis.edges import edge_story
-from ltvn_core.analysis.strip import lifelong_strip
+from ltvn_core.analysis import edge_explanation
+from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.failure_triage import failed_queries
+from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.timeline import MarkKind, Timeline
-from ltvn_core.analysis.triage import failed_queries
 from ltvn_core.config import PAPER
-from ltvn_core.nav.events import Outcome, Planned, QueryStarted, Stamped
-from tests.core.analysis import runs
+from ltvn_core.navigation.events import Outcome, Planned, QueryStarted, StampedEvent
+from tests.core.analysis import example_runs
 
 NODES, SPAN, LEGS, QUERIES = 10_000, 5, 80, 100
 PER_QUERY = 2 + LEGS * 5 + 1
 
 
 @pytest.fixture(scope="module")
-def events() -> list[Stamped]:
+def events() -> list[StampedEvent]:
     """A long corridor that is driven up and down its first nodes, with a failure at the end of every tenth query."""
-    nodes = runs.at(0, *(runs.node(frame, float(frame)) for frame in range(NODES)))
+    nodes = example_runs.at(0, *(example_runs.node(frame, float(frame)) for frame in range(NODES)))
     pairs = [(node, node + ahead) for node in range(NODES) for ahead in range(1, SPAN + 1) if node + ahead < NODES]
-    edges = runs.at(0, *(runs.edge(source, target, mu=target - source) for source, target in pairs))
+    edges = example_runs.at(0, *(example_runs.edge(source, target, mu=target - source) for source, target in pairs))
     return [*nodes, *edges, *itertools.chain.from_iterable(map(_query, range(QUERIES)))]
 
 
-def _query(number: int) -> list[Stamped]:
-    step, run = 1 + number * 1000, list[Stamped]()
-    run += runs.at(step, QueryStarted(number, LEGS))
+def _query(number: int) -> list[StampedEvent]:
+    step, run = 1 + number * 1000, list[StampedEvent]()
+    run += example_runs.at(step, QueryStarted(number, LEGS))
     failing = number % 10 == 9
     for node in range(LEGS):
         attempt, step = number * LEGS + node, step + 10
         plan = Planned(number, tuple(range(node, LEGS + 1)), float(LEGS - node))
-        drive = runs.leg(number, attempt, node, node + 1, step)
+        drive = example_runs.attempt_started(number, attempt, node, node + 1, step)
         wrong = failing and node == LEGS - 1
-        done = runs.failed(drive, step + 9) if wrong else runs.arrived(drive, step + 9)
+        done = example_runs.failed(drive, step + 9) if wrong else example_runs.arrived(drive, step + 9)
         counts = (number + 1, number + 1 - number // 10)
-        lesson = runs.belief(node, node + 1, 0.9, counts, (number, attempt))
-        run += [*runs.at(step, runs.localised(number, step, node), plan, drive), *runs.at(step + 9, done, lesson)]
+        lesson = example_runs.belief(node, node + 1, 0.9, counts, (number, attempt))
+        run += [
+            *example_runs.at(step, example_runs.localised(number, step, node), plan, drive),
+            *example_runs.at(step + 9, done, lesson),
+        ]
     outcome = Outcome.STEP_LIMIT if failing else Outcome.ARRIVED
-    return [*run, *runs.at(step + 10, runs.ended(number, LEGS, outcome))]
+    return [*run, *example_runs.at(step + 10, example_runs.ended(number, LEGS, outcome))]
 
 
-def test_a_long_life_on_a_large_map_is_told_completely(events: list[Stamped]) -> None:
+def test_a_long_life_on_a_large_map_is_told_completely(events: list[StampedEvent]) -> None:
     timeline = Timeline.of(events)
     assert len(events) > 50_000 + 40_000
     assert (len(timeline.queries), len(timeline.attempts)) == (QUERIES, QUERIES * LEGS)
     assert sum(mark.kind is MarkKind.FAILURE for mark in timeline.marks) == QUERIES // 10
     assert len(timeline.graph_at().edges) == 49_985
-    story = edge_story(timeline, LEGS - 1, LEGS)
-    assert (len(story.attempts), len(story.planned)) == (QUERIES, QUERIES * LEGS)
-    assert len(blame.gone(timeline, LEGS - 1, LEGS)) == QUERIES + 2
-    assert len(blame.chosen(timeline, 0, 1, PAPER.planning)) == 3
+    story = edge_history(timeline, LEGS - 1, LEGS)
+    assert (len(story.attempts), len(story.planned_at)) == (QUERIES, QUERIES * LEGS)
+    assert len(edge_explanation.explain_pruned_edge(timeline, LEGS - 1, LEGS)) == QUERIES + 2
+    assert len(edge_explanation.explain_planned_edge(timeline, 0, 1, PAPER.planning)) == 3
     assert len(failed_queries(timeline)) == QUERIES // 10
-    assert lifelong_strip(timeline).edges.tolist() == [49_985] * QUERIES
+    assert lifelong_success(timeline).edges.tolist() == [49_985] * QUERIES
 
 
-def test_each_event_is_looked_at_once(events: list[Stamped]) -> None:
+def test_each_event_is_looked_at_once(events: list[StampedEvent]) -> None:
     looked = 0
 
-    def counting() -> Iterator[Stamped]:
+    def counting() -> Iterator[StampedEvent]:
         nonlocal looked
         for stamped in events:
             looked += 1

@@ -4,29 +4,29 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.analysis.strip import lifelong_strip
+from ltvn_core.analysis.failure_triage import FailureMode, failed_queries, group_by_failure_mode, group_by_place
+from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.triage import Trouble, by_place, by_trouble, failed_queries
 from ltvn_core.errors import OptionError
-from ltvn_core.nav.events import Collided, Judged, Note, Outcome, Planned, QueryStarted, Severity, Stamped
+from ltvn_core.navigation.events import Collided, Judged, Note, Outcome, Planned, QueryStarted, Severity, StampedEvent
 from ltvn_core.recording.reader import Recording
-from tests.core.analysis import runs
+from tests.core.analysis import example_runs
 
 DRIVE = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 
 
-def query(number: int, begin: int, outcome: Outcome, *, reached: bool, place: int | None = 0) -> list[Stamped]:
+def query(number: int, begin: int, outcome: Outcome, *, reached: bool, place: int | None = 0) -> list[StampedEvent]:
     """A query of ten steps in which the robot only looks once."""
-    fix, plan = runs.localised(number, begin, place), Planned(number, (0, 1, 2), 2.0)
+    fix, plan = example_runs.localised(number, begin, place), Planned(number, (0, 1, 2), 2.0)
     return [
-        *runs.at(begin, QueryStarted(number, 2), fix, plan),
-        *runs.at(begin + 10, runs.ended(number, 2, outcome), Judged(number, reached, 1.0, 0.0)),
+        *example_runs.at(begin, QueryStarted(number, 2), fix, plan),
+        *example_runs.at(begin + 10, example_runs.ended(number, 2, outcome), Judged(number, reached, 1.0, 0.0)),
     ]
 
 
 def series(verdicts: str) -> Timeline:
     """Queries one after the other, `+` reached and `-` not."""
-    run = runs.square()
+    run = example_runs.square()
     for number, verdict in enumerate(verdicts):
         run += query(number, 20 + 20 * number, Outcome.ARRIVED, reached=verdict == "+")
     return Timeline.of(run)
@@ -37,8 +37,8 @@ def test_a_drive_without_failures_has_none() -> None:
 
 
 def test_a_failed_query_is_shown_a_second_before_it_went_wrong_for_good() -> None:
-    (failure,) = failed_queries(runs.timeline())
-    assert (failure.query.id, failure.trouble) == (0, Trouble.COLLISION)
+    (failure,) = failed_queries(example_runs.timeline())
+    assert (failure.query.id, failure.failure_mode) == (0, FailureMode.COLLISION)
     assert failure.text == "The robot touched something, for the 1st time in the query."
     assert (failure.instant.step, failure.instant.stamp) == (45, pytest.approx(4.5))
     assert (failure.edge, failure.node) == ((1, 2), 1)
@@ -47,94 +47,110 @@ def test_a_failed_query_is_shown_a_second_before_it_went_wrong_for_good() -> Non
 
 
 def test_a_setback_after_which_the_robot_came_nearer_than_ever_is_recovered_from() -> None:
-    early, late = runs.leg(0, 1, 0, 1, 20), runs.leg(0, 2, 1, 2, 60)
+    early, late = example_runs.attempt_started(0, 1, 0, 1, 20), example_runs.attempt_started(0, 2, 1, 2, 60)
     run = [
-        *runs.square(),
-        *runs.at(20, QueryStarted(0, 2), runs.localised(0, 20, 0), Planned(0, (0, 1, 2), 2.0), early),
-        *runs.at(40, runs.failed(early, 40), runs.localised(0, 40, 0), Planned(0, (0, 1, 2), 2.0)),
-        *runs.at(60, runs.localised(0, 60, 1), Planned(0, (1, 2), 1.0), late),
-        *runs.at(80, runs.failed(late, 80), runs.localised(0, 80, 0), Planned(0, (0, 1, 2), 2.0)),
-        *runs.at(90, runs.localised(0, 90, 1), Planned(0, (1, 2), 1.0), runs.ended(0, 2, Outcome.STEP_LIMIT)),
+        *example_runs.square(),
+        *example_runs.at(20, QueryStarted(0, 2), example_runs.localised(0, 20, 0), Planned(0, (0, 1, 2), 2.0), early),
+        *example_runs.at(
+            40, example_runs.failed(early, 40), example_runs.localised(0, 40, 0), Planned(0, (0, 1, 2), 2.0)
+        ),
+        *example_runs.at(60, example_runs.localised(0, 60, 1), Planned(0, (1, 2), 1.0), late),
+        *example_runs.at(
+            80, example_runs.failed(late, 80), example_runs.localised(0, 80, 0), Planned(0, (0, 1, 2), 2.0)
+        ),
+        *example_runs.at(
+            90, example_runs.localised(0, 90, 1), Planned(0, (1, 2), 1.0), example_runs.ended(0, 2, Outcome.STEP_LIMIT)
+        ),
     ]
     (failure,) = failed_queries(Timeline.of(run))
     assert (failure.instant.step, failure.edge) == (70, (1, 2))
 
 
-def test_too_many_touches_are_put_where_most_happened() -> None:
-    first, second = runs.leg(0, 1, 0, 1, 20), runs.leg(0, 2, 1, 2, 60)
+def test_too_many_collisions_are_put_where_most_happened() -> None:
+    first, second = example_runs.attempt_started(0, 1, 0, 1, 20), example_runs.attempt_started(0, 2, 1, 2, 60)
     run = [
-        *runs.square(),
-        *runs.at(20, QueryStarted(0, 2), runs.localised(0, 20, 0), Planned(0, (0, 1, 2), 2.0), first),
-        *runs.at(35, Collided(0, 1)),
-        *runs.at(40, runs.failed(first, 40), runs.localised(0, 60, 1), Planned(0, (1, 2), 1.0), second),
-        *runs.at(70, Collided(0, 2)),
-        *runs.at(75, Collided(0, 3)),
-        *runs.at(80, runs.failed(second, 80), runs.ended(0, 2, Outcome.COLLISION_LIMIT)),
+        *example_runs.square(),
+        *example_runs.at(20, QueryStarted(0, 2), example_runs.localised(0, 20, 0), Planned(0, (0, 1, 2), 2.0), first),
+        *example_runs.at(35, Collided(0, 1)),
+        *example_runs.at(
+            40, example_runs.failed(first, 40), example_runs.localised(0, 60, 1), Planned(0, (1, 2), 1.0), second
+        ),
+        *example_runs.at(70, Collided(0, 2)),
+        *example_runs.at(75, Collided(0, 3)),
+        *example_runs.at(80, example_runs.failed(second, 80), example_runs.ended(0, 2, Outcome.COLLISION_LIMIT)),
     ]
     (failure,) = failed_queries(Timeline.of(run))
-    assert (failure.trouble, failure.node, failure.instant.step) == (Trouble.COLLISION, 1, 60)
+    assert (failure.failure_mode, failure.node, failure.instant.step) == (FailureMode.COLLISION, 1, 60)
 
 
 @pytest.mark.parametrize(
     ("outcome", "trouble"),
     [
-        (Outcome.ARRIVED, Trouble.WRONG_ARRIVAL),
-        (Outcome.LOST, Trouble.LOST),
-        (Outcome.NO_PATH, Trouble.NO_PATH),
-        (Outcome.COLLISION_LIMIT, Trouble.COLLISION),
-        (Outcome.STEP_LIMIT, Trouble.TOO_SLOW),
+        (Outcome.ARRIVED, FailureMode.WRONG_ARRIVAL),
+        (Outcome.LOST, FailureMode.LOST),
+        (Outcome.NO_PATH, FailureMode.NO_PATH),
+        (Outcome.COLLISION_LIMIT, FailureMode.COLLISION),
+        (Outcome.STEP_LIMIT, FailureMode.TOO_SLOW),
     ],
 )
-def test_each_outcome_is_some_trouble(outcome: Outcome, trouble: Trouble) -> None:
-    run = [*runs.square(), *query(0, 20, outcome, reached=False, place=None)]
+def test_each_outcome_is_some_trouble(outcome: Outcome, failure_mode: FailureMode) -> None:
+    run = [*example_runs.square(), *query(0, 20, outcome, reached=False, place=None)]
     (failure,) = failed_queries(Timeline.of(run))
-    assert failure.trouble is trouble
+    assert failure.failure_mode is failure_mode
     assert failure.instant.step == 20
     assert (failure.node, failure.pose) == (None, None)
 
 
 def test_steps_lost_in_recovering_make_a_query_lost() -> None:
-    lost = [stamped for step in range(21, 28) for stamped in runs.at(step, runs.localised(0, step, None))]
-    run = sorted([*runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False), *lost], key=lambda at: at.step)
+    lost = [
+        stamped for step in range(21, 28) for stamped in example_runs.at(step, example_runs.localised(0, step, None))
+    ]
+    run = sorted(
+        [*example_runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False), *lost], key=lambda at: at.step
+    )
     (failure,) = failed_queries(Timeline.of(run))
-    assert failure.trouble is Trouble.LOST
+    assert failure.failure_mode is FailureMode.LOST
 
 
-def test_a_denied_arrival_counts_as_a_setback() -> None:
+def test_a_denied_arbaseline_counts_as_a_setback() -> None:
     denial = Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
-    run = [*runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False)]
-    run[-2:-2] = runs.at(28, denial)
+    run = [*example_runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False)]
+    run[-2:-2] = example_runs.at(28, denial)
     (failure,) = failed_queries(Timeline.of(run))
     assert failure.text == denial.text
 
 
 def test_without_a_verdict_what_the_robot_says_counts() -> None:
-    run = [stamped for stamped in runs.two_failures() if not isinstance(stamped.event, Judged)]
+    run = [stamped for stamped in example_runs.two_failures() if not isinstance(stamped.event, Judged)]
     assert [failure.query.id for failure in failed_queries(Timeline.of(run))] == [0]
 
 
 def test_cut_and_cancelled_queries_have_not_failed() -> None:
-    run = [*runs.square(), *query(0, 20, Outcome.CANCELLED, reached=False), *runs.at(50, QueryStarted(1, 2))]
+    run = [
+        *example_runs.square(),
+        *query(0, 20, Outcome.CANCELLED, reached=False),
+        *example_runs.at(50, QueryStarted(1, 2)),
+    ]
     assert failed_queries(Timeline.of(run)) == ()
 
 
 def test_failures_are_grouped_by_trouble_and_by_place() -> None:
-    run = runs.square()
+    run = example_runs.square()
     for number, (outcome, place) in enumerate(
         [(Outcome.LOST, 0), (Outcome.ARRIVED, 3), (Outcome.LOST, 1), (Outcome.LOST, None)]
     ):
         run += query(number, 20 + 20 * number, outcome, reached=False, place=place)
     failures = failed_queries(Timeline.of(run))
-    assert {trouble: len(group) for trouble, group in by_trouble(failures).items()} == {
-        Trouble.LOST: 3,
-        Trouble.WRONG_ARRIVAL: 1,
+    assert {failure_mode: len(group) for failure_mode, group in group_by_failure_mode(failures).items()} == {
+        FailureMode.LOST: 3,
+        FailureMode.WRONG_ARRIVAL: 1,
     }
-    places = by_place(failures, radius_m=1.5)
+    places = group_by_place(failures, radius_m=1.5)
     assert [place.nodes for place in places] == [(0, 1), (3,), ()]
 
 
 def test_the_strip_counts_success_and_what_became_of_the_map() -> None:
-    strip = lifelong_strip(runs.timeline(), window=2)
+    strip = lifelong_success(example_runs.timeline(), window=2)
     assert strip.queries.tolist() == [0, 1]
     assert strip.succeeded.tolist() == [False, True]
     assert strip.success.tolist() == [0.0, 0.5]
@@ -145,7 +161,7 @@ def test_the_strip_counts_success_and_what_became_of_the_map() -> None:
 
 
 def test_a_dip_names_the_queries_between_which_to_compare_the_map() -> None:
-    strip = lifelong_strip(series("++++++--+-++++++"), window=4)
+    strip = lifelong_success(series("++++++--+-++++++"), window=4)
     (dip,) = strip.dips
     assert (dip.first, dip.last, dip.peak, dip.low) == (6, 12, 5, 9)
     assert dip.fall == pytest.approx(0.75)
@@ -153,11 +169,11 @@ def test_a_dip_names_the_queries_between_which_to_compare_the_map() -> None:
 
 
 def test_steady_success_and_few_queries_have_no_dips() -> None:
-    assert lifelong_strip(series("++++++"), window=4).dips == ()
-    assert lifelong_strip(series("+-"), window=4).dips == ()
-    assert lifelong_strip(Timeline.of([])).dips == ()
+    assert lifelong_success(series("++++++"), window=4).dips == ()
+    assert lifelong_success(series("+-"), window=4).dips == ()
+    assert lifelong_success(Timeline.of([])).dips == ()
 
 
 def test_a_window_of_no_queries_is_refused() -> None:
     with pytest.raises(OptionError, match="choose at least 1"):
-        lifelong_strip(runs.timeline(), window=0)
+        lifelong_success(example_runs.timeline(), window=0)

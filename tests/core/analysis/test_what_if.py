@@ -9,29 +9,37 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.changes import (
-    BeliefSet,
-    Change,
-    EdgeBarred,
-    EdgeForced,
-    GoalSet,
-    StartSet,
-    Threshold,
-    ThresholdSet,
+from ltvn_core.analysis.planner_state import PlannerState, planner_state_at
+from ltvn_core.analysis.threshold_dry_run import prune_dry_run, rebuild_dry_run
+from ltvn_core.analysis.what_if_changes import (
+    WhatIfChange,
+    WhatIfThreshold,
+    WithBelief,
+    WithEdge,
+    WithGoal,
+    WithoutEdge,
+    WithStart,
+    WithThreshold,
 )
-from ltvn_core.analysis.dry_run import prune_dry_run, rebuild_dry_run
-from ltvn_core.analysis.situation import Situation, situation_at
-from ltvn_core.analysis.what_if import replan
+from ltvn_core.analysis.what_if_replanning import replan
 from ltvn_core.composition import open_system
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
-from ltvn_core.nav.events import GraphChanged, LegEnd, LegEnded, Localised, Planned, QueryStarted, Stamped
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import (
+    AttemptEnd,
+    AttemptEnded,
+    GraphChanged,
+    Localised,
+    Planned,
+    QueryStarted,
+    StampedEvent,
+)
 from ltvn_core.recording.reader import Recording
-from tests.core.world import FlatPredictor, one_room, tour
+from tests.core.flat_world import FlatPredictor, one_room, tour
 
 DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 
@@ -45,45 +53,45 @@ def diamond() -> TopologicalGraph:
     return graph
 
 
-ASKED = Situation(0, 3)
+ASKED = PlannerState(0, 3)
 SURE = Belief(0.9, 0.1, 0.02)
 
 
 @pytest.mark.parametrize(
     ("change", "nodes"),
     [
-        (EdgeBarred(0, 1), (0, 2, 3)),
-        (EdgeForced(0, 3, SURE), (0, 3)),
-        (EdgeForced(0, 1, Belief(0.9, 9.0, 0.02)), (0, 2, 3)),
-        (BeliefSet(1, 3, p=0.1), (0, 2, 3)),
-        (BeliefSet(1, 3, mu=4.0), (0, 2, 3)),
-        (GoalSet(1), (0, 1)),
-        (GoalSet(4), ()),
-        (StartSet(2), (2, 3)),
-        (ThresholdSet(Threshold.D_C, 0.7), (0, 1, 3)),
-        (ThresholdSet(Threshold.D_C, 0.4), ()),
-        (ThresholdSet(Threshold.R_P, 0.95), ()),
-        (ThresholdSet(Threshold.BELIEF_WEIGHT, 0.0), (0, 1, 3)),
+        (WithoutEdge(0, 1), (0, 2, 3)),
+        (WithEdge(0, 3, SURE), (0, 3)),
+        (WithEdge(0, 1, Belief(0.9, 9.0, 0.02)), (0, 2, 3)),
+        (WithBelief(1, 3, p=0.1), (0, 2, 3)),
+        (WithBelief(1, 3, mu=4.0), (0, 2, 3)),
+        (WithGoal(1), (0, 1)),
+        (WithGoal(4), ()),
+        (WithStart(2), (2, 3)),
+        (WithThreshold(WhatIfThreshold.D_C, 0.7), (0, 1, 3)),
+        (WithThreshold(WhatIfThreshold.D_C, 0.4), ()),
+        (WithThreshold(WhatIfThreshold.R_P, 0.95), ()),
+        (WithThreshold(WhatIfThreshold.BELIEF_WEIGHT, 0.0), (0, 1, 3)),
     ],
 )
-def test_a_change_leads_to_the_plan_one_expects(change: Change, nodes: tuple[int, ...]) -> None:
+def test_a_change_leads_to_the_plan_one_expects(change: WhatIfChange, nodes: tuple[int, ...]) -> None:
     graph = diamond()
     found = replan(graph, ASKED, ROBUST, [change])
     assert found.old.nodes == (0, 1, 3)
     assert found.new.nodes == nodes
-    assert {*found.left, *found.joined} == {(0, 1), (1, 3)} ^ set(itertools.pairwise(nodes))
+    assert {*found.removed_edges, *found.added_edges} == {(0, 1), (1, 3)} ^ set(itertools.pairwise(nodes))
     assert found.sentence.endswith(".")
     assert graph == diamond()
 
 
-def test_a_rival_plans_with_its_own_weights() -> None:
-    assert replan(diamond(), ASKED, ROBUST, [BeliefSet(0, 1, mu=9.0)]).new.nodes == (0, 2, 3)
+def test_a_baseline_plans_with_its_own_weights() -> None:
+    assert replan(diamond(), ASKED, ROBUST, [WithBelief(0, 1, mu=9.0)]).new.nodes == (0, 2, 3)
     found = replan(
         diamond(),
         ASKED,
         ROBUST,
-        [BeliefSet(0, 1, mu=9.0), ThresholdSet(Threshold.BELIEF_WEIGHT, 2.0)],
-        weights=lambda method: open_system("sptm", method).edge_weight,
+        [WithBelief(0, 1, mu=9.0), WithThreshold(WhatIfThreshold.BELIEF_WEIGHT, 2.0)],
+        edge_weight_of=lambda method: open_system("sptm", method).edge_weight,
     )
     assert found.new.cost == 2.0
     assert found.sentence.startswith("The same way")
@@ -91,17 +99,17 @@ def test_a_rival_plans_with_its_own_weights() -> None:
 
 
 def test_a_path_costs_what_its_edges_cost() -> None:
-    failed = Situation(0, 3, {(0, 1): 2})
-    found = replan(diamond(), failed, ROBUST, [ThresholdSet(Threshold.FAILURE_PENALTY, 0.0)])
+    failed = PlannerState(0, 3, {(0, 1): 2})
+    found = replan(diamond(), failed, ROBUST, [WithThreshold(WhatIfThreshold.FAILURE_PENALTY, 0.0)])
     assert found.old.nodes == (0, 2, 3)
     assert found.new.nodes == (0, 1, 3)
     for path, edges in ((found.old, found.old_edges), (found.new, found.new_edges)):
         assert sum(edge.mu + edge.doubt + edge.penalty for edge in edges) == pytest.approx(path.cost)
-    assert replan(diamond(), failed, ROBUST, [EdgeBarred(0, 2)]).new_edges[0].penalty == 4.0
+    assert replan(diamond(), failed, ROBUST, [WithoutEdge(0, 2)]).new_edges[0].penalty == 4.0
 
 
 @cache
-def demo() -> tuple[Recording, list[Stamped]]:
+def demo() -> tuple[Recording, list[StampedEvent]]:
     recording = Recording.open(DEMO)
     return recording, recording.events
 
@@ -113,35 +121,35 @@ def test_without_a_change_the_plan_is_the_recorded_one() -> None:
         planned, past = events[k].event, events[:k]
         assert isinstance(planned, Planned)
         graph = TopologicalGraph(s.event.delta for s in past if isinstance(s.event, GraphChanged))
-        found = replan(graph, situation_at(past, events[k].step), method, [])
+        found = replan(graph, planner_state_at(past, events[k].step), method, [])
         assert found.old.nodes == found.new.nodes == planned.nodes
         assert found.old.cost == pytest.approx(planned.cost)
-        assert not found.left
-        assert not found.joined
+        assert not found.removed_edges
+        assert not found.added_edges
 
 
 def test_barring_an_edge_of_a_recorded_plan_finds_another_way_or_none() -> None:
     recording, events = demo()
     planned = next(stamped for stamped in events if isinstance(stamped.event, Planned) and len(stamped.event.nodes) > 4)
     assert isinstance(planned.event, Planned)
-    graph, asked = recording.graph_at(planned.step), situation_at(events, planned.step)
+    graph, asked = recording.graph_at(planned.step), planner_state_at(events, planned.step)
     barred = planned.event.nodes[1], planned.event.nodes[2]
-    found = replan(graph, asked, ROBUST, [EdgeBarred(*barred)])
-    assert barred in found.left
+    found = replan(graph, asked, ROBUST, [WithoutEdge(*barred)])
+    assert barred in found.removed_edges
     assert found.new.cost > found.old.cost
 
 
 def test_failures_of_a_query_are_forgotten_in_the_next() -> None:
-    ended = LegEnded(0, 1, 0, 2, 5, LegEnd.TIMEOUT, 1.0, 0.1, succeeded=False, reason="")
-    events = [Stamped(1, 0.1, QueryStarted(0, 3)), Stamped(1, 0.1, Planned(0, (0, 1, 2, 3), 1.0))]
-    events += [Stamped(2, 0.2, ended), Stamped(3, 0.3, QueryStarted(1, 4))]
-    assert situation_at(events, 2).failures == {(0, 1): 1, (1, 2): 1}
-    assert situation_at(events, 3) == Situation(None, 4)
-    assert situation_at(events[2:3], 9).failures == {(0, 2): 1}
+    ended = AttemptEnded(0, 1, 0, 2, 5, AttemptEnd.TIMEOUT, 1.0, 0.1, succeeded=False, reason="")
+    events = [StampedEvent(1, 0.1, QueryStarted(0, 3)), StampedEvent(1, 0.1, Planned(0, (0, 1, 2, 3), 1.0))]
+    events += [StampedEvent(2, 0.2, ended), StampedEvent(3, 0.3, QueryStarted(1, 4))]
+    assert planner_state_at(events, 2).failures == {(0, 1): 1, (1, 2): 1}
+    assert planner_state_at(events, 3) == PlannerState(None, 4)
+    assert planner_state_at(events[2:3], 9).failures == {(0, 2): 1}
 
 
 def test_a_moment_without_a_question_has_no_plan_but_says_why() -> None:
-    found = replan(TopologicalGraph(), situation_at([], 0), ROBUST, [])
+    found = replan(TopologicalGraph(), planner_state_at([], 0), ROBUST, [])
     assert found.new.nodes == ()
     assert math.isinf(found.new.cost)
     assert "nobody knows where the robot is" in found.notes[0]
@@ -149,26 +157,26 @@ def test_a_moment_without_a_question_has_no_plan_but_says_why() -> None:
 
 def test_a_smaller_distance_of_localisation_may_lose_the_robot() -> None:
     look = Localised(0, 5, 0, 0.8, 0.9, None, math.inf, "global")
-    asked = Situation(0, 3, localised=look)
-    found = replan(diamond(), asked, ROBUST, [ThresholdSet(Threshold.D_L, 0.5)])
+    asked = PlannerState(0, 3, localised=look)
+    found = replan(diamond(), asked, ROBUST, [WithThreshold(WhatIfThreshold.D_L, 0.5)])
     assert found.new.nodes == ()
     assert "lost" in found.notes[0]
-    assert replan(diamond(), asked, ROBUST, [ThresholdSet(Threshold.D_L, 0.9)]).new.nodes == (0, 1, 3)
+    assert replan(diamond(), asked, ROBUST, [WithThreshold(WhatIfThreshold.D_L, 0.9)]).new.nodes == (0, 1, 3)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (EdgeBarred(3, 0), "Edge 3 -> 0 is not in the map"),
-        (BeliefSet(0, 3, p=0.5), "force it in"),
-        (BeliefSet(0, 1, p=1.5), r"must lie in \[0, 1\]"),
-        (EdgeForced(0, 9, SURE), "Node 9 is not in the map"),
-        (GoalSet(9), "Node 9 is not in the map"),
-        (ThresholdSet(Threshold.D_L, -1.0), "D_l cannot be -1"),
-        (ThresholdSet(Threshold.R_P, math.nan), "R_p cannot be nan"),
+        (WithoutEdge(3, 0), "Edge 3 -> 0 is not in the map"),
+        (WithBelief(0, 3, p=0.5), "force it in"),
+        (WithBelief(0, 1, p=1.5), r"must lie in \[0, 1\]"),
+        (WithEdge(0, 9, SURE), "Node 9 is not in the map"),
+        (WithGoal(9), "Node 9 is not in the map"),
+        (WithThreshold(WhatIfThreshold.D_L, -1.0), "D_l cannot be -1"),
+        (WithThreshold(WhatIfThreshold.R_P, math.nan), "R_p cannot be nan"),
     ],
 )
-def test_what_cannot_be_imagined_is_said(change: Change, message: str) -> None:
+def test_what_cannot_be_imagined_is_said(change: WhatIfChange, message: str) -> None:
     with pytest.raises(LtvnError, match=message):
         replan(diamond(), ASKED, ROBUST, [change])
 
@@ -176,7 +184,7 @@ def test_what_cannot_be_imagined_is_said(change: Change, message: str) -> None:
 def test_a_dry_run_of_pruning_counts_edges_and_pieces() -> None:
     graph = diamond()
     counts = prune_dry_run(graph, 0.95)
-    assert set(counts.gone) == set(graph.edges)
+    assert set(counts.pruned_edges) == set(graph.edges)
     assert counts.sentence == "4 edges would go, 5 pieces."
     assert prune_dry_run(graph, 0.95, replace(PAPER.believing, prune_after_failures=6)).sentence == "No edge would go."
     assert graph == diamond()
@@ -185,22 +193,22 @@ def test_a_dry_run_of_pruning_counts_edges_and_pieces() -> None:
 def test_a_dry_run_of_a_rebuild_says_how_the_map_would_change() -> None:
     predictor = FlatPredictor(one_room())
     drive = list(tour([(1.0, 1.0), (3.0, 1.0), (3.0, 3.0)]))
-    views, rng = Views(predictor), np.random.default_rng(1)
+    keyframes, rng = KeyframeStore(predictor), np.random.default_rng(1)
     fine = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.35))
-    graph = TopologicalGraph(build(drive, views, predictor, fine, np.random.default_rng(1)))
-    encoded, frames = predictor.encoded, views.frames
+    graph = TopologicalGraph(build(drive, keyframes, predictor, fine, np.random.default_rng(1)))
+    encoded, frames = predictor.encoded, keyframes.frames
     coarse = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.8))
-    counts = rebuild_dry_run(drive, views, predictor, fine, coarse, rng)
+    counts = rebuild_dry_run(drive, keyframes, predictor, fine, coarse, rng)
     assert counts.before.nodes == len(graph.nodes)
     assert counts.before.edges == len(graph.edges)
     assert counts.after.nodes < counts.before.nodes
     assert counts.sentence.startswith(f"{counts.before.nodes - counts.after.nodes} nodes fewer")
     assert predictor.encoded - encoded == len(drive) - len(frames)
-    assert views.frames == frames
+    assert keyframes.frames == frames
     assert rng.bit_generator.state == np.random.default_rng(1).bit_generator.state
 
 
 def test_a_dry_run_without_images_says_that_there_are_none() -> None:
     predictor = FlatPredictor(one_room())
     with pytest.raises(MapError, match="trajectory is empty"):
-        rebuild_dry_run([], Views(predictor), predictor, ROBUST, ROBUST, np.random.default_rng(1))
+        rebuild_dry_run([], KeyframeStore(predictor), predictor, ROBUST, ROBUST, np.random.default_rng(1))

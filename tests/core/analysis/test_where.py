@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.lookalikes import find_lookalikes
-from ltvn_core.analysis.where import heat, image_of, margins
+from ltvn_core.analysis.localisation_confidence import features_of, localisation_heat_map, localisation_margins
+from ltvn_core.analysis.perceptual_aliases import find_perceptual_aliases
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
-from ltvn_core.graph.localizer import Localizer
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import Localiser
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
-from ltvn_core.nav.events import Localised, QueryStarted, Stamped
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import Localised, QueryStarted, StampedEvent
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Observation
-from tests.core.world import FlatPredictor, FlatWorld, box, look_at
+from tests.core.flat_world import FlatPredictor, FlatWorld, box, observation_at
 
 DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 SAME = np.array([0.1, 0.0, 0.0])
@@ -39,17 +39,17 @@ class Corridor:
 
 
 def corridor(count: int = 24, *, lies: Sequence[tuple[NodeId, NodeId]] = (), method: Method = LITERAL) -> Corridor:
-    drive = tuple(look_at(np.array([0.5 + 0.5 * k, 1.0, 0.0]), k) for k in range(count))
+    drive = tuple(observation_at(np.array([0.5 + 0.5 * k, 1.0, 0.0]), k) for k in range(count))
     world = FlatWorld(np.array(box(0.5 * count + 1, 2.0)))
     predictor = FlatPredictor(world, lies={pair: SAME for pair in lies})
-    views = Views(predictor)
-    views.add(drive)
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(drive)
     graph = TopologicalGraph(
         NodeAdded(Node(k, PoseRow(*map(float, drive[k].odometry))), Cause.BUILD) for k in range(count)
     )
     for k in range(1, count):
         join(graph, k - 1, k)
-    return Corridor(graph, Matcher(predictor, views, method.matching), predictor, drive)
+    return Corridor(graph, Matcher(predictor, keyframes, method.matching), predictor, drive)
 
 
 def join(graph: TopologicalGraph, a: NodeId, b: NodeId) -> None:
@@ -59,42 +59,42 @@ def join(graph: TopologicalGraph, a: NodeId, b: NodeId) -> None:
 
 def test_the_heat_map_is_coldest_where_the_robot_is() -> None:
     place = corridor()
-    image = place.predictor.encode([look_at(np.array([4.05, 1.0, 0.0]), 99)])
-    found = heat(image, tuple(place.graph.nodes), place.matcher, ROBUST.localising)
+    image = place.predictor.encode([observation_at(np.array([4.05, 1.0, 0.0]), 99)])
+    found = localisation_heat_map(image, tuple(place.graph.nodes), place.matcher, ROBUST.localising)
     assert found.nodes == tuple(range(24))
     assert found.distances.shape == found.scores.shape == (24,)
     assert found.best(2) == (7, 8)
-    fix = Localizer(place.matcher, replace(ROBUST.localising, shortlist=0)).localise(image, place.graph)
+    fix = Localiser(place.matcher, replace(ROBUST.localising, shortlist=0)).localise(image, place.graph)
     assert (fix.node, fix.runner_up) == found.best(2)
     assert found.margin == pytest.approx(fix.margin)
     assert found.near[7]
     assert not found.near[20]
 
 
-def test_a_view_at_hand_is_not_encoded_again() -> None:
+def test_an_image_at_hand_is_not_encoded_again() -> None:
     place = corridor()
     before = place.predictor.encoded
-    assert np.array_equal(image_of(place.drive[3], place.matcher, place.predictor)[0, :3], [2.0, 1.0, 0.0])
+    assert np.array_equal(features_of(place.drive[3], place.matcher, place.predictor)[0, :3], [2.0, 1.0, 0.0])
     assert place.predictor.encoded == before
-    image_of(look_at(np.zeros(3), 99), place.matcher, place.predictor)
+    features_of(observation_at(np.zeros(3), 99), place.matcher, place.predictor)
     assert place.predictor.encoded == before + 1
 
 
 def test_an_empty_map_is_neither_warm_nor_cold() -> None:
     place = corridor()
-    found = heat(place.predictor.encode([place.drive[0]]), (), place.matcher, ROBUST.localising)
+    found = localisation_heat_map(place.predictor.encode([place.drive[0]]), (), place.matcher, ROBUST.localising)
     assert found.best(3) == ()
     assert math.isinf(found.margin)
 
 
 @cache
-def demo() -> list[Stamped]:
+def demo() -> list[StampedEvent]:
     return Recording.open(DEMO).events
 
 
 def test_the_margins_of_the_demo_are_those_that_were_recorded() -> None:
     looks = [stamped for stamped in demo() if isinstance(stamped.event, Localised)]
-    found = margins(demo())
+    found = localisation_margins(demo())
     assert found.steps.tolist() == [look.step for look in looks]
     assert found.margins.tolist() == [look.event.margin for look in looks if isinstance(look.event, Localised)]
     assert len(found.nodes) == len(found.runners_up) == len(found.queries) == 51
@@ -107,72 +107,74 @@ def look(query: int, node: int | None, second: int | None, margin: float) -> Loc
 
 def test_flickering_between_two_nodes_is_seen() -> None:
     looks = [look(0, 1, 2, 0.1), look(0, 2, 1, 0.05), look(0, 1, 2, 0.5), look(1, 2, 1, 0.1), look(1, None, 2, 0.0)]
-    events = [Stamped(k, 0.1 * k, event) for k, event in enumerate([QueryStarted(0, 1), *looks])]
-    found = margins(events)
+    events = [StampedEvent(k, 0.1 * k, event) for k, event in enumerate([QueryStarted(0, 1), *looks])]
+    found = localisation_margins(events)
     assert found.swaps().tolist() == [1, 2]
     assert found.small(0.2).tolist() == [0, 1, 3]
-    assert len(margins([]).margins) == 0
-    assert margins([]).swaps().tolist() == []
-    assert margins([]).small(1.0).tolist() == []
+    assert len(localisation_margins([]).margins) == 0
+    assert localisation_margins([]).swaps().tolist() == []
+    assert localisation_margins([]).small(1.0).tolist() == []
 
 
 @pytest.mark.parametrize("candidates", [None, 22])
-def test_a_look_alike_pair_is_found_and_nothing_else(candidates: int | None) -> None:
+def test_a_perceptual_alias_pair_is_found_and_nothing_else(candidates: int | None) -> None:
     place = corridor(lies=[(3, 20), (20, 3)])
-    (pair,) = find_lookalikes(place.graph, place.matcher, LITERAL, candidates=candidates)
+    (pair,) = find_perceptual_aliases(place.graph, place.matcher, LITERAL, candidates=candidates)
     assert (pair.first, pair.second) == (3, 20)
-    assert pair.contradicted
-    assert not pair.joined
+    assert pair.contradicted_by_odometry
+    assert not pair.has_edge
     assert pair.odometry_m == pytest.approx(8.5)
-    assert pair.path_mu == pytest.approx(8.5)
+    assert pair.path_length == pytest.approx(8.5)
     assert "3 and 20 look 0.10 apart (r 0.95), yet they are 8.5 m apart by odometry" in pair.sentence
 
 
 def test_false_edges_come_first() -> None:
     place = corridor(lies=[(1, 23), (3, 20)])
     join(place.graph, 3, 20)
-    found = find_lookalikes(place.graph, place.matcher, LITERAL, candidates=None)
-    assert [(pair.first, pair.second, pair.joined) for pair in found] == [(3, 20, True), (1, 23, False)]
-    assert found[0].path_mu == 8.5  # Without the false edge itself.
+    found = find_perceptual_aliases(place.graph, place.matcher, LITERAL, candidates=None)
+    assert [(pair.first, pair.second, pair.has_edge) for pair in found] == [(3, 20, True), (1, 23, False)]
+    assert found[0].path_length == 8.5  # Without the false edge itself.
     assert "an edge joins them" in found[0].sentence
 
 
-def test_a_false_edge_is_asked_about_whatever_the_pictures_look_like() -> None:
+def test_a_false_edge_is_asked_about_whatever_the_images_look_like() -> None:
     place = corridor(lies=[(3, 20)])
     join(place.graph, 3, 20)
-    (pair,) = find_lookalikes(place.graph, place.matcher, LITERAL, candidates=1)
+    (pair,) = find_perceptual_aliases(place.graph, place.matcher, LITERAL, candidates=1)
     assert (pair.first, pair.second) == (3, 20)
 
 
 def test_neighbours_in_time_acquit_a_pair_where_the_method_asks_them() -> None:
     place = corridor(lies=[(3, 20), (20, 3)], method=ROBUST)
-    assert find_lookalikes(place.graph, place.matcher, ROBUST, candidates=None) == ()
+    assert find_perceptual_aliases(place.graph, place.matcher, ROBUST, candidates=None) == ()
 
 
 def test_the_literal_method_is_judged_by_odometry_too() -> None:
     place = corridor(lies=[(3, 20)], method=PAPER)
-    (pair,) = find_lookalikes(place.graph, place.matcher, PAPER, candidates=None)
-    assert pair.contradicted
+    (pair,) = find_perceptual_aliases(place.graph, place.matcher, PAPER, candidates=None)
+    assert pair.contradicted_by_odometry
 
 
 def test_a_place_that_the_map_holds_for_far_is_told_even_if_odometry_agrees() -> None:
     place = corridor()
     for edge in ((11, 12), (12, 11)):
         place.graph.apply(EdgePruned(*edge, Cause.HAND))
-    found = find_lookalikes(place.graph, place.matcher, LITERAL, candidates=None)
+    found = find_perceptual_aliases(place.graph, place.matcher, LITERAL, candidates=None)
     assert {(pair.first, pair.second) for pair in found} == {(10, 12), (11, 12), (11, 13)}
-    assert all(math.isinf(pair.path_mu) and not pair.contradicted for pair in found)
+    assert all(math.isinf(pair.path_length) and not pair.contradicted_by_odometry for pair in found)
 
 
 def test_progress_is_told_and_small_maps_have_no_pairs() -> None:
     place, told = corridor(5), []
-    find_lookalikes(place.graph, place.matcher, LITERAL, progress=lambda done, total: told.append((done, total)))
+    find_perceptual_aliases(
+        place.graph, place.matcher, LITERAL, progress=lambda done, total: told.append((done, total))
+    )
     assert told == [(k, 5) for k in range(1, 6)]
-    assert find_lookalikes(TopologicalGraph(), place.matcher, LITERAL) == ()
+    assert find_perceptual_aliases(TopologicalGraph(), place.matcher, LITERAL) == ()
 
 
 def test_a_map_whose_images_are_missing_says_so() -> None:
     place = corridor(5)
-    place.matcher.views.drop([2])
+    place.matcher.keyframes.drop([2])
     with pytest.raises(MapError, match="image of frame 2"):
-        find_lookalikes(place.graph, place.matcher, LITERAL)
+        find_perceptual_aliases(place.graph, place.matcher, LITERAL)

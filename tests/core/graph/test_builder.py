@@ -10,11 +10,11 @@ from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.expansion import reachable
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
+from ltvn_core.graph.expansion import reachable_nodes
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation
-from tests.core.world import FlatPredictor, look_at, one_room, tour, two_rooms
+from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour, two_rooms
 
 PRESETS = pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
 ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7)]
@@ -22,10 +22,14 @@ ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7)]
 
 def built(
     images: Sequence[Observation], method: Method, seed: int = 0, predictor: FlatPredictor | None = None
-) -> tuple[TopologicalGraph, Views, FlatPredictor]:
+) -> tuple[TopologicalGraph, KeyframeStore, FlatPredictor]:
     predictor = predictor or FlatPredictor(one_room())
-    views = Views(predictor)
-    return TopologicalGraph(build(images, views, predictor, method, np.random.default_rng(seed))), views, predictor
+    keyframes = KeyframeStore(predictor)
+    return (
+        TopologicalGraph(build(images, keyframes, predictor, method, np.random.default_rng(seed))),
+        keyframes,
+        predictor,
+    )
 
 
 @PRESETS
@@ -34,7 +38,7 @@ def test_the_map_is_sparse_and_in_one_piece(method: Method) -> None:
     graph, _, _ = built(images, method)
     start = next(iter(graph.nodes))
     assert 10 < len(graph.nodes) < len(images) / 2
-    assert reachable(graph, start) == set(graph.nodes)
+    assert reachable_nodes(graph, start) == set(graph.nodes)
 
 
 @PRESETS
@@ -59,9 +63,9 @@ def test_an_edge_carries_the_waypoint_of_its_target_in_the_frame_of_its_source(m
 
 
 def test_no_two_nodes_could_have_merged_after_both_were_there() -> None:
-    graph, views, _ = built(list(tour(ROUND)), PAPER)
+    graph, keyframes, _ = built(list(tour(ROUND)), PAPER)
     nodes = list(graph.nodes)
-    poses = np.array([views.observation(node).odometry for node in nodes])
+    poses = np.array([keyframes.observation(node).odometry for node in nodes])
     for k in range(1, len(nodes)):
         gaps = distance(relative(poses[k], poses[:k]))
         assert gaps.min() >= PAPER.building.merge_distance - 1e-9
@@ -76,18 +80,18 @@ def test_the_same_seed_builds_the_same_map(method: Method) -> None:
 
 def test_the_reserve_keeps_merged_images_only_in_the_robust_method() -> None:
     images = list(tour(ROUND))
-    robust, views, _ = built(images, ROBUST)
-    assert len(robust.nodes) + len(robust.reserve) == len(images) == len(views)
-    paper, views, _ = built(images, PAPER)
+    robust, keyframes, _ = built(images, ROBUST)
+    assert len(robust.nodes) + len(robust.reserve) == len(images) == len(keyframes)
+    paper, keyframes, _ = built(images, PAPER)
     assert len(paper.reserve) == 0
-    assert len(views) == len(paper.nodes)
+    assert len(keyframes) == len(paper.nodes)
 
 
 def test_goal_frames_always_become_nodes() -> None:
     images = list(tour(ROUND))
     goals = [images[k].step for k in (5, 6, 7, 60)]
     predictor = FlatPredictor(one_room())
-    deltas = build(images, Views(predictor), predictor, ROBUST, np.random.default_rng(1), goals=goals)
+    deltas = build(images, KeyframeStore(predictor), predictor, ROBUST, np.random.default_rng(1), goals=goals)
     assert set(goals) <= set(TopologicalGraph(deltas).nodes)
 
 
@@ -104,12 +108,12 @@ def test_a_false_match_that_its_neighbours_in_time_deny_makes_no_edge() -> None:
     goals = [near.step, far.step]  # So that both are nodes.
     for method, expected in ((ROBUST, False), (PAPER, True)):
         predictor = FlatPredictor(one_room(), lies=lies)
-        deltas = build(images, Views(predictor), predictor, method, np.random.default_rng(0), goals=goals)
+        deltas = build(images, KeyframeStore(predictor), predictor, method, np.random.default_rng(0), goals=goals)
         assert ((near.step, far.step) in TopologicalGraph(deltas).edges) is expected
 
 
 def test_a_start_that_touches_nothing_is_tried_again_elsewhere() -> None:
-    lonely = look_at(np.array([2.5, 2.0, 0.0]), 9000, odometry=np.array([50.0, 0.0, 0.0]))
+    lonely = observation_at(np.array([2.5, 2.0, 0.0]), 9000, odometry=np.array([50.0, 0.0, 0.0]))
 
     class Blind(FlatPredictor):
         def predict(self, sources: np.ndarray, targets: np.ndarray):  # noqa: ANN202
@@ -120,10 +124,10 @@ def test_a_start_that_touches_nothing_is_tried_again_elsewhere() -> None:
 
     images = [*tour(ROUND), lonely]
     predictor = Blind(one_room())
-    deltas = build(images, Views(predictor), predictor, ROBUST, StartsWithLast(len(images)))
+    deltas = build(images, KeyframeStore(predictor), predictor, ROBUST, StartsWithLast(len(images)))
     assert len(TopologicalGraph(deltas).nodes) > 10
     once = replace(ROBUST, building=replace(ROBUST.building, restarts=0))
-    deltas = build(images, Views(predictor), predictor, once, StartsWithLast(len(images)))
+    deltas = build(images, KeyframeStore(predictor), predictor, once, StartsWithLast(len(images)))
     assert list(TopologicalGraph(deltas).nodes) == [9000]
 
 
@@ -155,24 +159,24 @@ def test_an_empty_trajectory_is_refused() -> None:
 
 @PRESETS
 def test_one_image_makes_a_map_of_one_node(method: Method) -> None:
-    graph, _, _ = built([look_at(np.array([1.0, 1.0, 0.0]), 3)], method)
+    graph, _, _ = built([observation_at(np.array([1.0, 1.0, 0.0]), 3)], method)
     assert list(graph.nodes) == [3]
     assert not graph.edges
 
 
 @PRESETS
 def test_images_that_all_look_alike_make_a_map_of_one_node(method: Method) -> None:
-    graph, _, _ = built([look_at(np.array([1.0, 1.0, 0.0]), step) for step in range(30)], method)
+    graph, _, _ = built([observation_at(np.array([1.0, 1.0, 0.0]), step) for step in range(30)], method)
     assert len(graph.nodes) == 1
 
 
 def test_repeated_frame_numbers_and_foreign_goals_are_refused() -> None:
-    twice = [look_at(np.zeros(3), 1), look_at(np.zeros(3), 1)]
+    twice = [observation_at(np.zeros(3), 1), observation_at(np.zeros(3), 1)]
     with pytest.raises(MapError, match="repeat"):
         built(twice, ROBUST)
     predictor = FlatPredictor(one_room())
     with pytest.raises(MapError, match=r"\[77\] are not in the trajectory"):
-        build(twice[:1], Views(predictor), predictor, ROBUST, np.random.default_rng(0), goals=[77])
+        build(twice[:1], KeyframeStore(predictor), predictor, ROBUST, np.random.default_rng(0), goals=[77])
 
 
 def test_progress_counts_up_to_all_images() -> None:
@@ -180,7 +184,7 @@ def test_progress_counts_up_to_all_images() -> None:
     predictor = FlatPredictor(one_room())
     build(
         images,
-        Views(predictor),
+        KeyframeStore(predictor),
         predictor,
         ROBUST,
         np.random.default_rng(0),

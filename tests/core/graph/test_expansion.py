@@ -5,29 +5,31 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Cause, EdgePruned, FramesReleased, FramesReserved, NodeAdded
-from ltvn_core.graph.expansion import expand, reachable
+from ltvn_core.graph.expansion import expand, reachable_nodes
+from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.operators import edges_both_ways, node_of
+from ltvn_core.graph.operators import bidirectional_edges, node_from_observation
 from ltvn_core.graph.planner import Planner
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId
-from tests.core.world import FlatPredictor, look_at, one_room
+from tests.core.flat_world import FlatPredictor, observation_at, one_room
 
 PRESETS = pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
-IMAGES = [look_at(np.array([0.4 + 0.1 * k, 1.0, 0.0]), 10 * k) for k in range(42)]
+IMAGES = [observation_at(np.array([0.4 + 0.1 * k, 1.0, 0.0]), 10 * k) for k in range(42)]
 ENDS = (0, 60, 120, 280, 340, 400)
 """Nodes with a hole in the middle; they are 0.6 m apart, 1.6 m at the hole."""
 
 
 def cut_map(predictor: FlatPredictor, method: Method) -> tuple[TopologicalGraph, Matcher]:
-    views = Views(predictor)
-    views.add(IMAGES)
-    matcher = Matcher(predictor, views, method.matching)
-    graph = TopologicalGraph(NodeAdded(node_of(seen), Cause.BUILD) for seen in IMAGES if seen.step in ENDS)
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(IMAGES)
+    matcher = Matcher(predictor, keyframes, method.matching)
+    graph = TopologicalGraph(
+        NodeAdded(node_from_observation(seen), Cause.BUILD) for seen in IMAGES if seen.step in ENDS
+    )
     for source, target in ((0, 60), (60, 120), (280, 340), (340, 400)):
-        for delta in edges_both_ways(
-            source, matcher.match(views.features([source]), (target,)), method.believing, Cause.BUILD
+        for delta in bidirectional_edges(
+            source, matcher.match(keyframes.features([source]), (target,)), method.believing, Cause.BUILD
         ):
             graph.apply(delta)
     left = tuple(seen.step for seen in IMAGES if seen.step not in ENDS)
@@ -101,8 +103,8 @@ def test_the_robust_search_does_bounded_work() -> None:
 
 def test_what_is_reached_follows_the_edges_one_way_and_back() -> None:
     graph, _ = cut_map(FlatPredictor(one_room()), ROBUST)
-    assert reachable(graph, 0) == {0, 60, 120}
-    assert reachable(graph, 400, backwards=True) == {280, 340, 400}
+    assert reachable_nodes(graph, 0) == {0, 60, 120}
+    assert reachable_nodes(graph, 400, backwards=True) == {280, 340, 400}
     graph.apply(EdgePruned(60, 120, Cause.HAND))
-    assert reachable(graph, 0) == {0, 60}
-    assert reachable(graph, 0, backwards=True) == {0, 60, 120}
+    assert reachable_nodes(graph, 0) == {0, 60}
+    assert reachable_nodes(graph, 0, backwards=True) == {0, 60, 120}

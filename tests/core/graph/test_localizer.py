@@ -7,31 +7,35 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded, PoseRow
-from ltvn_core.graph.localizer import GLOBAL, LOCAL, Fix, Localizer, Recall, around
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, Localiser, plan_neighbourhood
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.operators import node_of
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
-from tests.core.world import FlatPredictor, look_at, one_room
+from ltvn_core.graph.operators import node_from_observation
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from tests.core.flat_world import FlatPredictor, observation_at, one_room
 
-IMAGES = [look_at(np.array([0.5 + 0.5 * k, 1.0, 0.0]), k) for k in range(8)]
+IMAGES = [observation_at(np.array([0.5 + 0.5 * k, 1.0, 0.0]), k) for k in range(8)]
 
 
-def line(predictor: FlatPredictor, method: Method) -> tuple[Localizer, TopologicalGraph]:
+def line(predictor: FlatPredictor, method: Method) -> tuple[Localiser, TopologicalGraph]:
     """Return a map of eight nodes in a row, 0.5 m apart."""
-    views = Views(predictor)
-    views.add(IMAGES)
-    graph = TopologicalGraph(NodeAdded(node_of(seen), Cause.BUILD) for seen in IMAGES)
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(IMAGES)
+    graph = TopologicalGraph(NodeAdded(node_from_observation(seen), Cause.BUILD) for seen in IMAGES)
     for k in range(7):
         edge = Edge(k, k + 1, PoseRow(0.5, 0.0, 0.0), Belief(0.9, 0.5, 0.02))
         graph.apply(EdgeAdded(edge, Cause.BUILD))
-    return Localizer(Matcher(predictor, views, method.matching), method.localising), graph
+    return Localiser(Matcher(predictor, keyframes, method.matching), method.localising), graph
 
 
-def fix_at(x: float, y: float = 1.0, yaw: float = 0.0, plan: tuple[int, ...] = (), method: Method = ROBUST) -> Fix:
+def fix_at(
+    x: float, y: float = 1.0, yaw: float = 0.0, plan: tuple[int, ...] = (), method: Method = ROBUST
+) -> Localisation:
     predictor = FlatPredictor(one_room())
     localizer, graph = line(predictor, method)
-    return localizer.localise(predictor.encode([look_at(np.array([x, y, yaw]), 99)]), graph, Recall(plan))
+    return localizer.localise(
+        predictor.encode([observation_at(np.array([x, y, yaw]), 99)]), graph, LocalisationPrior(plan)
+    )
 
 
 @pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
@@ -79,7 +83,7 @@ def test_in_an_empty_map_the_robot_is_lost() -> None:
 
 def test_a_false_match_that_its_neighbours_in_time_deny_is_not_believed() -> None:
     predictor = FlatPredictor(one_room(), lies={(99, 6): np.array([0.01, 0, 0])})
-    here = predictor.encode([look_at(np.array([0.7, 1.0, 0.0]), 99)])
+    here = predictor.encode([observation_at(np.array([0.7, 1.0, 0.0]), 99)])
     robust, graph = line(predictor, ROBUST)
     assert robust.localise(here, graph).node == 0
     paper, graph = line(predictor, PAPER)
@@ -95,7 +99,7 @@ def test_doubt_counts_against_a_node_in_the_robust_score() -> None:
             return answer
 
     predictor = Doubting(one_room())
-    here = predictor.encode([look_at(np.array([2.2, 1.0, 0.0]), 99)])
+    here = predictor.encode([observation_at(np.array([2.2, 1.0, 0.0]), 99)])
     plain = replace(ROBUST, matching=PAPER.matching)
     localizer, graph = line(predictor, plain)
     assert localizer.localise(here, graph).node == 4
@@ -103,7 +107,7 @@ def test_doubt_counts_against_a_node_in_the_robust_score() -> None:
     assert localizer.localise(here, graph).node == 3
 
 
-def test_the_nodes_that_look_like_a_picture_come_best_first() -> None:
+def test_the_nodes_that_look_like_an_image_come_best_first() -> None:
     predictor = FlatPredictor(one_room())
     localizer, graph = line(predictor, ROBUST)
     ranked = localizer.nearest_nodes(predictor.encode([IMAGES[4]]), graph, 3)
@@ -113,4 +117,4 @@ def test_the_nodes_that_look_like_a_picture_come_best_first() -> None:
 
 def test_around_a_plan_are_its_nodes_and_where_their_edges_lead() -> None:
     _, graph = line(FlatPredictor(one_room()), ROBUST)
-    assert set(around(graph, (2, 3))) == {2, 3, 4}
+    assert set(plan_neighbourhood(graph, (2, 3))) == {2, 3, 4}

@@ -7,23 +7,13 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
-from ltvn_core.graph.closures import Stretch
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    Edge,
-    EdgeAdded,
-    EdgePruned,
-    Node,
-    NodeAdded,
-    PoseRow,
-)
-from ltvn_core.graph.maintenance import Attempt, Lost, novel_node, update_edge
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.loop_closures import ObservationSequence
+from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
-from tests.core.world import FlatPredictor, look_at, one_room
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from tests.core.flat_world import FlatPredictor, observation_at, one_room
 
 HERE = PoseRow(0.0, 0.0, 0.0)
 
@@ -36,7 +26,7 @@ def one_edge(p: float = 0.8, *, protected: bool = False) -> TopologicalGraph:
 
 def attempt(graph: TopologicalGraph, method: Method, *, succeeded: bool, failed_before: bool = False) -> list[str]:
     """Drive the edge once; return what happened to it."""
-    deltas = update_edge(graph, Attempt(1, 2, 1.2, succeeded, failed_before), method.believing)
+    deltas = update_edge(graph, AttemptEvidence(1, 2, 1.2, succeeded, failed_before), method.believing)
     for delta in deltas:
         graph.apply(delta)
     return [type(delta).__name__ for delta in deltas]
@@ -108,21 +98,23 @@ def test_an_edge_that_has_left_the_map_is_not_updated() -> None:
 
 
 def test_updates_name_their_cause() -> None:
-    updated = update_edge(one_edge(), Attempt(1, 2, 1.0, succeeded=True), ROBUST.believing)[0]
+    updated = update_edge(one_edge(), AttemptEvidence(1, 2, 1.0, succeeded=True), ROBUST.believing)[0]
     assert isinstance(updated, BeliefUpdated)
     assert updated.cause is Cause.ATTEMPT
 
 
-HERE_IT_IS = look_at(np.array([1.0, 1.0, 0.0]), 50)
+HERE_IT_IS = observation_at(np.array([1.0, 1.0, 0.0]), 50)
 
 
-def novel(graph: TopologicalGraph, x: float, method: Method = ROBUST, trail: Stretch | None = None) -> Sequence[object]:
+def novel(
+    graph: TopologicalGraph, x: float, method: Method = ROBUST, trail: ObservationSequence | None = None
+) -> Sequence[object]:
     """Return what becomes of an image taken 1 m from the wall, with node 1 at x and node 2 out of sight."""
     predictor = FlatPredictor(one_room())
-    views = Views(predictor)
-    views.add([look_at(np.array([x, 1.0, 0.0]), 1), look_at(np.array([4.8, 3.8, 3.0]), 2)])
-    lost = Lost(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
-    deltas = novel_node(graph, lost, Matcher(predictor, views, method.matching), method)
+    keyframes = KeyframeStore(predictor)
+    keyframes.add([observation_at(np.array([x, 1.0, 0.0]), 1), observation_at(np.array([4.8, 3.8, 3.0]), 2)])
+    unrecognised = UnrecognisedObservation(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
+    deltas = novel_node(graph, unrecognised, Matcher(predictor, keyframes, method.matching), method)
     for delta in deltas:
         graph.apply(delta)
     return deltas
@@ -156,24 +148,27 @@ def test_a_frame_becomes_a_node_only_once() -> None:
 def test_what_cannot_be_here_after_all_that_was_seen_is_not_tied_in() -> None:
     # Node 1 looks 1.1 m ahead, but what was seen half a metre back did not look like the places beside the node.
     back = np.linspace(-0.8, -0.3, 5)
-    trail = Stretch(np.array([[4.5, 3.0, 3.0, 60.0 + k] for k in range(5)]), np.stack([back, 0 * back, 0 * back], -1))
+    trail = ObservationSequence(
+        np.array([[4.5, 3.0, 3.0, 60.0 + k] for k in range(5)]), np.stack([back, 0 * back, 0 * back], -1)
+    )
     graph = one_edge()
     predictor = FlatPredictor(one_room())
-    views = Views(predictor)
-    views.add([look_at(np.array([2.1 - 0.2 * k, 1.0, 0.0]), 1 + k) for k in range(10)])
-    lost = Lost(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
-    assert novel_node(graph, lost, Matcher(predictor, views, ROBUST.matching), ROBUST) == ()
+    keyframes = KeyframeStore(predictor)
+    keyframes.add([observation_at(np.array([2.1 - 0.2 * k, 1.0, 0.0]), 1 + k) for k in range(10)])
+    unrecognised = UnrecognisedObservation(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
+    assert novel_node(graph, unrecognised, Matcher(predictor, keyframes, ROBUST.matching), ROBUST) == ()
 
 
 def test_what_hindered_the_robot_says_little_about_the_edge() -> None:
     graph, config = one_edge(p=0.9), ROBUST.believing
-    hindered = Attempt(1, 2, 1.0, succeeded=False, hindered=True)
+    hindered = AttemptEvidence(1, 2, 1.0, succeeded=False, hindered=True)
     for _ in range(10):
         for delta in update_edge(graph, hindered, config):
             graph.apply(delta)
     assert config.hindered_prune_below < graph.edges[1, 2].belief.p < config.prune_below
     assert any(
-        isinstance(delta, EdgePruned) for delta in update_edge(graph, Attempt(1, 2, 1.0, succeeded=False), config)
+        isinstance(delta, EdgePruned)
+        for delta in update_edge(graph, AttemptEvidence(1, 2, 1.0, succeeded=False), config)
     )
     for _ in range(20):
         for delta in update_edge(graph, hindered, config):

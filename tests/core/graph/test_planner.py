@@ -23,7 +23,7 @@ from ltvn_core.graph.deltas import (
     PoseRow,
 )
 from ltvn_core.graph.planner import NO_PATH, Planner, edge_cost
-from ltvn_core.graph.topograph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 HERE = PoseRow(0.0, 0.0, 0.0)
 
@@ -99,7 +99,7 @@ def test_edges_lead_one_way() -> None:
     assert Planner(diamond(), ROBUST.planning).plan(3, 0) == NO_PATH
 
 
-def test_strangers_have_no_path() -> None:
+def test_hard_negatives_have_no_path() -> None:
     assert Planner(diamond(), ROBUST.planning).plan(0, 99) == NO_PATH
     assert Planner(TopologicalGraph(), ROBUST.planning).plan(0, 0) == NO_PATH
 
@@ -115,7 +115,7 @@ def test_the_mirror_never_goes_stale(follows: bool) -> None:
             continue
         graph.apply(delta)
         if follows:
-            planner.follow(delta)
+            planner.mirror_delta(delta)
         start, goal = (int(one) for one in rng.choice(12, 2))
         fresh = Planner(graph, ROBUST.planning).plan(start, goal)
         assert planner.plan(start, goal).cost == pytest.approx(fresh.cost)

@@ -6,23 +6,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from ltvn_core.ablation import PARTS, without
 from ltvn_core.composition import open_system
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.ablation import PARTS, without_parts
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
-from ltvn_core.graph.ltvn import ltvn
-from ltvn_core.graph.maintenance import Attempt
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.maintenance import AttemptEvidence
+from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.graph.planner import Planner
-from ltvn_core.graph.system import Deltas, System, Untouched
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.graph.views import Views
-from ltvn_core.nav.episode import Episode, judge, run_episode
-from ltvn_core.nav.events import Event, GraphChanged, LegStarted, Outcome, Planned
-from ltvn_core.nav.navigator import Navigator
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
+from ltvn_core.navigation.events import AttemptStarted, Event, GraphChanged, Outcome, Planned
+from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.types import Observation
-from tests.core.world import FlatPredictor, FlatRobot, FlatWorld, look_at, one_room, tour, two_rooms
+from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, observation_at, one_room, tour, two_rooms
 
 PRESETS = pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
 IMAGES = list(tour([(0.8, 0.8), (2.3, 2.0), (3.8, 2.0), (5.2, 3.2)]))
@@ -33,29 +33,29 @@ GOAL = IMAGES[-1].step
 class Drive:
     """A system with its map and a robot at the first image."""
 
-    system: System
+    system: NavigationSystem
     world: FlatWorld = field(default_factory=two_rooms)
     images: Sequence[Observation] = tuple(IMAGES)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.predictor = FlatPredictor(self.world)
-        self.views = Views(self.predictor)
+        self.keyframes = KeyframeStore(self.predictor)
         goal, rng = self.images[-1].step, np.random.default_rng(0)
-        deltas = self.system.build(self.images, self.views, self.predictor, rng=rng, goals=[goal])
+        deltas = self.system.build(self.images, self.keyframes, self.predictor, rng=rng, goals=[goal])
         self.graph = TopologicalGraph(deltas)
         self.poses = {seen.step: seen.exact_pose for seen in self.images if seen.exact_pose is not None}
         self.robot = FlatRobot(self.world, self.poses[0].tolist(), first_step=100_000)
 
     def go(self, query: int = 0) -> Episode:
         goal = self.images[-1].step
-        parts = self.robot, self.graph, self.views, self.predictor, ROBUST, np.random.default_rng(0)
+        parts = self.robot, self.graph, self.keyframes, self.predictor, ROBUST, np.random.default_rng(0)
         return run_episode(
             Navigator(*parts, system=self.system),
             goal,
             query,
             advance=self.robot.advance,
-            verdict=lambda: judge(query, self.robot.pose, self.poses[goal]),
+            verdict=lambda: judge_goal_reached(query, self.robot.pose, self.poses[goal]),
             consume=self.events.append,
         )
 
@@ -81,21 +81,23 @@ def test_an_unknown_system_is_refused_with_the_names_that_exist() -> None:
 @PRESETS
 def test_the_papers_system_builds_what_algorithm_1_builds(method: Method) -> None:
     predictor = FlatPredictor(two_rooms())
-    plain = build(IMAGES, Views(predictor), predictor, method, np.random.default_rng(3), goals=[GOAL])
-    whole = ltvn(method).build(IMAGES, Views(predictor), predictor, rng=np.random.default_rng(3), goals=[GOAL])
+    plain = build(IMAGES, KeyframeStore(predictor), predictor, method, np.random.default_rng(3), goals=[GOAL])
+    whole = ltvn_system(method).build(
+        IMAGES, KeyframeStore(predictor), predictor, rng=np.random.default_rng(3), goals=[GOAL]
+    )
     assert whole == plain
 
 
-class Forgetful(Untouched):
+class Forgetful(NoMaintenance):
     """Deletes an edge after any attempt, as SGM does after a failed one."""
 
-    def after_attempt(self, graph: TopologicalGraph, attempt: Attempt) -> Deltas:
+    def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
         edge = attempt.source, attempt.target
         return (EdgePruned(*edge, Cause.ATTEMPT),) if edge in graph.edges else ()
 
 
 def test_another_maintenance_needs_no_other_navigator() -> None:
-    drive = Drive(replace(ltvn(ROBUST), maintenance=Forgetful()))
+    drive = Drive(replace(ltvn_system(ROBUST), maintenance=Forgetful()))
     before = set(drive.graph.edges)
     assert drive.go().reached
     changes = [event.delta for event in drive.of(GraphChanged)]
@@ -106,20 +108,20 @@ def test_another_maintenance_needs_no_other_navigator() -> None:
 
 def test_another_weight_makes_another_path() -> None:
     dense = replace(ROBUST, building=replace(ROBUST.building, merge_distance=0.35))
-    drive = Drive(ltvn(dense))
+    drive = Drive(ltvn_system(dense))
     hops = Planner(drive.graph, ROBUST.planning, weight=lambda belief: 1.0).plan(0, GOAL)
     costly = Planner(drive.graph, ROBUST.planning, weight=lambda belief: belief.mu**2).plan(0, GOAL)
     assert hops.cost == len(hops.nodes) - 1
     assert len(hops.nodes) < len(costly.nodes)
 
 
-def test_a_subgoal_beyond_the_first_node_is_driven_to_in_one_leg() -> None:
+def test_a_subgoal_beyond_the_first_node_is_driven_to_in_one_attempt() -> None:
     second: Callable[..., int] = lambda path, reachability: min(2, len(path) - 1)  # noqa: E731
-    drive = Drive(replace(ltvn(ROBUST), subgoal=second))
+    drive = Drive(replace(ltvn_system(ROBUST), subgoal=second))
     assert drive.go().reached
-    for planned, leg in zip(drive.of(Planned), drive.of(LegStarted), strict=False):
-        if leg.source is not None and len(planned.nodes) > 2:
-            assert (leg.source, leg.target) == (planned.nodes[0], planned.nodes[2])
+    for planned, started in zip(drive.of(Planned), drive.of(AttemptStarted), strict=False):
+        if started.source is not None and len(planned.nodes) > 2:
+            assert (started.source, started.target) == (planned.nodes[0], planned.nodes[2])
             return
     pytest.fail("No leg began at a node.")
 
@@ -127,8 +129,8 @@ def test_a_subgoal_beyond_the_first_node_is_driven_to_in_one_leg() -> None:
 def test_a_failure_on_a_long_stretch_makes_all_its_edges_dearer() -> None:
     last: Callable[..., int] = lambda path, reachability: len(path) - 1  # noqa: E731
     method = replace(ROBUST, recovering=replace(ROBUST.recovering, step_limit=200))
-    row = [look_at(np.array([0.6 + 0.6 * k, 1.0, 0.0]), k) for k in range(6)]
-    drive = Drive(replace(ltvn(method), subgoal=last), one_room(), row)
+    row = [observation_at(np.array([0.6 + 0.6 * k, 1.0, 0.0]), k) for k in range(6)]
+    drive = Drive(replace(ltvn_system(method), subgoal=last), one_room(), row)
     wall = np.array([[[2.1, 0.0], [2.1, 4.0]]])
     drive.robot.world = FlatWorld(np.concatenate([drive.world.walls, wall]))
     drive.go()
@@ -139,7 +141,7 @@ def test_a_failure_on_a_long_stretch_makes_all_its_edges_dearer() -> None:
 
 
 @pytest.mark.parametrize("name", ["sptm", "ving"])
-def test_a_rivals_map_stays_as_it_was_built(name: str) -> None:
+def test_a_baselines_map_stays_as_it_was_built(name: str) -> None:
     drive = Drive(open_system(name, ROBUST))  # type: ignore[arg-type]
     before = drive.graph.copy()
     drive.go()
@@ -147,19 +149,21 @@ def test_a_rivals_map_stays_as_it_was_built(name: str) -> None:
 
 
 def test_without_merging_every_connected_image_is_a_node() -> None:
-    whole, bare = Drive(ltvn(ROBUST)), Drive(ltvn(without(ROBUST, ["merging"])))
+    whole, bare = Drive(ltvn_system(ROBUST)), Drive(ltvn_system(without_parts(ROBUST, ["merging"])))
     assert len(bare.graph.nodes) + len(bare.graph.reserve) == len(IMAGES)
     assert len(bare.graph.nodes) > 0.9 * len(IMAGES) > 2 * len(whole.graph.nodes)
 
 
 def test_without_pruning_no_edge_ever_leaves() -> None:
-    graph = Drive(ltvn(ROBUST)).graph
+    graph = Drive(ltvn_system(ROBUST)).graph
     source, target = next(iter(graph.edges))
     pruned = {}
-    for method in (PAPER, without(PAPER, ["pruning"])):
+    for method in (PAPER, without_parts(PAPER, ["pruning"])):
         trial = graph.copy()
         for _ in range(20):
-            for delta in ltvn(method).maintenance.after_attempt(trial, Attempt(source, target, 0.5, succeeded=False)):
+            for delta in ltvn_system(method).maintenance.after_attempt(
+                trial, AttemptEvidence(source, target, 0.5, succeeded=False)
+            ):
                 trial.apply(delta)
         pruned[method] = (source, target) not in trial.edges
     assert list(pruned.values()) == [True, False]
@@ -169,7 +173,7 @@ def test_without_expansion_a_cut_map_stays_cut() -> None:
     outcomes = {}
     for parts in ((), ("expansion",)):
         recovering = replace(ROBUST.recovering, give_up_after_looks=14)
-        drive = Drive(ltvn(without(replace(ROBUST, recovering=recovering), parts)))
+        drive = Drive(ltvn_system(without_parts(replace(ROBUST, recovering=recovering), parts)))
         wall = [node for node in drive.graph.nodes if abs(drive.poses[node][0] - 3.0) < 0.6]
         for node in wall:
             drive.graph.apply(NodeDropped(node, Cause.HAND))
@@ -181,17 +185,17 @@ def test_without_expansion_a_cut_map_stays_cut() -> None:
 
 
 def test_leaving_out_nothing_changes_nothing_and_an_unknown_part_is_refused() -> None:
-    assert without(PAPER, []) == PAPER
+    assert without_parts(PAPER, []) == PAPER
     parts = ["merging", "pruning", "expansion"]
-    assert without(ROBUST, parts) == without(without(ROBUST, ["expansion", "merging"]), ["pruning"])
+    assert without_parts(ROBUST, parts) == without_parts(without_parts(ROBUST, ["expansion", "merging"]), ["pruning"])
     with pytest.raises(OptionError, match=r"'wheels'.*merging, pruning, expansion"):
-        without(ROBUST, ["wheels"])
+        without_parts(ROBUST, ["wheels"])
 
 
 def test_without_all_our_departures_the_method_is_the_papers_but_for_limits_and_measured_constants() -> None:
     ours = replace(ROBUST, recovering=replace(ROBUST.recovering, step_limit=77))
 
-    plain = without(ours, [part for part in PARTS if part.startswith("our-")])
+    plain = without_parts(ours, [part for part in PARTS if part.startswith("our-")])
 
     assert plain.recovering.step_limit == 77
     assert replace(plain, recovering=replace(plain.recovering, step_limit=PAPER.recovering.step_limit)) == PAPER

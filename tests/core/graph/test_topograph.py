@@ -23,7 +23,7 @@ from ltvn_core.graph.deltas import (
     NodeNamed,
     PoseRow,
 )
-from ltvn_core.graph.topograph import TopologicalGraph
+from ltvn_core.graph.topological_graph import TopologicalGraph
 
 AHEAD = PoseRow(1.0, 0.0, 0.0)
 SURE = Belief(0.9, 1.0, 0.02)

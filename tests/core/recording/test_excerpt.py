@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import RecordingError
-from ltvn_core.nav.events import LegEnded, QueryStarted, Stamped
-from ltvn_core.recording.excerpt import cut, moment
-from ltvn_core.recording.maps import load_map
+from ltvn_core.navigation.events import AttemptEnded, QueryStarted, StampedEvent
+from ltvn_core.recording.excerpt import event_window, write_excerpt
+from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.salvage import verify
-from tests.core.recording import scenario
+from tests.core.recording import example_recording
 from tests.core.test_cli import ltvn
 
 DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
@@ -20,19 +20,19 @@ DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 
 @pytest.fixture
 def drive(tmp_path: Path) -> Recording:
-    scenario.write(tmp_path / "drive.rrd", frames=20)
+    example_recording.write(tmp_path / "drive.rrd", frames=20)
     return Recording.open(tmp_path / "drive.rrd")
 
 
 def test_a_moment_in_the_middle_of_a_query_stands_alone(tmp_path: Path) -> None:
     whole, (from_s, to_s) = Recording.open(DEMO), (170.0, 175.0)
-    written = cut(whole, tmp_path / "moment.rrd", from_s=from_s, to_s=to_s)
+    written = write_excerpt(whole, tmp_path / "moment.rrd", from_s=from_s, to_s=to_s)
     verify(tmp_path / "moment.rrd")
     part = Recording.open(tmp_path / "moment.rrd")
     first, last = (next(s.step for s in events if from_s <= s.stamp <= to_s) for events in _both_ends(whole.events))
     assert part.final_graph() == whole.graph_at(last)
     assert part.graph_at(first - 1) != part.final_graph()
-    assert moment(whole.events, from_s, to_s).before == moment(part.events, from_s, to_s).before
+    assert event_window(whole.events, from_s, to_s).graph_before == event_window(part.events, from_s, to_s).graph_before
     inside = [stamped for stamped in whole.events if from_s <= stamped.stamp <= to_s]
     assert part.events[-len(inside) :] == inside
     assert any(isinstance(stamped.event, QueryStarted) for stamped in part.events)
@@ -41,37 +41,39 @@ def test_a_moment_in_the_middle_of_a_query_stands_alone(tmp_path: Path) -> None:
     assert part.stored_frame(part.frames[0]).frame.rgb == whole.stored_frame(part.frames[0]).frame.rgb
 
 
-def _both_ends(events: list[Stamped]) -> tuple[list[Stamped], list[Stamped]]:
+def _both_ends(events: list[StampedEvent]) -> tuple[list[StampedEvent], list[StampedEvent]]:
     return events, events[::-1]
 
 
 def test_only_the_named_images_make_a_much_smaller_file(tmp_path: Path) -> None:
     whole = Recording.open(DEMO)
-    small = cut(whole, tmp_path / "small.rrd", from_s=170.0, to_s=172.0, named_only=True)
+    small = write_excerpt(whole, tmp_path / "small.rrd", from_s=170.0, to_s=172.0, named_only=True)
     assert small.size_bytes < DEMO.stat().st_size / 4
     verify(small.output)
     held = Recording.open(small.output)
-    legs = [stamped.event for stamped in held.events if isinstance(stamped.event, LegEnded)]
-    assert all(leg.target in held.frames and leg.frame in held.frames for leg in legs)
+    attempts_ended = [stamped.event for stamped in held.events if isinstance(stamped.event, AttemptEnded)]
+    assert all(
+        attempt_ended.target in held.frames and attempt_ended.frame in held.frames for attempt_ended in attempts_ended
+    )
 
 
 @pytest.mark.parametrize(("from_s", "to_s"), [(900.0, 901.0), (2.0, 1.0), (float("nan"), 1.0)])
 def test_a_time_that_is_not_there_is_refused(drive: Recording, tmp_path: Path, from_s: float, to_s: float) -> None:
     with pytest.raises(RecordingError, match=r"runs from 0\.0 s to 1\.9 s"):
-        cut(drive, tmp_path / "none.rrd", from_s=from_s, to_s=to_s)
+        write_excerpt(drive, tmp_path / "none.rrd", from_s=from_s, to_s=to_s)
     assert not (tmp_path / "none.rrd").exists()
 
 
 def test_a_recording_is_never_overwritten(drive: Recording) -> None:
     with pytest.raises(RecordingError, match="never overwritten"):
-        cut(drive, drive.path, from_s=0.0, to_s=1.0)
+        write_excerpt(drive, drive.path, from_s=0.0, to_s=1.0)
 
 
 def test_events_out_of_order_keep_their_order_and_their_map(drive: Recording) -> None:
     events = list(drive.events)
     events[9], events[4] = events[4], events[9]
     with_map = [s for s in events if s.event != events[4].event]
-    found = moment(with_map, 0.3, 1.2)
+    found = event_window(with_map, 0.3, 1.2)
     place = with_map.index(found.events[0])
     assert list(found.events) == with_map[place : place + len(found.events)]
 

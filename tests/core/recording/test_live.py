@@ -8,12 +8,12 @@ import psutil
 import pytest
 
 from ltvn_core.errors import OptionError, ServerError
-from ltvn_core.nav.events import Note, Stamped
-from ltvn_core.recording.framing import is_finished
-from ltvn_core.recording.live import live_address, port_of
+from ltvn_core.navigation.events import Note, StampedEvent
+from ltvn_core.recording.live_server import live_address, port_of
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.rrd_framing import is_finished
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.verbs.streaming import announced
+from ltvn_core.verbs.stream_option import announce_stream
 
 ABOUT = {"scene": "flat", "config": {}, "fingerprint": "flat"}
 
@@ -36,7 +36,7 @@ def test_what_is_streamed_is_a_whole_recording_too_and_the_next_one_takes_the_sa
     port = free_port()
     for name in ("first.rrd", "second.rrd"):
         with RecordingWriter(tmp_path / name, **ABOUT, live_port=port) as writer:
-            writer.event(Stamped(1, 0.1, Note(name)))
+            writer.event(StampedEvent(1, 0.1, Note(name)))
             listening = [c for c in psutil.Process().net_connections("inet") if c.status == psutil.CONN_LISTEN]
             assert {c.laddr.ip for c in listening if c.laddr.port == port} == {"127.0.0.1"}
         assert is_finished(tmp_path / name)
@@ -58,4 +58,4 @@ def test_an_address_is_read_as_it_was_written() -> None:
 @pytest.mark.parametrize("port", [0, -1, 65536])
 def test_a_number_that_is_no_port_is_refused(port: int) -> None:
     with pytest.raises(OptionError, match="--stream"):
-        announced(port)
+        announce_stream(port)

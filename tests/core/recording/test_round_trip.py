@@ -27,15 +27,15 @@ from ltvn_core.graph.deltas import (
     NodeNamed,
     PoseRow,
 )
-from ltvn_core.graph.topograph import TopologicalGraph
-from ltvn_core.nav.events import Event, GraphChanged
-from ltvn_core.recording.codec import decode_event, encode_event
-from ltvn_core.recording.info import info
-from ltvn_core.recording.maps import check_fingerprint, load_map, save_map
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import Event, GraphChanged
+from ltvn_core.recording.event_codec import decode_event, encode_event
+from ltvn_core.recording.info import read_info
+from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.salvage import verify
 from ltvn_core.recording.writer import RecordingWriter
-from tests.core.recording import scenario
+from tests.core.recording import example_recording
 
 
 @pytest.fixture(autouse=True)
@@ -71,17 +71,17 @@ deltas: st.SearchStrategy[GraphDelta] = st.one_of(
 changes = st.builds(GraphChanged, deltas, st.none() | ids, st.none() | ids)
 
 
-@given(changes | st.sampled_from(scenario.events()))
+@given(changes | st.sampled_from(example_recording.events()))
 def test_every_event_returns_equal(event: Event) -> None:
     assert decode_event(encode_event(event)) == event
 
 
-def test_events_and_poses_return_exactly_and_pictures_nearly(path: Path) -> None:
-    written = scenario.write(path)
+def test_events_and_poses_return_exactly_and_images_nearly(path: Path) -> None:
+    written = example_recording.write(path)
     recording = Recording.open(path)
     assert recording.events == written
     for step in recording.frames:
-        before, after = scenario.observation(step), recording.observation(step)
+        before, after = example_recording.observation(step), recording.observation(step)
         assert np.array_equal(before.odometry, after.odometry)
         assert before.exact_pose is not None
         assert after.exact_pose is not None
@@ -92,11 +92,11 @@ def test_events_and_poses_return_exactly_and_pictures_nearly(path: Path) -> None
 
 
 def test_a_rewritten_recording_holds_the_same(path: Path, tmp_path: Path) -> None:
-    scenario.write(path)
+    example_recording.write(path)
     first, again = Recording.open(path), tmp_path / "again.rrd"
     with RecordingWriter(again, scene=first.meta.scene, config=first.meta.config, fingerprint="abc") as writer:
         for frame in first.frames:
-            writer.encoded_frame(first.stored_frame(frame).frame)
+            writer.write_encoded_frame(first.stored_frame(frame).frame)
         for event in first.events:
             writer.event(event)
     second = Recording.open(again)
@@ -107,7 +107,7 @@ def test_a_rewritten_recording_holds_the_same(path: Path, tmp_path: Path) -> Non
 
 
 def test_folding_the_deltas_gives_the_map_at_any_step(path: Path) -> None:
-    written = scenario.write(path)
+    written = example_recording.write(path)
     recording = Recording.open(path)
     for step in range(10):
         past = [s.event.delta for s in written if s.step <= step and isinstance(s.event, GraphChanged)]
@@ -122,10 +122,10 @@ def test_folding_the_deltas_gives_the_map_at_any_step(path: Path) -> None:
 
 
 def test_arrays_may_be_changed_after_they_were_written(path: Path) -> None:
-    reused = scenario.observation(0)
+    reused = example_recording.observation(0)
     with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
         for step in range(20):
-            fresh = scenario.observation(step)
+            fresh = example_recording.observation(step)
             for mine, theirs in (
                 (reused.rgb, fresh.rgb),
                 (reused.depth, fresh.depth),
@@ -136,12 +136,12 @@ def test_arrays_may_be_changed_after_they_were_written(path: Path) -> None:
             reused.depth[...], reused.odometry[...] = 9.0, 9.0
     recording = Recording.open(path)
     for step in recording.frames:
-        assert np.array_equal(recording.observation(step).odometry, scenario.observation(step).odometry)
-        assert np.abs(recording.observation(step).depth - scenario.observation(step).depth).max() < 0.001
+        assert np.array_equal(recording.observation(step).odometry, example_recording.observation(step).odometry)
+        assert np.abs(recording.observation(step).depth - example_recording.observation(step).depth).max() < 0.001
 
 
 def test_an_existing_file_is_never_overwritten(path: Path) -> None:
-    scenario.write(path)
+    example_recording.write(path)
     before = path.read_bytes()
     with pytest.raises(RecordingError, match="exists"):
         RecordingWriter(path, scene="demo", config={}, fingerprint="")
@@ -155,15 +155,15 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
 
 
 def test_a_summary_counts_what_was_written(path: Path) -> None:
-    scenario.write(path)
-    summary = info(path)
+    example_recording.write(path)
+    summary = read_info(path)
     assert (summary.frames, summary.nodes, summary.edges, summary.reserve) == (10, 3, 2, 3)
     assert (summary.queries, summary.whole, summary.scene, summary.fingerprint) == (1, True, "demo", "abc")
 
 
 def test_a_map_returns_with_its_images(tmp_path: Path) -> None:
-    graph = TopologicalGraph(event.delta for event in scenario.events() if isinstance(event, GraphChanged))
-    images = [scenario.observation(step) for step in range(10)]
+    graph = TopologicalGraph(event.delta for event in example_recording.events() if isinstance(event, GraphChanged))
+    images = [example_recording.observation(step) for step in range(10)]
     save_map(tmp_path / "map.rrd", graph, images, scene="demo", fingerprint="abc", config={})
     loaded = load_map(tmp_path / "map.rrd")
     assert loaded.graph == graph
@@ -172,7 +172,7 @@ def test_a_map_returns_with_its_images(tmp_path: Path) -> None:
 
 
 def test_a_map_without_all_its_images_is_not_saved(tmp_path: Path) -> None:
-    graph = TopologicalGraph(event.delta for event in scenario.events() if isinstance(event, GraphChanged))
+    graph = TopologicalGraph(event.delta for event in example_recording.events() if isinstance(event, GraphChanged))
     with pytest.raises(MapError, match="images are missing"):
         save_map(tmp_path / "map.rrd", graph, [], scene="demo", fingerprint="abc", config={})
     assert not list(tmp_path.iterdir())
@@ -180,21 +180,23 @@ def test_a_map_without_all_its_images_is_not_saved(tmp_path: Path) -> None:
 
 def test_a_map_of_other_weights_is_refused(tmp_path: Path) -> None:
     graph = TopologicalGraph([NodeAdded(Node(0, PoseRow(0, 0, 0)), Cause.BUILD)])
-    save_map(tmp_path / "map.rrd", graph, [scenario.observation(0)], scene="demo", fingerprint="abc", config={})
+    save_map(
+        tmp_path / "map.rrd", graph, [example_recording.observation(0)], scene="demo", fingerprint="abc", config={}
+    )
     with pytest.raises(MapError, match="ltvn build"):
         check_fingerprint(load_map(tmp_path / "map.rrd").meta, "xyz")
 
 
 def test_a_recording_without_a_map_says_how_to_make_one(path: Path) -> None:
     with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
-        writer.frame(scenario.observation(0))
+        writer.frame(example_recording.observation(0))
     with pytest.raises(MapError, match="ltvn build"):
         load_map(path)
 
 
 def test_a_recording_that_begins_with_a_map_stands_alone(tmp_path: Path) -> None:
-    graph = TopologicalGraph(event.delta for event in scenario.events() if isinstance(event, GraphChanged))
+    graph = TopologicalGraph(event.delta for event in example_recording.events() if isinstance(event, GraphChanged))
     with RecordingWriter(tmp_path / "run.rrd", scene="demo", config={}, fingerprint="abc") as writer:
-        writer.map(graph, [scenario.observation(step) for step in (0, 1, 2, 3, 4, 8)])
-        writer.frame(scenario.observation(20))
+        writer.map(graph, [example_recording.observation(step) for step in (0, 1, 2, 3, 4, 8)])
+        writer.frame(example_recording.observation(20))
     assert load_map(tmp_path / "run.rrd").graph == graph

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
-from ltvn_core.recording.info import info
+from ltvn_core.recording.info import read_info
+from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.salvage import repair, verify
 from ltvn_core.recording.writer import RecordingWriter
-from tests.core.recording import scenario
+from tests.core.recording import example_recording
 
 GOLDEN = Path(__file__).parents[2] / "data" / "golden-schema-1.rrd"
 
@@ -39,13 +39,13 @@ with RecordingWriter(Path(sys.argv[1]), scene="demo", config={}, fingerprint="")
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("whole") / "drive.rrd"
-    scenario.write(path)
+    example_recording.write(path)
     return path
 
 
 def test_a_finished_recording_is_accepted(whole: Path) -> None:
     verified = verify(whole)
-    assert (verified.frames, verified.events) == (10, len(scenario.events()))
+    assert (verified.frames, verified.events) == (10, len(example_recording.events()))
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -67,7 +67,7 @@ def test_a_cut_recording_is_refused_and_its_whole_frames_come_back(whole: Path, 
     recording = Recording.open(repaired)
     assert list(recording.frames) == list(range(saved.frames))
     for frame in recording.frames:
-        assert (recording.observation(frame).odometry == scenario.observation(frame).odometry).all()
+        assert (recording.observation(frame).odometry == example_recording.observation(frame).odometry).all()
     assert cut.read_bytes() == data[: int(share * len(data))]
 
 
@@ -130,7 +130,7 @@ def test_repair_never_overwrites(whole: Path, tmp_path: Path) -> None:
 def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "strange.rrd"
     path.write_bytes(content)
-    for look in (verify, info, Recording.open):
+    for look in (verify, read_info, Recording.open):
         with pytest.raises(RecordingError, match="strange"):
             look(path)
 
@@ -155,15 +155,15 @@ def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
 def test_a_recording_of_a_newer_schema_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "newer.rrd"
     with monkeypatch.context() as newer:
-        newer.setattr(schema, "SCHEMA", schema.SCHEMA + 1)
-        scenario.write(path)
+        newer.setattr(schema, "SCHEMA", schema.SCHEMA_VERSION + 1)
+        example_recording.write(path)
     with pytest.raises(RecordingError, match="schema"):
         verify(path)
 
 
 def test_the_golden_recording_of_schema_1_still_opens() -> None:
     recording = Recording.open(GOLDEN)
-    assert [stamped.event for stamped in recording.events] == scenario.events()
+    assert [stamped.event for stamped in recording.events] == example_recording.events()
     assert list(recording.frames) == list(range(10))
     verify(GOLDEN)
 
@@ -171,7 +171,7 @@ def test_the_golden_recording_of_schema_1_still_opens() -> None:
 def test_a_full_disk_is_said_before_anything_is_recorded(tmp_path: Path) -> None:
     path = tmp_path / "full.rrd"
     with pytest.raises(RecordingError, match="full"):
-        RecordingWriter(path, scene="demo", config={}, fingerprint="", reserve_bytes=1 << 62)
+        RecordingWriter(path, scene="demo", config={}, fingerprint="", min_free_bytes=1 << 62)
     assert not path.exists()
 
 

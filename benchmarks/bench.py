@@ -1,0 +1,46 @@
+"""`ltvn bench`: the budgets of docs/architecture.md, measured on this machine."""
+
+import os
+import platform
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from benchmarks.measurement import Measurement
+
+
+@dataclass(frozen=True)
+class BenchSummary:
+    """All measured budgets."""
+
+    machine: str
+    measurements: "list[Measurement]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchVerb(Verb):
+    """Measure the speed budgets of docs/architecture.md; takes about ten minutes."""
+
+    only: str | None = None
+    """Measure only those whose module bears this name, for instance planning."""
+
+    def run(self) -> Summary:
+        """Measure one budget after the other."""
+        from tqdm import tqdm
+
+        from benchmarks import camera, drive_latency, learning, long_replay, matching, planning, recording
+
+        jobs = {
+            "camera": camera.render_large_mesh,
+            "debugger": long_replay.open_and_travel,
+            "driving": drive_latency.key_to_command,
+            "learning": learning.learn,
+            "matching": matching.localise_and_build,
+            "planning": planning.plan_large_map,
+            "recording": recording.write_and_read,
+        }
+        chosen = {name: job for name, job in jobs.items() if self.only in (None, name)}
+        rows = [row for job in tqdm(chosen.values(), desc="bench") for row in job()]
+        return BenchSummary(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}", rows)

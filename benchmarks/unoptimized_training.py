@@ -1,0 +1,35 @@
+"""Learning without any of the savings: the yardstick for training's speed.
+
+Every pair is learned from by itself, both images encoded in float32, nothing shared. Only `ltvn bench` uses it.
+"""
+
+import numpy as np
+import torch
+
+from ltvn_core.network.loss import pair_loss
+from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.predictor import images_to_tensors
+from ltvn_core.network.training_examples import TrainingBatch
+
+
+class UnoptimizedTrainer:
+    """A network and its optimiser. Learns by Eq. 1 alone."""
+
+    def __init__(self, *, pairs: int = 64) -> None:
+        self.pairs = pairs
+        self.network = PairNetwork()
+        self.optimiser = torch.optim.AdamW(self.network.parameters(), 1e-3)
+
+    def step(self, batch: TrainingBatch) -> None:
+        """Learn from the first `pairs` pairs of a batch."""
+        sources, targets = batch.sources[: self.pairs], batch.targets[: self.pairs]
+        here, there = (
+            self.network.encode(*images_to_tensors(batch.rgb[rows], batch.depth_mm[rows] / np.float32(1000)))
+            for rows in (sources, targets)
+        )
+        output = self.network.compare(here, there)
+        reachable = torch.from_numpy(batch.reachable[: self.pairs]).float()
+        waypoints = torch.from_numpy(batch.waypoints(sources, targets)).float()
+        self.optimiser.zero_grad(set_to_none=True)
+        pair_loss(output.logit, output.pose, reachable, waypoints, alpha=3.0, beta=3.0).backward()
+        self.optimiser.step()

@@ -1,0 +1,177 @@
+"""Why an edge is gone, so weak, or missing: the chain of changes and attempts behind it.
+
+Answers the other two questions, too: why an edge was `explain_planned_edge` and why a node is here, from
+`analysis.choice` and `analysis.arrivals`. Owns the order and the words of its own chains, which come from what the
+robot itself knew. What was truly so, and whose fault a failed episode was, is the business of `ltvn_core.evaluation`.
+"""
+
+from collections.abc import Iterator
+from itertools import groupby, pairwise
+
+from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeLifetime, TimedBelief, edge_history
+from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, belief_text, counted
+from ltvn_core.analysis.node_explanation import explain_node
+from ltvn_core.analysis.plan_alternative import explain_planned_edge
+from ltvn_core.analysis.timeline import Instant, Timeline
+from ltvn_core.config import BeliefConfig
+from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.types import NodeId
+
+__all__ = ["explain_edge_belief", "explain_missing_edge", "explain_node", "explain_planned_edge", "explain_pruned_edge"]
+
+
+def explain_pruned_edge(
+    timeline: Timeline,
+    source: NodeId,
+    target: NodeId,
+    *,
+    at: Instant | None = None,
+    believing: BeliefConfig | None = None,
+) -> tuple[ExplanationStep, ...]:
+    """Tell why an edge is no longer in the map at an instant; at the end without one.
+
+    With `believing` it names R_p. Linear in plans and in what happened to the edge.
+    """
+    story = edge_history(timeline, source, target, at)
+    if not story.lifetimes:
+        return explain_missing_edge(timeline, source, target, at=at)
+    if story.alive:
+        text = f"Edge {source} -> {target} is not gone: {belief_text(story.lifetimes[-1].beliefs[-1].belief)}."
+        return (
+            *_chain(story),
+            ExplanationStep(text, story.lifetimes[-1].beliefs[-1].instant, ExplanationKind.BELIEF, (source, target)),
+        )
+    return (*_chain(story), _departure(story, believing))
+
+
+def explain_edge_belief(
+    timeline: Timeline, source: NodeId, target: NodeId, *, at: Instant | None = None
+) -> tuple[ExplanationStep, ...]:
+    """Tell how the belief of an edge came to be what it is at an instant, or what it was last.
+
+    Linear in plans and in what happened to the edge.
+    """
+    story = edge_history(timeline, source, target, at)
+    if not story.lifetimes:
+        return explain_missing_edge(timeline, source, target, at=at)
+    first, last = story.lifetimes[-1].beliefs[0], story.lifetimes[-1].beliefs[-1]
+    driven = last.attempts - first.attempts
+    if not driven:
+        text = f"No attempt has counted since, so that its belief is as it came in: {belief_text(last.belief)}."
+    else:
+        won = last.successes - first.successes
+        text = (
+            f"{counted(driven, 'attempt')} counted, {won} with success: p went from {first.belief.p:.2f} to "
+            f"{last.belief.p:.2f}, mu from {first.belief.mu:.2f} to {last.belief.mu:.2f}."
+        )
+    verdict = ExplanationStep(text, last.instant, ExplanationKind.BELIEF, (source, target))
+    return (*_chain(story), verdict, *(() if story.alive else (_departure(story, None),)))
+
+
+def explain_missing_edge(
+    timeline: Timeline,
+    source: NodeId,
+    target: NodeId,
+    *,
+    at: Instant | None = None,
+    seen: tuple[float, float] | None = None,
+    thresholds: OperatorThresholds | None = None,
+) -> tuple[ExplanationStep, ...]:
+    """Tell why there is no edge at an instant.
+
+    `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; with both it tells
+    which of them is in the way. Linear in the changes of the map.
+    """
+    story, graph, ids = edge_history(timeline, source, target, at), timeline.graph_at(at), (source, target)
+    if story.lifetimes:
+        return explain_pruned_edge(timeline, source, target, at=at)
+    name = f"edge {source} -> {target}"
+    absent = [node for node in ids if node not in graph.nodes]
+    texts = [f"There never was an {name}."]
+    texts += [f"Node {node} is not in the map{', only in the reserve' * (node in graph.reserve)}." for node in absent]
+    if not absent and (target, source) in graph.edges:
+        texts.append(f"The way back is there: edge {target} -> {source}.")
+    if seen is not None and thresholds is not None:
+        texts.append(_gated(*seen, thresholds))
+    return tuple(ExplanationStep(text, at, ExplanationKind.NEVER, ids) for text in texts)
+
+
+def _gated(reachability: float, distance: float, thresholds: OperatorThresholds) -> str:
+    """Say which threshold is in the way of an edge."""
+    failed = []
+    if reachability <= thresholds.connect_reachability:
+        failed.append(f"r = {reachability:.2f} is not above R_c = {thresholds.connect_reachability:.2f}")
+    if distance >= thresholds.connect_distance:
+        failed.append(f"d = {distance:.2f} is not below D_c = {thresholds.connect_distance:.2f}")
+    if failed:
+        return f"The network would not join them: {' and '.join(failed)}."
+    return (
+        f"The network would join them, r = {reachability:.2f} and d = {distance:.2f}; support by neighbouring images, "
+        "odometry or merging spoke against it, or the two were never compared."
+    )
+
+
+def _chain(story: EdgeHistory) -> Iterator[ExplanationStep]:
+    """Yield the birth of an edge and what driving taught, one sentence per query and verdict that counted."""
+    life, ids = story.lifetimes[-1], (story.source, story.target)
+    first = life.beliefs[0]
+    driven = f", driven {first.attempts} times before" if first.attempts else ""
+    cause = CAUSE_TEXTS[life.cause]
+    text = f"Edge {story.source} -> {story.target} came in {cause} with {belief_text(first.belief)}{driven}."
+    yield ExplanationStep(text, life.added_at, ExplanationKind.BORN, ids)
+    yield from _attempt_steps(life, _within(story, life), ids)
+
+
+def _within(story: EdgeHistory, life: EdgeLifetime) -> list[EdgeAttempt]:
+    until = life.end.instant.step if life.end else None
+    return [
+        row for row in story.attempts if life.added_at.step <= row.begin.step and (not until or row.begin.step <= until)
+    ]
+
+
+def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeId, ...]) -> Iterator[ExplanationStep]:
+    taught = {after.attempt: (before, after) for before, after in pairwise(life.beliefs) if after.attempt is not None}
+    for query, group in groupby(rows, key=lambda row: row.query):
+        silent = []
+        for row in group:
+            if row.attempt in taught and row.counted:
+                yield _attempt_step(row, *taught[row.attempt], ids)
+            else:
+                silent.append(row)
+        if silent:
+            failed = sum(row.succeeded is False for row in silent)
+            text = f"{counted(len(silent), 'more leg')} along it in query {query}, {failed} failed, taught nothing."
+            yield ExplanationStep(text, silent[0].begin, ExplanationKind.ATTEMPT, ids)
+    for before, after in pairwise(life.beliefs):
+        if after.attempt is None:
+            text = (
+                f"Its belief was set {CAUSE_TEXTS[after.cause]}: p from {before.belief.p:.2f} to {after.belief.p:.2f}."
+            )
+            yield ExplanationStep(text, after.instant, ExplanationKind.BELIEF, ids)
+
+
+def _attempt_step(
+    row: EdgeAttempt, before: TimedBelief, after: TimedBelief, ids: tuple[NodeId, ...]
+) -> ExplanationStep:
+    verdict = "succeeded" if row.succeeded else f"failed ({row.end.value if row.end else 'cut'})"
+    change = f"p from {before.belief.p:.2f} to {after.belief.p:.2f}"
+    text = f"Attempt {row.attempt} in query {row.query} {verdict}: {row.reason}; {change}."
+    return ExplanationStep(text, row.ended or row.begin, ExplanationKind.ATTEMPT, ids)
+
+
+def _departure(story: EdgeHistory, believing: BeliefConfig | None) -> ExplanationStep:
+    life, ids = story.lifetimes[-1], (story.source, story.target)
+    assert life.end is not None  # Only edges that are gone come here.
+    last = life.beliefs[-1]
+    if life.end.attempt is not None:
+        below = f", below R_p = {believing.prune_below:.2f}," if believing else ""
+        failures = counted(last.attempts - last.successes, "failure")
+        text = f"It was pruned after attempt {life.end.attempt}: p = {last.belief.p:.2f}{below} with {failures}."
+    elif life.end.node is not None:
+        text = f"It went with node {life.end.node}, which left {CAUSE_TEXTS[life.end.cause]}."
+        ids = (*ids, life.end.node)
+    elif life.end.whole_map:
+        text = f"It went with its map when another one came in {CAUSE_TEXTS[life.end.cause]}."
+    else:
+        text = f"It was pruned {CAUSE_TEXTS[life.end.cause]}."
+    return ExplanationStep(text, life.end.instant, ExplanationKind.GONE, ids)

@@ -1,0 +1,212 @@
+"""Everything there is to know of one edge, over time: the edge microscope.
+
+Owns the putting together. Says nothing in words (`analysis.blame`) and draws nothing (`analysis.projection` says where
+in a picture a waypoint lies).
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from ltvn_core.analysis.timeline import AttemptRecord, Instant, MapChange, Timeline
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, NodeDropped, PoseRow
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.events import AttemptEnd, Localised
+from ltvn_core.types import FrameId, NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class TimedBelief:
+    """What was believed of an edge from an instant on."""
+
+    instant: Instant
+    belief: Belief
+    attempts: int
+    successes: int
+    cause: Cause
+    attempt: int | None
+    """The leg that taught it; None at birth."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeRemoval:
+    """How an edge left the map."""
+
+    instant: Instant
+    cause: Cause
+    node: NodeId | None
+    """The node with which it went; None if the edge itself was pruned, or the whole map was replaced."""
+    attempt: int | None
+    """The leg after which it was pruned."""
+    whole_map: bool = False
+    """It went because another map came in."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeLifetime:
+    """An edge from coming in to going out; one that comes back lives again."""
+
+    epoch: int
+    added_at: Instant
+    cause: Cause
+    waypoint: PoseRow
+    """The target in the source's frame, as predicted when it was made."""
+    protected: bool
+    beliefs: tuple[TimedBelief, ...]
+    """Oldest first, the belief at birth included."""
+    end: EdgeRemoval | None
+    """None while it lives."""
+
+    @property
+    def initial_reachability(self) -> float | None:
+        """r of the prediction, as far as the cap of p lets it be seen; None if it had been driven before it came in."""
+        first = self.beliefs[0]
+        return None if first.attempts else first.belief.p
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeAttempt:
+    """A leg along the edge."""
+
+    attempt: int
+    query: int
+    begin: Instant
+    localised: Localised | None
+    """Where the robot thought it was before it set off."""
+    departure: FrameId
+    """The image at departure."""
+    waypoint: PoseRow
+    """The leg's target as seen from there."""
+    departure_reachability: float
+    arrival: FrameId | None
+    """The image at arrival; None, like all below, if the recording is cut before."""
+    end: AttemptEnd | None
+    ended: Instant | None
+    succeeded: bool | None
+    reason: str
+    distance: float | None
+    """d from the arrival image to the target."""
+    reachability: float | None
+    collisions: int
+    only_this_edge: bool
+    """The leg was this edge alone; else it drove on past its end, and success says less."""
+    counted: bool
+    """It changed the belief; another failure in the same query does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeHistory:
+    """All of an edge; without `lifetimes` it never was in the map."""
+
+    source: NodeId
+    target: NodeId
+    lifetimes: tuple[EdgeLifetime, ...]
+    attempts: tuple[EdgeAttempt, ...]
+    planned_at: tuple[Instant, ...]
+    """When a plan led through it."""
+
+    @property
+    def alive(self) -> bool:
+        """It is in the map at the end of the timeline."""
+        return bool(self.lifetimes) and self.lifetimes[-1].end is None
+
+    @property
+    def belief(self) -> Belief | None:
+        """What was believed of it last."""
+        return self.lifetimes[-1].beliefs[-1].belief if self.lifetimes else None
+
+
+def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Instant | None = None) -> EdgeHistory:
+    """Tell the life of an edge up to an instant; linear in plans and in what happened to it.
+
+    Once per timeline linear in events. An edge that never was gives an empty story.
+    """
+    count = timeline.count_until(until)
+    changes = timeline.changes_of_edge(source, target)
+    taught = {(change.query, change.attempt) for change in changes if isinstance(change.delta, BeliefUpdated)}
+    attempts = [attempt for attempt in timeline.attempts_of_edge(source, target) if attempt.event < count]
+    rows = tuple(_row(attempt, (source, target), taught) for attempt in attempts)
+    plans = [plan for plan in timeline.plans if plan.event < count and (source, target) in plan.edges]
+    lifetimes = _lifetimes(timeline, source, target, count)
+    return EdgeHistory(source, target, lifetimes, rows, tuple(plan.instant for plan in plans))
+
+
+@dataclass(slots=True)
+class _OpenLifetime:
+    """A life that is still being told."""
+
+    addition: MapChange
+    edge: Edge
+    beliefs: list[TimedBelief]
+    end: EdgeRemoval | None = None
+
+    def finished(self) -> EdgeLifetime:
+        edge, addition = self.edge, self.addition
+        fixed = addition.epoch, addition.instant, addition.delta.cause, edge.waypoint, edge.protected
+        return EdgeLifetime(*fixed, tuple(self.beliefs), self.end)
+
+
+def _lifetimes(timeline: Timeline, source: NodeId, target: NodeId, count: int) -> tuple[EdgeLifetime, ...]:
+    lifetimes: list[_OpenLifetime] = []
+    for change in _concerning(timeline, source, target):
+        if change.event < count:
+            _end_with_its_map(lifetimes, timeline, change.epoch)
+            _live_on(lifetimes, change)
+    _end_with_its_map(
+        lifetimes, timeline, max((change.epoch for change in timeline.changes_before(count)[-1:]), default=0)
+    )
+    return tuple(life.finished() for life in lifetimes)
+
+
+def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[MapChange]:
+    """Return what happened to an edge, and the departures of its nodes, in order."""
+    ends = [*timeline.changes_of_node(source), *timeline.changes_of_node(target)]
+    dropped = [change for change in ends if isinstance(change.delta, NodeDropped)]
+    return sorted([*timeline.changes_of_edge(source, target), *dropped], key=lambda change: change.event)
+
+
+def _live_on(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
+    last, delta = next((life for life in lifetimes[-1:] if life.end is None), None), change.delta
+    match delta:
+        case EdgeAdded() if last is None:
+            edge = delta.edge
+            first = TimedBelief(change.instant, edge.belief, edge.attempts, edge.successes, delta.cause, None)
+            lifetimes.append(_OpenLifetime(change, edge, [first]))
+        case BeliefUpdated() if last is not None:
+            counts = delta.attempts, delta.successes
+            last.beliefs.append(TimedBelief(change.instant, delta.belief, *counts, delta.cause, change.attempt))
+        case EdgePruned() if last is not None:
+            last.end = EdgeRemoval(change.instant, delta.cause, None, change.attempt)
+        case NodeDropped() if last is not None:
+            last.end = EdgeRemoval(change.instant, delta.cause, delta.node, None)
+        case _:
+            return  # It does not fit: the recording is damaged, or its beginning is missing.
+
+
+def _end_with_its_map(lifetimes: list[_OpenLifetime], timeline: Timeline, epoch: int) -> None:
+    """End an edge that went when another map came in."""
+    if lifetimes and lifetimes[-1].end is None and lifetimes[-1].addition.epoch < epoch:
+        first = timeline.changes[timeline.epochs[lifetimes[-1].addition.epoch + 1]]
+        lifetimes[-1].end = EdgeRemoval(first.instant, first.delta.cause, None, None, whole_map=True)
+
+
+def _row(attempt: AttemptRecord, edge: EdgeKey, taught: Collection[tuple[int | None, int | None]]) -> EdgeAttempt:
+    started, ended = attempt.started, attempt.ended
+    return EdgeAttempt(
+        attempt=started.attempt,
+        query=started.query,
+        begin=attempt.begin,
+        localised=attempt.localised,
+        departure=started.frame,
+        waypoint=started.waypoint,
+        departure_reachability=started.reachability,
+        arrival=ended.frame if ended else None,
+        end=ended.end if ended else None,
+        ended=attempt.end,
+        succeeded=ended.succeeded if ended else None,
+        reason=ended.reason if ended else "the recording ends before the leg does",
+        distance=ended.distance if ended else None,
+        reachability=ended.reachability if ended else None,
+        collisions=attempt.collisions,
+        only_this_edge=(started.source, started.target) == edge,
+        counted=(started.query, started.attempt) in taught,
+    )

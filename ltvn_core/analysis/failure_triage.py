@@ -1,0 +1,195 @@
+"""Which queries failed, of what, where, and when it began to go wrong, from what the robot itself knew.
+
+Owns the short list of troubles and the moment before. Works without truth; what truly was the cause of a failure only
+`ltvn_core.evaluation` can tell.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from math import hypot
+
+from ltvn_core.analysis.query_setbacks import Setback, first_setback, worst_collision
+from ltvn_core.analysis.timeline import Instant, QueryRecord, Timeline
+from ltvn_core.graph.deltas import NodeAdded, PoseRow
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.events import OBSTRUCTED_ENDS, Localised, Outcome, Planned
+from ltvn_core.types import NodeId
+
+WASTED_SHARE = 1 / 3
+"""If less than this share of its steps was wasted, a robot that ran out of steps was just too slow (ours)."""
+_BEFORE_S = 1.0
+_STEPS_PER_S = 10.0
+"""Where the query is too short to tell."""
+
+
+class FailureMode(StrEnum):
+    """What a query failed of, as far as the robot itself can tell."""
+
+    WRONG_ARRIVAL = "wrong arrival"
+    """It said that it had arrived, the evaluation says no."""
+    LOST = "lost"
+    """It did not recognise where it was."""
+    NO_PATH = "no path"
+    COLLISION = "collision"
+    """It touched things, or they stood in its way."""
+    FAILED_EDGE = "failed edge"
+    """It drove edges that did not lead to their target."""
+    TOO_SLOW = "too slow"
+    """Little went wrong, but the steps were used up."""
+
+
+_WASTING_MODES = (FailureMode.FAILED_EDGE, FailureMode.COLLISION, FailureMode.LOST, FailureMode.NO_PATH)
+"""What a robot may spend its steps on in vain."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailedQuery:
+    """A failed query, and where to look."""
+
+    query: QueryRecord
+    failure_mode: FailureMode
+    instant: Instant
+    """The second before it went wrong for good."""
+    event: int
+    """Index of the event with which it went wrong, in the timeline's events."""
+    text: str
+    """What happened then."""
+    edge: EdgeKey | None
+    """The edge that was driven then."""
+    node: NodeId | None
+    """Where the robot last thought it was; None if it never knew."""
+    pose: PoseRow | None
+    """Of that node, by odometry."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailureCluster:
+    """Failures that began near each other."""
+
+    nodes: tuple[NodeId, ...]
+    """Empty if the robot never knew where it was."""
+    pose: PoseRow | None
+    """Of the first failure's node."""
+    failures: tuple[FailedQuery, ...]
+
+
+def failed_queries(timeline: Timeline) -> tuple[FailedQuery, ...]:
+    """Return all failed queries in order; those that were cut or cancelled have not failed. Linear in the events."""
+    return tuple(_failed(timeline, query) for query in timeline.queries if query.succeeded is False)
+
+
+def group_by_failure_mode(failures: Iterable[FailedQuery]) -> Mapping[FailureMode, tuple[FailedQuery, ...]]:
+    """Group failures by what they failed of, the most frequent trouble first."""
+    groups: dict[FailureMode, list[FailedQuery]] = {}
+    for failure in failures:
+        groups.setdefault(failure.failure_mode, []).append(failure)
+    return {
+        failure_mode: tuple(group) for failure_mode, group in sorted(groups.items(), key=lambda item: -len(item[1]))
+    }
+
+
+def group_by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) -> tuple[FailureCluster, ...]:
+    """Group failures by place, the worst first; a place reaches `radius_m` around its first failure.
+
+    Takes time by failures and places.
+    """
+    groups: list[list[FailedQuery]] = []
+    for failure in failures:
+        near = (group for group in groups if _same_place(group[0], failure, radius_m))
+        group = next(near, None)
+        if group is None:
+            groups.append([failure])
+        else:
+            group.append(failure)
+    return tuple(_place(group) for group in sorted(groups, key=lambda group: -len(group)))
+
+
+def _failed(timeline: Timeline, query: QueryRecord) -> FailedQuery:
+    setback = _setback(timeline, query) or Setback(query.last, _ending(query), None, _last_node(timeline, query))
+    before, pose = _second_before(timeline, query, setback.event), _pose_of(timeline, query, setback.node)
+    return FailedQuery(query, _failure_mode(timeline, query), before, *setback, pose)
+
+
+def _setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
+    if query.outcome is Outcome.ARRIVED:
+        return None  # It thought that all was well.
+    worst = worst_collision(timeline, query) if query.outcome is Outcome.COLLISION_LIMIT else None
+    return worst or first_setback(timeline, query)
+
+
+def _ending(query: QueryRecord) -> str:
+    off = f", {query.judged.position_error_m:.2f} m from the goal" if query.judged else ""
+    return f"The query ended: {query.outcome}{off}."
+
+
+def _failure_mode(timeline: Timeline, query: QueryRecord) -> FailureMode:
+    match query.outcome:
+        case Outcome.ARRIVED:
+            return FailureMode.WRONG_ARRIVAL
+        case Outcome.LOST:
+            return FailureMode.LOST
+        case Outcome.NO_PATH:
+            return FailureMode.NO_PATH
+        case Outcome.COLLISION_LIMIT:
+            return FailureMode.COLLISION
+    wasted = _wasted(timeline, query)
+    steps = query.end.step - query.begin.step if query.end else 0
+    worst = max(wasted, key=lambda failure_mode: wasted[failure_mode])
+    return worst if wasted[worst] and sum(wasted.values()) >= WASTED_SHARE * steps else FailureMode.TOO_SLOW
+
+
+def _wasted(timeline: Timeline, query: QueryRecord) -> dict[FailureMode, int]:
+    """Return the steps that went into each trouble."""
+    wasted: dict[FailureMode, int] = {failure_mode: 0 for failure_mode in _WASTING_MODES}
+    for attempt in query.attempts:
+        if attempt.failed and attempt.end and attempt.ended:
+            jammed = attempt.ended.end in OBSTRUCTED_ENDS
+            wasted[FailureMode.COLLISION if jammed else FailureMode.FAILED_EDGE] += (
+                attempt.end.step - attempt.begin.step
+            )
+    since: tuple[FailureMode, int] | None = None
+    for step, _, event in timeline.events[query.first : query.last + 1]:
+        if isinstance(event, Localised):
+            if since is not None:
+                wasted[since[0]] += step - since[1]
+            since = (FailureMode.LOST, step) if event.node is None else None
+        elif isinstance(event, Planned) and not event.nodes:
+            since = (FailureMode.NO_PATH, step)
+    return wasted
+
+
+def _last_node(timeline: Timeline, query: QueryRecord) -> NodeId | None:
+    events = reversed(timeline.events[query.first : query.last + 1])
+    looks = (stamped.event for stamped in events if isinstance(stamped.event, Localised))
+    return next((look.node for look in looks if look.node is not None), None)
+
+
+def _second_before(timeline: Timeline, query: QueryRecord, event: int) -> Instant:
+    """Return the instant a second before an event, but not before the query."""
+    begin, then = query.begin, timeline.instant(event)
+    seconds = then.stamp - begin.stamp
+    rate = (then.step - begin.step) / seconds if seconds > 0 else _STEPS_PER_S
+    step = then.step - round(rate * _BEFORE_S)
+    return max(begin, Instant(step, then.stamp - _BEFORE_S))
+
+
+def _pose_of(timeline: Timeline, query: QueryRecord, node: NodeId | None) -> PoseRow | None:
+    came = () if node is None else timeline.changes_of_node(node)
+    poses = [
+        change.delta.node.odometry
+        for change in came
+        if isinstance(change.delta, NodeAdded) and change.epoch == query.epoch
+    ]
+    return poses[-1] if poses else None
+
+
+def _same_place(first: FailedQuery, other: FailedQuery, radius_m: float) -> bool:
+    if first.pose is None or other.pose is None or first.query.epoch != other.query.epoch:
+        return (first.node, first.query.epoch) == (other.node, other.query.epoch)
+    return hypot(first.pose.x_m - other.pose.x_m, first.pose.y_m - other.pose.y_m) <= radius_m
+
+
+def _place(group: list[FailedQuery]) -> FailureCluster:
+    nodes = dict.fromkeys(failure.node for failure in group if failure.node is not None)
+    return FailureCluster(tuple(nodes), group[0].pose, tuple(group))

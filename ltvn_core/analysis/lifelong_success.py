@@ -1,0 +1,131 @@
+"""Success and size of the map over queries: the paper's lifelong figure, and where it dips.
+
+Owns the sums. What is different in the map around a dip is for the comparison of maps.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.analysis.map_replay import MapReplay
+from ltvn_core.analysis.timeline import Instant, MapChange, Timeline
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+
+
+class SuccessDip(NamedTuple):
+    """Queries over which success was clearly below what it had been. Numbers are rows of the strip."""
+
+    first: int
+    last: int
+    """The last row of the dip, included."""
+    peak: int
+    """The row after which success began to fall."""
+    low: int
+    """The row where it was lowest."""
+    fall: float
+    """How far it fell, as a share of the queries."""
+    before: Instant
+    """The end of the query at the peak; with `after`, the range over which to compare the map."""
+    after: Instant
+    """The end of the query at the low."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LifelongSuccess:
+    """One row per query that was neither cut nor cancelled, (Q,) each."""
+
+    queries: NDArray[np.int64]
+    """Their numbers in the recording."""
+    ends: tuple[Instant, ...]
+    succeeded: NDArray[np.bool_]
+    success: NDArray[np.float64]
+    """Share of successes over the window that ends here; fewer queries in the first rows."""
+    nodes: NDArray[np.int64]
+    """In the map when the query had ended."""
+    edges: NDArray[np.int64]
+    pruned: NDArray[np.int64]
+    """Edges that left since the row before, one by one or with a node."""
+    nodes_added: NDArray[np.int64]
+    edges_added: NDArray[np.int64]
+    """Since the row before, like the nodes; what came with a whole map does not count."""
+    dips: tuple[SuccessDip, ...]
+
+
+def lifelong_success(timeline: Timeline, window: int = 10, *, threshold: float = 0.2) -> LifelongSuccess:
+    """Return success, map size and changes over queries; linear in the events.
+
+    A dip is where success over a full window lies more than `threshold` below the best before. Raises OptionError for a
+    window below one query.
+    """
+    if window < 1:
+        raise OptionError(f"A window of {window} queries holds nothing; choose at least 1.")
+    queries = [query for query in timeline.queries if query.succeeded is not None]
+    succeeded = np.array([bool(query.succeeded) for query in queries], bool)
+    ends = tuple(query.end for query in queries if query.end is not None)
+    success = _rolling(succeeded, window)
+    counts = _counts(timeline, [query.last for query in queries])
+    return LifelongSuccess(
+        queries=np.array([query.id for query in queries], np.int64),
+        ends=ends,
+        succeeded=succeeded,
+        success=success,
+        nodes=counts[:, 0],
+        edges=counts[:, 1],
+        pruned=counts[:, 2],
+        nodes_added=counts[:, 3],
+        edges_added=counts[:, 4],
+        dips=_dips(success, ends, window, threshold),
+    )
+
+
+def _rolling(succeeded: NDArray[np.bool_], window: int) -> NDArray[np.float64]:
+    """Return (Q,) the share of successes over the last `window` queries."""
+    total = np.concatenate([[0], np.cumsum(succeeded)])
+    last = np.arange(1, len(total))
+    first = np.maximum(last - window, 0)
+    return (total[last] - total[first]) / np.maximum(last - first, 1)
+
+
+def _counts(timeline: Timeline, lasts: list[int]) -> NDArray[np.int64]:
+    """Return (Q, 5) nodes and edges after each query, and edges pruned, nodes and edges added since the one before."""
+    rows, folding, place = np.zeros((len(lasts), 5), np.int64), MapReplay(), 0
+    for row, last in zip(rows, lasts, strict=True):
+        while place < len(timeline.changes) and timeline.changes[place].event <= last:
+            before = len(folding.graph.edges)
+            folding.take(timeline.changes[place])
+            row[2:] += _counted(timeline.changes[place], before - len(folding.graph.edges))
+            place += 1
+        row[:2] = len(folding.graph.nodes), len(folding.graph.edges)
+    return rows
+
+
+def _counted(change: MapChange, lost: int) -> tuple[int, int, int]:
+    delta = change.delta
+    if delta.cause in BULK_CAUSES:
+        return 0, 0, 0
+    gone = lost if isinstance(delta, EdgePruned | NodeDropped) else 0
+    return gone, int(isinstance(delta, NodeAdded)), int(isinstance(delta, EdgeAdded))
+
+
+def _dips(
+    success: NDArray[np.float64], ends: tuple[Instant, ...], window: int, threshold: float
+) -> tuple[SuccessDip, ...]:
+    full = success[window - 1 :]
+    if not len(full):
+        return ()
+    best = np.maximum.accumulate(full)
+    below = np.flatnonzero(best - full > threshold + 1e-9)
+    runs = np.split(below, np.flatnonzero(np.diff(below) > 1) + 1) if len(below) else []
+    dips = []
+    for run in runs:
+        low = int(run[np.argmin(full[run])])
+        peak = int(np.flatnonzero(full[: run[0]] >= best[run[0]] - 1e-9)[-1])
+        rows = (int(run[0]), int(run[-1]), peak, low)
+        first, last, peak_row, low_row = (row + window - 1 for row in rows)
+        dips.append(
+            SuccessDip(first, last, peak_row, low_row, float(full[peak] - full[low]), ends[peak_row], ends[low_row])
+        )
+    return tuple(dips)

@@ -1,0 +1,197 @@
+"""A person's changes of a map as deltas with the cause "by hand", and the way back from any delta.
+
+Owns what a person may change and how it is undone. Applies nothing: whoever owns the map does.
+"""
+
+from collections.abc import Sequence
+from functools import singledispatch
+
+import numpy as np
+
+from ltvn_core.config import BeliefConfig
+from ltvn_core.errors import MapError, OptionError
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph import deltas as d
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.types import NodeId, Waypoint
+
+MAX_NAME_LENGTH = 60
+"""Characters of a node's name."""
+_MAX_EDGE_DISTANCE = 5.0
+"""No picture is a guide over a longer d than this."""
+
+
+def add_edge(
+    graph: TopologicalGraph,
+    source: NodeId,
+    target: NodeId,
+    config: BeliefConfig,
+    *,
+    waypoint: Waypoint | None = None,
+    protected: bool = False,
+) -> d.EdgeAdded:
+    """Return the delta that joins two nodes, with the surest belief there is.
+
+    `waypoint` (3,), metres and radians, is the target seen from the source, such as the network's; without it odometry
+    tells. Raises MapError where a node is missing or the edge is there, OptionError where the ends are too far apart.
+    """
+    _require_nodes(graph, source, target)
+    if source == target or (source, target) in graph.edges:
+        raise MapError(f"Edge {source} -> {target} cannot be added: {_why_not(source, target)}.")
+    way = waypoint if waypoint is not None else relative(*(np.array(graph.nodes[k].odometry) for k in (source, target)))
+    length = float(distance(way))
+    if not length <= _MAX_EDGE_DISTANCE:
+        raise OptionError(
+            f"Edge {source} -> {target} would be {length:.1f} long; an edge joins places in sight of each other, at "
+            f"most {_MAX_EDGE_DISTANCE:g} apart. Choose nearer nodes or join them through others."
+        )
+    belief = d.Belief(config.p_cap, length, config.sigma2)
+    return d.EdgeAdded(d.Edge(source, target, pose_row(way), belief, protected=protected), d.Cause.HAND)
+
+
+def remove_edge(graph: TopologicalGraph, source: NodeId, target: NodeId) -> d.EdgePruned:
+    """Return the delta that takes an edge out, even a protected one. Raises MapError where there is none."""
+    _edge(graph, (source, target))
+    return d.EdgePruned(source, target, d.Cause.HAND)
+
+
+def protect_edge(graph: TopologicalGraph, source: NodeId, target: NodeId, *, protected: bool = True) -> d.EdgeProtected:
+    """Return the delta that keeps maintenance from pruning an edge, or allows it again.
+
+    Raises MapError where there is no such edge.
+    """
+    _edge(graph, (source, target))
+    return d.EdgeProtected(source, target, protected, d.Cause.HAND)
+
+
+def delete_node(graph: TopologicalGraph, node: NodeId) -> d.NodeDropped:
+    """Return the delta that takes a node out with its edges. Its image does not join the reserve, which would bring it
+    back. Raises MapError where there is no such node.
+    """
+    _require_nodes(graph, node)
+    return d.NodeDropped(node, d.Cause.HAND)
+
+
+def rename_node(graph: TopologicalGraph, node: NodeId, name: str) -> d.NodeNamed:
+    """Return the delta that names a node; an empty name takes its name away.
+
+    Raises MapError where there is no such node or another one has the name, OptionError for a name nobody can read.
+    """
+    _require_nodes(graph, node)
+    return d.NodeNamed(node, _free_name(graph, node, name), graph.nodes[node].goal, d.Cause.HAND)
+
+
+def mark_goal(graph: TopologicalGraph, node: NodeId, name: str = "", *, goal: bool = True) -> d.NodeNamed:
+    """Return the delta that marks a node as a goal under a name, or takes the mark away; no name keeps the old one.
+
+    Raises as `rename_node` does.
+    """
+    _require_nodes(graph, node)
+    named = _free_name(graph, node, name) or graph.nodes[node].name
+    return d.NodeNamed(node, named, goal, d.Cause.HAND)
+
+
+def undo_deltas(deltas: Sequence[d.GraphDelta], graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    """Return the deltas that lead from the map after `deltas` back to `graph_before`, which is not changed.
+
+    Cost: one copy of the map besides the deltas. Raises MapError where the deltas do not fit the map.
+    """
+    graph, steps = graph_before.copy(), []
+    for delta in deltas:
+        back = inverse_deltas(delta, graph)
+        graph.apply(delta)
+        steps.append(back)
+    return tuple(delta for back in reversed(steps) for delta in back)
+
+
+@singledispatch
+def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    """Return the deltas, by hand, that take one delta back; `graph_before` is the map it was applied to.
+
+    Cost: linear in the edges of a dropped node, else constant. Raises MapError where the delta did not fit the map.
+    """
+    raise TypeError(f"{type(delta).__name__} is no delta of a map.")
+
+
+@inverse_deltas.register
+def _(delta: d.NodeAdded, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    return (d.NodeDropped(delta.node.id, d.Cause.HAND),)
+
+
+@inverse_deltas.register
+def _(delta: d.NodeDropped, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    node = delta.node
+    _require_nodes(graph_before, node)
+    keys = [(node, other) for other in graph_before.successors(node)]
+    keys += [(other, node) for other in graph_before.predecessors(node)]
+    edges = (d.EdgeAdded(graph_before.edges[key], d.Cause.HAND) for key in keys)
+    return (d.NodeAdded(graph_before.nodes[node], d.Cause.HAND), *edges)
+
+
+@inverse_deltas.register
+def _(delta: d.EdgeAdded, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    return (d.EdgePruned(delta.edge.source, delta.edge.target, d.Cause.HAND),)
+
+
+@inverse_deltas.register
+def _(delta: d.EdgePruned, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    return (d.EdgeAdded(_edge(graph_before, (delta.source, delta.target)), d.Cause.HAND),)
+
+
+@inverse_deltas.register
+def _(delta: d.BeliefUpdated, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    edge = _edge(graph_before, (delta.source, delta.target))
+    counts = edge.attempts, edge.successes
+    return (d.BeliefUpdated(edge.source, edge.target, edge.belief, *counts, d.Cause.HAND),)
+
+
+@inverse_deltas.register
+def _(delta: d.EdgeProtected, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    edge = _edge(graph_before, (delta.source, delta.target))
+    return (d.EdgeProtected(edge.source, edge.target, edge.protected, d.Cause.HAND),)
+
+
+@inverse_deltas.register
+def _(delta: d.NodeNamed, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    _require_nodes(graph_before, delta.node)
+    node = graph_before.nodes[delta.node]
+    return (d.NodeNamed(node.id, node.name, node.goal, d.Cause.HAND),)
+
+
+@inverse_deltas.register
+def _(delta: d.FramesReserved, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    return (d.FramesReleased(delta.frames, d.Cause.HAND),)
+
+
+@inverse_deltas.register
+def _(delta: d.FramesReleased, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
+    return (d.FramesReserved(tuple(dict.fromkeys(delta.frames)), d.Cause.HAND),)
+
+
+def _edge(graph: TopologicalGraph, key: EdgeKey) -> d.Edge:
+    if key not in graph.edges:
+        raise MapError(f"Edge {key[0]} -> {key[1]} is not in the map, which has {len(graph.edges)} edges.")
+    return graph.edges[key]
+
+
+def _require_nodes(graph: TopologicalGraph, *nodes: NodeId) -> None:
+    for node in nodes:
+        if node not in graph.nodes:
+            raise MapError(f"Node {node} is not in the map, which has {len(graph.nodes)} nodes.")
+
+
+def _why_not(source: NodeId, target: NodeId) -> str:
+    return "a node has no edge to itself" if source == target else "it is in the map already"
+
+
+def _free_name(graph: TopologicalGraph, node: NodeId, name: str) -> str:
+    wanted = " ".join(name.split())
+    if len(wanted) > MAX_NAME_LENGTH or not wanted.isprintable():
+        raise OptionError(
+            f"{wanted[:MAX_NAME_LENGTH]!r} cannot be a name: use at most {MAX_NAME_LENGTH} printable characters."
+        )
+    holder = graph.names.get(wanted, node)
+    if holder != node:
+        raise MapError(f"Node {holder} is called {wanted!r} already; rename that one first or choose another name.")
+    return wanted

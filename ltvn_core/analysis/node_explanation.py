@@ -1,0 +1,92 @@
+"""Why a node is in the map, or is not.
+
+Owns the chain for nodes; those for edges are `analysis.blame` and `analysis.choice`.
+"""
+
+from collections.abc import Iterator
+
+from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, counted
+from ltvn_core.analysis.timeline import Instant, MapChange, Timeline
+from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, NodeAdded, NodeDropped
+from ltvn_core.navigation.events import Localised
+from ltvn_core.types import NodeId
+
+
+def explain_node(timeline: Timeline, node: NodeId, *, at: Instant | None = None) -> tuple[ExplanationStep, ...]:
+    """Tell why a node is in the map at an instant, and what it was good for; at the end without one.
+
+    Linear in the events.
+    """
+    count = timeline.count_until(at)
+    came = [change for change in timeline.changes_of_node(node) if change.event < count]
+    if not came:
+        return tuple(_never(timeline, node, count))
+    return tuple(reason for change in came for reason in _moved(timeline, change, node)) + _use(timeline, node, count)
+
+
+def _never(timeline: Timeline, node: NodeId, count: int) -> Iterator[ExplanationStep]:
+    yield ExplanationStep(f"Image {node} never was a node.", None, ExplanationKind.NEVER, (node,))
+    for change in timeline.changes_before(count):
+        if isinstance(change.delta, FramesReserved) and node in change.delta.frames:
+            text = f"It was put in the reserve {CAUSE_TEXTS[change.delta.cause]}, from where it can still become one."
+            yield ExplanationStep(text, change.instant, ExplanationKind.NEVER, (node,))
+
+
+def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[ExplanationStep]:
+    match change.delta:
+        case NodeAdded(cause=cause):
+            yield ExplanationStep(
+                f"Node {node} came in {CAUSE_TEXTS[cause]}.", change.instant, ExplanationKind.BORN, (node,)
+            )
+            yield from _circumstances(timeline, change, node, cause)
+            tied = _tied(timeline, change, node)
+            text = (
+                f"It was joined with {counted(len(tied), 'node')}" + ": " * bool(tied) + ", ".join(map(str, tied[:8]))
+            )
+            yield ExplanationStep(
+                text + ("..." if len(tied) > 8 else "."), change.instant, ExplanationKind.BORN, (node, *tied)
+            )
+        case NodeDropped(cause=cause):
+            yield ExplanationStep(
+                f"Node {node} left {CAUSE_TEXTS[cause]}.", change.instant, ExplanationKind.GONE, (node,)
+            )
+
+
+def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[ExplanationStep]:
+    """Yield what the robot was about when a node came in under way."""
+    query = timeline.query_at(change.event)
+    if query is None or cause not in (Cause.EXPAND, Cause.NOVEL):
+        return
+    looks = [stamped.event for stamped in timeline.events[query.first : change.event]]
+    fixes = [event for event in looks if isinstance(event, Localised)]
+    if cause is Cause.EXPAND and fixes and fixes[-1].node is not None:
+        start = fixes[-1].node
+        text = f"In query {query.id} no path led from node {start} to {query.goal}; a way through image {node} did."
+        yield ExplanationStep(text, change.instant, ExplanationKind.PLAN, (start, query.goal))
+    elif cause is Cause.NOVEL:
+        lost = len(fixes) - max((k + 1 for k, fix in enumerate(fixes) if fix.node is not None), default=0)
+        text = f"In query {query.id} the robot had not recognised anything in {counted(lost, 'look')}."
+        yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node,))
+
+
+def _tied(timeline: Timeline, change: MapChange, node: NodeId) -> tuple[NodeId, ...]:
+    """Return the nodes that a new one was joined with at once."""
+    tied: dict[NodeId, None] = {}
+    begin = len(timeline.changes_before(change.event + 1))
+    for later in timeline.changes[begin:]:
+        delta = later.delta
+        if isinstance(delta, NodeAdded) and delta.cause is Cause.LOAD:
+            continue  # A file's map tells all its nodes before its edges.
+        if later.instant != change.instant or not isinstance(delta, EdgeAdded):
+            break
+        if delta.edge.source == node:
+            tied[delta.edge.target] = None
+    return tuple(tied)
+
+
+def _use(timeline: Timeline, node: NodeId, count: int) -> tuple[ExplanationStep, ...]:
+    plans = [plan for plan in timeline.plans if plan.event < count and node in plan.planned.nodes]
+    if not plans:
+        return (ExplanationStep("No plan has led through it yet.", None, ExplanationKind.PLAN, (node,)),)
+    text = f"{counted(len(plans), 'plan')} led through it, the last one in query {plans[-1].planned.query}."
+    return (ExplanationStep(text, plans[-1].instant, ExplanationKind.PLAN, (node,)),)

@@ -1,0 +1,134 @@
+"""Why a plan led through an edge: what the way cost, and what the best way without the edge would have cost.
+
+Owns the comparison. Plans again with `graph.planner` on the map as it was then; the recording stays as it is.
+"""
+
+import itertools
+from dataclasses import dataclass
+from math import inf, isclose, isfinite
+
+from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep, belief_text, counted
+from ltvn_core.analysis.timeline import Instant, PlanRecord, Timeline
+from ltvn_core.config import PlanningConfig
+from ltvn_core.graph.deltas import Belief
+from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, edge_cost
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.types import NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class PlanAlternative:
+    """A plan through an edge against the best plan without it."""
+
+    edge: EdgeKey
+    plan: PlanRecord
+    """As recorded."""
+    belief: Belief
+    """Of the edge, then."""
+    edge_cost: float
+    penalty: float
+    """What the edge cost more in this query, because it had failed in it."""
+    replanned: GraphPath
+    """The best path as planned again now; the recorded one, if the same thresholds were in use."""
+    without_edge: GraphPath
+    """The best path without the edge; empty and of infinite cost if there is none."""
+
+    @property
+    def matches_recording(self) -> bool:
+        """Planning again costs what the recording says, so that both costs compare."""
+        return isclose(self.replanned.cost, self.plan.planned.cost, rel_tol=1e-6, abs_tol=1e-6)
+
+
+def plan_alternative(
+    timeline: Timeline,
+    source: NodeId,
+    target: NodeId,
+    planning: PlanningConfig,
+    *,
+    at: Instant | None = None,
+    weight: EdgeWeight | None = None,
+) -> PlanAlternative | None:
+    """Compare the last plan through an edge up to an instant with the best one without it; None if there is no plan.
+
+    `planning` and `weight` are those of the run. Linear in the changes of the map, and two plans.
+    """
+    edge, count = (source, target), timeline.count_until(at)
+    plans = [plan for plan in timeline.plans if plan.event < count and edge in plan.edges]
+    if not plans:
+        return None
+    plan, graph = plans[-1], timeline.graph_before(plans[-1].event)
+    if edge not in graph.edges:
+        return None  # The recording does not hold the map in which it was planned.
+    planner, penalties = Planner(graph, planning, weight=weight), failure_penalties_at(timeline, plan.event, planning)
+    belief, ends = graph.edges[edge].belief, (plan.planned.nodes[0], plan.planned.nodes[-1])
+    costs = weight(belief) if weight else edge_cost(belief, planning)
+    replanned, without_edge = planner.plan(*ends, penalties), planner.plan(*ends, {**penalties, edge: inf})
+    return PlanAlternative(edge, plan, belief, costs, penalties.get(edge, 0.0), replanned, without_edge)
+
+
+def failure_penalties_at(timeline: Timeline, event: int, planning: PlanningConfig) -> dict[EdgeKey, float]:
+    """Return what edges cost more just before event number `event`, for having failed in the query under way."""
+    query, penalties = timeline.query_at(event), dict[EdgeKey, float]()
+    for attempt in query.attempts if query and planning.failure_penalty else ():
+        if attempt.event < event and attempt.failed:
+            for edge in attempt.edges:
+                penalties[edge] = penalties.get(edge, 0.0) + planning.failure_penalty
+    return penalties
+
+
+def explain_planned_edge(
+    timeline: Timeline,
+    source: NodeId,
+    target: NodeId,
+    planning: PlanningConfig,
+    *,
+    at: Instant | None = None,
+    weight: EdgeWeight | None = None,
+) -> tuple[ExplanationStep, ...]:
+    """Tell why the last plan up to an instant that led through an edge did so, and what else there was.
+
+    Cost as `plan_alternative`.
+    """
+    made = plan_alternative(timeline, source, target, planning, at=at, weight=weight)
+    if made is None:
+        text = f"No plan led through edge {source} -> {target}."
+        return (ExplanationStep(text, at, ExplanationKind.NEVER, (source, target)),)
+    reasons = [_planned(made), _edge_cost_step(made)]
+    if made.penalty:
+        text = f"It had failed in this query, so that it cost {made.penalty:.2f} more, and was still the best."
+        reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PENALTY, made.edge))
+    if not made.matches_recording:
+        text = (
+            f"Planning again costs {made.replanned.cost:.2f}, not {made.plan.planned.cost:.2f} as recorded: the run "
+            "used "
+            "other thresholds or another system, so the costs here only compare among themselves."
+        )
+        reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PLAN, made.edge))
+    return (*reasons, _alternative(made))
+
+
+def _planned(made: PlanAlternative) -> ExplanationStep:
+    nodes, cost = made.plan.planned.nodes, made.plan.planned.cost
+    number, edges_text = made.plan.planned.query, counted(len(nodes) - 1, "edge")
+    where = f"In query {number} the robot thought it was at node {nodes[0]}"
+    text = f"{where} and planned {edges_text} to {nodes[-1]}, cost {cost:.2f}."
+    return ExplanationStep(text, made.plan.instant, ExplanationKind.PLAN, nodes)
+
+
+def _edge_cost_step(made: PlanAlternative) -> ExplanationStep:
+    source, target = made.edge
+    text = f"Edge {source} -> {target} cost {made.edge_cost:.2f} of that: {belief_text(made.belief)}."
+    return ExplanationStep(text, made.plan.instant, ExplanationKind.BELIEF, made.edge)
+
+
+def _alternative(made: PlanAlternative) -> ExplanationStep:
+    if not isfinite(made.without_edge.cost):
+        text, ids = "Without it there is no path at all.", made.edge
+    else:
+        more, ids = made.without_edge.cost - made.replanned.cost, made.without_edge.nodes
+        fresh = len(set(itertools.pairwise(ids)) - set(made.plan.edges))
+        text = (
+            f"The best path without it costs {made.without_edge.cost:.2f}, {more:.2f} more, with "
+            f"{counted(len(ids) - 1, 'edge')}, {fresh} of them not on the plan."
+        )
+    return ExplanationStep(text, made.plan.instant, ExplanationKind.ALTERNATIVE, ids)

@@ -1,0 +1,134 @@
+"""A test to begin with, written from a moment that a person found interesting.
+
+Owns the text. What it asserts is what happened, right or wrong: whoever saves it says what should have happened.
+"""
+
+import textwrap
+from collections.abc import Sequence
+
+from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+from ltvn_core.navigation.events import AttemptEnded, GraphChanged, Planned, QueryEnded, StampedEvent
+from ltvn_core.types import NodeId
+
+_HEAD = '''"""What happened in {about}.
+
+Each test says what did happen. Change what should have happened differently, and keep the rest.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import {names}
+from ltvn_core.recording.reader import Recording
+
+RECORDING = Path(__file__).parent / "{file}"
+
+
+@pytest.fixture(scope="module")
+def moment() -> Recording:
+    return Recording.open(RECORDING)
+'''
+
+_ATTEMPTS = """
+
+@pytest.mark.parametrize(
+    ("attempt", "source", "target", "end", "succeeded"),
+    [
+{rows}
+    ],
+)
+def test_attempts_end_as_they_did(
+    moment: Recording, attempt: int, source: int | None, target: int, end: AttemptEnd, succeeded: bool
+) -> None:
+    ends = [stamped.event for stamped in moment.events if isinstance(stamped.event, AttemptEnded)]
+    found = {{ended.attempt: ended for ended in ends}}[attempt]
+    assert (found.source, found.target, found.end, found.succeeded) == (source, target, end, succeeded)
+"""
+
+_PLANS = """
+
+def test_it_planned_as_it_did(moment: Recording) -> None:
+    plans = [stamped.event.nodes for stamped in moment.events if isinstance(stamped.event, Planned)]
+    assert len(plans) == {count}
+    assert plans[0] == (
+{first}
+    )
+    assert plans[-1] == (
+{last}
+    )
+"""
+
+_OUTCOME = """
+
+def test_query_{query}_ended(moment: Recording) -> None:
+    ends = {{stamped.event.query: stamped.event for stamped in moment.events if isinstance(stamped.event, QueryEnded)}}
+    assert ends[{query}].outcome is Outcome.{outcome}
+    assert ends[{query}].collisions == {collisions}
+"""
+
+_MAP = """
+
+def test_the_map_afterwards(moment: Recording) -> None:
+    graph: TopologicalGraph = moment.final_graph()
+{rows}
+"""
+
+
+def regression_test_source(events: Sequence[StampedEvent], *, file: str, about: str) -> str:
+    """Return a pytest module that opens the recording `file`, as seen from its own folder, and asserts what it tells.
+
+    `events` are those of the moment, without what made the map at its start; `about` names the moment in a few words.
+    """
+    happened = [stamped.event for stamped in events]
+    attempts = [event for event in happened if isinstance(event, AttemptEnded)]
+    plans = [event.nodes for event in happened if isinstance(event, Planned)]
+    ends = [event for event in happened if isinstance(event, QueryEnded)]
+    parts = [_ATTEMPTS.format(rows="\n".join(map(_attempt_row, attempts)))] if attempts else []
+    if plans:
+        parts.append(_PLANS.format(count=len(plans), first=_wrapped(plans[0]), last=_wrapped(plans[-1])))
+    parts += [_OUTCOME.format(query=e.query, outcome=e.outcome.name, collisions=e.collisions) for e in ends]
+    changes = _changes(events)
+    if changes or not parts:
+        parts.append(_MAP.format(rows="\n".join(f"    {row}" for row in changes or ["assert graph.nodes"])))
+    return _head(file, about, attempts=bool(attempts), plans=bool(plans), ends=bool(ends)) + "".join(parts)
+
+
+def _head(file: str, about: str, *, attempts: bool, plans: bool, ends: bool) -> str:
+    names = ["AttemptEnd", "AttemptEnded"] * attempts + ["Outcome"] * ends + ["Planned"] * plans + ["QueryEnded"] * ends
+    head = _HEAD.format(about=about, names=", ".join(names), file=file)
+    return head if names else head.replace("from ltvn_core.navigation.events import \n", "")
+
+
+def _attempt_row(ended: AttemptEnded) -> str:
+    row = f"{ended.attempt}, {ended.source}, {ended.target}, AttemptEnd.{ended.end.name}, {ended.succeeded}"
+    return f"        ({row}),  # {ended.reason}"
+
+
+def _wrapped(nodes: Sequence[NodeId]) -> str:
+    text = "".join(f"{node}, " for node in nodes)
+    return textwrap.fill(text, 118, initial_indent=" " * 8, subsequent_indent=" " * 8)
+
+
+def _changes(events: Sequence[StampedEvent]) -> list[str]:
+    """Return an assertion for all that the moment changed for good, in the order in which it happened last."""
+    rows: dict[object, str] = {}
+    for stamped in events:
+        if not isinstance(stamped.event, GraphChanged):
+            continue
+        match stamped.event.delta:
+            case NodeAdded(node=node):
+                rows[node.id] = f"assert {node.id} in graph.nodes"
+            case NodeDropped(node=node):
+                # Its edges went with it.
+                rows = {key: row for key, row in rows.items() if not (isinstance(key, tuple) and node in key)}
+                rows[node] = f"assert {node} not in graph.nodes"
+            case EdgeAdded(edge=edge):
+                rows[edge.source, edge.target] = f"assert ({edge.source}, {edge.target}) in graph.edges"
+            case EdgePruned(source=source, target=target):
+                rows[source, target] = f"assert ({source}, {target}) not in graph.edges"
+            case BeliefUpdated(source=source, target=target, belief=belief):
+                now = f"graph.edges[{source}, {target}].belief.p"
+                rows[source, target] = f"assert {now} == pytest.approx({belief.p:.6g}, abs=1e-6)"
+    return list(rows.values())

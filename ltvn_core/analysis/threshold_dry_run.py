@@ -1,0 +1,132 @@
+"""What another threshold would do to the map, counted and not done.
+
+Owns the counts and their sentences. Everything runs on copies.
+"""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core.analysis.what_if_scenario import prunable_edges
+from ltvn_core.config import PAPER, BeliefConfig, Method
+from ltvn_core.graph.builder import ProgressCallback, build
+from ltvn_core.graph.deltas import Cause, EdgePruned
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.types import Observation, Predictor
+
+
+@dataclass(frozen=True, slots=True)
+class MapSize:
+    """How big a map is."""
+
+    nodes: int
+    edges: int
+    strongly_connected_components: int
+    """Parts between which no path leads there and back; 1 is what one wants."""
+
+    @classmethod
+    def of(cls, graph: TopologicalGraph) -> "MapSize":
+        """Measure a map; linear in nodes and edges."""
+        return cls(len(graph.nodes), len(graph.edges), count_strongly_connected_components(graph))
+
+
+@dataclass(frozen=True, slots=True)
+class PruneCounts:
+    """What pruning everything below a threshold at once would do."""
+
+    pruned_edges: tuple[EdgeKey, ...]
+    before: MapSize
+    after: MapSize
+
+    @property
+    def sentence(self) -> str:
+        """The count for a person."""
+        if not self.pruned_edges:
+            return "No edge would go."
+        return f"{_count_text(len(self.pruned_edges), 'edge')} would go, {_components_text(self.before, self.after)}."
+
+
+@dataclass(frozen=True, slots=True)
+class RebuildCounts:
+    """What the same images make with two methods."""
+
+    before: MapSize
+    after: MapSize
+
+    @property
+    def sentence(self) -> str:
+        """The count for a person, such as "31 nodes fewer, 120 edges fewer, 2 pieces instead of 1."."""
+        nodes = _difference_text(self.after.nodes - self.before.nodes, "node")
+        edges = _difference_text(self.after.edges - self.before.edges, "edge")
+        return f"{nodes}, {edges}, {_components_text(self.before, self.after)}."
+
+
+def prune_dry_run(graph: TopologicalGraph, prune_below: float, config: BeliefConfig = PAPER.believing) -> PruneCounts:
+    """Return which edges a higher R_p would take out, and the pieces afterwards.
+
+    Only edges that failed as often as `config` asks for count, as in maintenance. Protected edges stay. Costs one copy
+    of the map.
+    """
+    pruned_edges = prunable_edges(graph, prune_below, config)
+    after = graph.copy()
+    for source, target in pruned_edges:
+        after.apply(EdgePruned(source, target, Cause.HAND))
+    return PruneCounts(tuple(pruned_edges), MapSize.of(graph), MapSize.of(after))
+
+
+def rebuild_dry_run(
+    observations: Sequence[Observation],
+    keyframes: KeyframeStore,
+    predictor: Predictor,
+    method: Method,
+    changed: Method,
+    rng: np.random.Generator,
+    *,
+    progress: ProgressCallback | None = None,
+) -> RebuildCounts:
+    """Build a map from the same images with both methods and the same dice, and return both sizes.
+
+    Features that `keyframes` holds are used again, other images are encoded once; `keyframes` and `rng` stay as they
+    are. Costs two runs of Algorithm 1. Raises MapError for an empty trajectory.
+    """
+    sizes = []
+    known = _encoded(observations, keyframes, predictor)
+    for each in (method, changed):
+        own = KeyframeStore(predictor)
+        if observations:
+            own.add(observations, known.features([seen.step for seen in observations]))
+        deltas = build(observations, own, predictor, each, deepcopy(rng), progress=progress)
+        sizes.append(MapSize.of(TopologicalGraph(deltas)))
+    return RebuildCounts(*sizes)
+
+
+def _encoded(observations: Sequence[Observation], keyframes: KeyframeStore, predictor: Predictor) -> KeyframeStore:
+    """Return views of all images that share nothing with `keyframes` but the numbers."""
+    known = KeyframeStore(predictor)
+    held = [seen for seen in observations if seen.step in keyframes]
+    if held:
+        known.add(held, keyframes.features([seen.step for seen in held]))
+    known.add(observations)
+    return known
+
+
+def _count_text(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _difference_text(count: int, noun: str) -> str:
+    if not count:
+        return f"as many {noun}s"
+    return f"{_count_text(abs(count), noun)} {'fewer' if count < 0 else 'more'}"
+
+
+def _components_text(before: MapSize, after: MapSize) -> str:
+    return _count_text(after.strongly_connected_components, "piece") + (
+        ""
+        if after.strongly_connected_components == before.strongly_connected_components
+        else f" instead of {before.strongly_connected_components}"
+    )

@@ -1,0 +1,78 @@
+"""What a person can imagine to be otherwise: an edge, a belief, the goal, a threshold.
+
+Owns the words for it. `analysis.imagined` puts them into effect on a copy of the map.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+from ltvn_core.graph.deltas import Belief
+from ltvn_core.types import NodeId
+
+
+class WhatIfThreshold(StrEnum):
+    """A number of the method, by the paper's name where it has one."""
+
+    R_P = "R_p"
+    """Edges that failed and are believed less than this are gone."""
+    D_L = "D_l"
+    """A robot farther than this from its node is lost."""
+    D_M = "D_m"
+    """Images nearer than this to a node add nothing; a plan does not feel it."""
+    D_C = "D_c"
+    """Edges longer than this were never made."""
+    BELIEF_WEIGHT = "belief weight"
+    FAILURE_PENALTY = "failure penalty"
+
+
+@dataclass(frozen=True, slots=True)
+class WithEdge:
+    """The map has this edge, with this belief."""
+
+    source: NodeId
+    target: NodeId
+    belief: Belief
+
+
+@dataclass(frozen=True, slots=True)
+class WithoutEdge:
+    """The map lacks this edge."""
+
+    source: NodeId
+    target: NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class WithBelief:
+    """This is believed of an edge; what is None stays."""
+
+    source: NodeId
+    target: NodeId
+    p: float | None = None
+    mu: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WithGoal:
+    """The robot wants to go elsewhere."""
+
+    goal: NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class WithStart:
+    """The robot is elsewhere."""
+
+    source: NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class WithThreshold:
+    """The method has another threshold."""
+
+    threshold: WhatIfThreshold
+    value: float
+
+
+WhatIfChange: TypeAlias = WithEdge | WithoutEdge | WithBelief | WithGoal | WithStart | WithThreshold

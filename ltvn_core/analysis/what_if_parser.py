@@ -1,0 +1,84 @@
+"""Imagined changes as a person types them: "without 12->40", "p(12->40) = 0.1", "goal 120", "D_c = 1.3".
+
+Owns the short text form, both ways. What a change does is `analysis.imagined`.
+"""
+
+import re
+
+from ltvn_core.analysis.manual_edits import add_edge
+from ltvn_core.analysis.number_parser import parse_number
+from ltvn_core.analysis.what_if_changes import (
+    WhatIfChange,
+    WhatIfThreshold,
+    WithBelief,
+    WithEdge,
+    WithGoal,
+    WithoutEdge,
+    WithStart,
+    WithThreshold,
+)
+from ltvn_core.config import ROBUST, BeliefConfig
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+
+WHAT_IF_EXAMPLES = (
+    "without 12->40",
+    "with 12->40",
+    "p(12->40) = 0.1",
+    "mu(12->40) = 2",
+    "goal 120",
+    "from 12",
+    *(f"{threshold} = 1.3" for threshold in WhatIfThreshold),
+)
+"""One of each form, for help texts."""
+
+_EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"
+_PRESENCE = re.compile(rf"(with|without)\s+{_EDGE}", re.IGNORECASE)
+_BELIEF = re.compile(rf"(p|mu)\s*\(\s*{_EDGE}\s*\)\s*=\s*(\S+)", re.IGNORECASE)
+_PLACE = re.compile(r"(goal|from)\s+(\d+)", re.IGNORECASE)
+_THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
+_THRESHOLDS = {threshold.value.lower(): threshold for threshold in WhatIfThreshold}
+
+
+def parse_what_if_change(text: str, graph: TopologicalGraph, config: BeliefConfig = ROBUST.believing) -> WhatIfChange:
+    """Read a change of the map `graph`; an edge that is not in it is believed in as firmly as `config` allows.
+
+    Raises OptionError, which lists the valid forms, for anything else; MapError for an edge that cannot be.
+    """
+    words = " ".join(text.split())
+    if found := _PRESENCE.fullmatch(words):
+        edge = int(found[2]), int(found[3])
+        return _forced(edge, graph, config) if found[1].lower() == "with" else WithoutEdge(*edge)
+    if found := _BELIEF.fullmatch(words):
+        edge, value = (int(found[2]), int(found[3])), parse_number(found[4], text, "nothing to imagine")
+        return WithBelief(*edge, p=value) if found[1].lower() == "p" else WithBelief(*edge, mu=value)
+    if found := _PLACE.fullmatch(words):
+        return WithGoal(int(found[2])) if found[1].lower() == "goal" else WithStart(int(found[2]))
+    found = _THRESHOLD.fullmatch(words)
+    if found and (threshold := _THRESHOLDS.get(found[1].lower())) is not None:
+        return WithThreshold(threshold, parse_number(found[2], text, "nothing to imagine"))
+    raise OptionError(f"{text[:60]!r} is nothing to imagine; write one of: {', '.join(WHAT_IF_EXAMPLES)}.")
+
+
+def format_what_if_change(change: WhatIfChange) -> str:
+    """Return what one types for a change; parsing it gives the same change, but for the belief of a forced edge."""
+    match change:
+        case WithEdge(source, target):
+            return f"with {source}->{target}"
+        case WithoutEdge(source, target):
+            return f"without {source}->{target}"
+        case WithBelief(source, target, None, mu):
+            return f"mu({source}->{target}) = {mu!r}"
+        case WithBelief(source, target, p):
+            return f"p({source}->{target}) = {p!r}"
+        case WithGoal(goal):
+            return f"goal {goal}"
+        case WithStart(source):
+            return f"from {source}"
+        case WithThreshold(threshold, value):
+            return f"{threshold.value} = {value!r}"
+
+
+def _forced(edge: EdgeKey, graph: TopologicalGraph, config: BeliefConfig) -> WithEdge:
+    known = graph.edges.get(edge)
+    return WithEdge(*edge, add_edge(graph, *edge, config).edge.belief if known is None else known.belief)

@@ -1,0 +1,114 @@
+"""What the robot would have planned, had something been otherwise.
+
+Owns the comparison of both plans. Works on copies: neither the map nor the recording is touched. What a change does is
+`analysis.imagined`; counting what other thresholds would do to the map is `analysis.dry_run`.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ltvn_core.analysis.planner_state import PlannerState
+from ltvn_core.analysis.what_if_changes import WhatIfChange
+from ltvn_core.analysis.what_if_scenario import (
+    EdgeWeightFactory,
+    WhatIfScenario,
+    apply_what_if_changes,
+    ltvn_edge_weight,
+)
+from ltvn_core.config import Method
+from ltvn_core.graph.planner import NO_PATH, GraphPath, Planner
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeCostParts:
+    """What one edge of a path costs, part by part."""
+
+    edge: EdgeKey
+    mu: float
+    """Believed length."""
+    doubt: float
+    """What the weight of the edge adds: -weight * ln p in the paper's system."""
+    penalty: float
+    """For failures earlier in the query."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanDifference:
+    """Two plans side by side."""
+
+    old: GraphPath
+    new: GraphPath
+    old_edges: tuple[EdgeCostParts, ...]
+    """Along the old path."""
+    new_edges: tuple[EdgeCostParts, ...]
+    """Along the new path, under the changes."""
+    removed_edges: tuple[EdgeKey, ...]
+    """Edges of the old path that the new one does without, in order."""
+    added_edges: tuple[EdgeKey, ...]
+    """Edges that only the new path has, in order."""
+    notes: tuple[str, ...]
+    """What these plans cannot tell about the changes, for a person."""
+
+    @property
+    def sentence(self) -> str:
+        """The difference in one line."""
+        old, new = _path_text(self.old), _path_text(self.new)
+        if self.old.nodes != self.new.nodes:
+            return f"{new[0].upper()}{new[1:]}, instead of {old}."
+        if not self.new.nodes:
+            return "Still no way."
+        same = math.isclose(self.old.cost, self.new.cost)
+        return f"The same way, {new}." if same else f"The same way, {new} instead of {self.old.cost:.2f}."
+
+
+def replan(
+    graph: TopologicalGraph,
+    situation: PlannerState,
+    method: Method,
+    changes: Sequence[WhatIfChange],
+    *,
+    edge_weight_of: EdgeWeightFactory = ltvn_edge_weight,
+) -> PlanDifference:
+    """Plan twice, as it was and as it would be under `changes`, taken in order.
+
+    `edge_weight_of` are those of the system that planned; the paper's own unless another is named.
+    Costs two copies of the map and two searches. Raises MapError where a change names a node or an edge that is not in
+    the map, OptionError for values that cannot be.
+    """
+    before = WhatIfScenario(graph, situation, method, edge_weight_of)
+    after = apply_what_if_changes(before, changes)
+    old, new = _plan(before), _plan(after)
+    old_keys, new_keys = (tuple(itertools.pairwise(path.nodes)) for path in (old, new))
+    return PlanDifference(
+        old,
+        new,
+        tuple(_priced(before, key) for key in old_keys),
+        tuple(_priced(after, key) for key in new_keys),
+        tuple(key for key in old_keys if key not in new_keys),
+        tuple(key for key in new_keys if key not in old_keys),
+        tuple(after.notes),
+    )
+
+
+def _plan(scenario: WhatIfScenario) -> GraphPath:
+    source, goal = scenario.situation.source, scenario.situation.goal
+    if source is None or goal is None:
+        missing = "where the robot is" if source is None else "where it should go"
+        scenario.notes.append(f"There is no plan because nobody knows {missing}; set it as a change.")
+        return NO_PATH
+    penalty = scenario.method.planning.failure_penalty
+    penalties = {edge: count * penalty for edge, count in scenario.situation.failures.items()}
+    return Planner(scenario.graph, scenario.method.planning, weight=scenario.weight).plan(source, goal, penalties)
+
+
+def _priced(scenario: WhatIfScenario, key: EdgeKey) -> EdgeCostParts:
+    belief, planning = scenario.graph.edges[key].belief, scenario.method.planning
+    penalty = scenario.situation.failures.get(key, 0) * planning.failure_penalty
+    return EdgeCostParts(key, belief.mu, scenario.weight(belief) - belief.mu, penalty)
+
+
+def _path_text(path: GraphPath) -> str:
+    return f"{len(path.nodes)} nodes at cost {path.cost:.2f}" if path.nodes else "no way"

@@ -1,0 +1,162 @@
+"""A moment of a query as it was, or as somebody imagines it: the map, the question and the thresholds.
+
+Owns what each imagined change does to a copy. Does not plan (`analysis.what_if`).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+
+from ltvn_core.analysis.planner_state import PlannerState
+from ltvn_core.analysis.what_if_changes import (
+    WhatIfChange,
+    WhatIfThreshold,
+    WithBelief,
+    WithEdge,
+    WithGoal,
+    WithoutEdge,
+    WithStart,
+    WithThreshold,
+)
+from ltvn_core.config import BeliefConfig, Method
+from ltvn_core.errors import MapError, OptionError
+from ltvn_core.geometry import distance
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
+from ltvn_core.graph.maintenance import should_prune
+from ltvn_core.graph.planner import EdgeWeight, edge_cost
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.types import NodeId
+
+EdgeWeightFactory: TypeAlias = Callable[[Method], EdgeWeight]
+"""How a navigation system weighs edges, given the thresholds."""
+
+
+def ltvn_edge_weight(method: Method) -> EdgeWeight:
+    """Weigh edges as the paper's own system does."""
+    return partial(edge_cost, config=method.planning)
+
+
+@dataclass(slots=True)
+class WhatIfScenario:
+    """A map with the question and the thresholds of one moment."""
+
+    graph: TopologicalGraph
+    situation: PlannerState
+    method: Method
+    edge_weight_of: EdgeWeightFactory = ltvn_edge_weight
+    notes: list[str] = field(default_factory=list)
+    """What a plan in this world cannot tell, for a person."""
+
+    @property
+    def weight(self) -> EdgeWeight:
+        """What an edge costs here."""
+        return self.edge_weight_of(self.method)
+
+
+def apply_what_if_changes(scenario: WhatIfScenario, changes: Sequence[WhatIfChange]) -> WhatIfScenario:
+    """Return a copy of the world with the changes in it, taken in order; `scenario` stays as it was.
+
+    Costs one copy of the map; a threshold looks at every edge. Raises MapError where a change names a node or an edge
+    that is not in the map, OptionError for values that cannot be.
+    """
+    other = WhatIfScenario(scenario.graph.copy(), scenario.situation, scenario.method, scenario.edge_weight_of)
+    for change in changes:
+        _apply_change(other, change)
+    return other
+
+
+def _apply_change(scenario: WhatIfScenario, change: WhatIfChange) -> None:
+    match change:
+        case WithEdge(source, target, belief):
+            _force(scenario.graph, (source, target), belief)
+        case WithoutEdge(source, target):
+            _cut(scenario.graph, [(source, target)])
+        case WithBelief(source, target, p, mu):
+            old = _edge(scenario.graph, (source, target)).belief
+            _believe(scenario.graph, (source, target), replace(old, p=_or(p, old.p), mu=_or(mu, old.mu)))
+        case WithGoal(goal):
+            scenario.situation = replace(scenario.situation, goal=_node(scenario.graph, goal))
+        case WithStart(source):
+            scenario.situation = replace(scenario.situation, source=_node(scenario.graph, source))
+        case WithThreshold(threshold, value):
+            _set_threshold(scenario, threshold, value)
+
+
+def _force(graph: TopologicalGraph, key: EdgeKey, belief: Belief) -> None:
+    if key in graph.edges:
+        _believe(graph, key, belief)
+    else:  # The plan looks at beliefs alone, so the waypoint does not matter.
+        graph.apply(EdgeAdded(Edge(*key, PoseRow(belief.mu, 0.0, 0.0), belief), Cause.HAND))
+
+
+def _believe(graph: TopologicalGraph, key: EdgeKey, belief: Belief) -> None:
+    edge = _edge(graph, key)
+    graph.apply(BeliefUpdated(*key, belief, edge.attempts, edge.successes, Cause.HAND))
+
+
+def _cut(graph: TopologicalGraph, keys: Sequence[EdgeKey]) -> None:
+    for key in keys:
+        graph.apply(EdgePruned(*key, Cause.HAND))
+
+
+def _set_threshold(scenario: WhatIfScenario, threshold: WhatIfThreshold, value: float) -> None:
+    if not 0 <= value < float("inf"):
+        raise OptionError(f"{threshold} cannot be {value}; it is a number from 0 upwards.")
+    planning = scenario.method.planning
+    match threshold:
+        case WhatIfThreshold.BELIEF_WEIGHT:
+            scenario.method = replace(scenario.method, planning=replace(planning, belief_weight=value))
+            if scenario.edge_weight_of is not ltvn_edge_weight:
+                scenario.notes.append("The system that planned here weighs edges without it, so nothing changes.")
+        case WhatIfThreshold.FAILURE_PENALTY:
+            scenario.method = replace(scenario.method, planning=replace(planning, failure_penalty=value))
+        case WhatIfThreshold.R_P:
+            _cut(scenario.graph, prunable_edges(scenario.graph, value, scenario.method.believing))
+        case WhatIfThreshold.D_C:
+            _cut(scenario.graph, _longer(scenario.graph, value))
+            if value > scenario.method.building.connect_distance:
+                scenario.notes.append("A greater D_c makes new edges, which only a rebuild can tell; try the dry run.")
+        case WhatIfThreshold.D_M:
+            scenario.notes.append("D_m decides about nodes, which only a rebuild can tell; try the dry run.")
+        case WhatIfThreshold.D_L:
+            _relocalise(scenario, value)
+
+
+def _relocalise(scenario: WhatIfScenario, value: float) -> None:
+    look = scenario.situation.localised
+    if look is None:
+        scenario.notes.append("The robot has not looked yet, so D_l changes nothing here.")
+    elif look.node is not None and look.distance >= value:
+        scenario.situation = replace(scenario.situation, source=None)
+        scenario.notes.append(f"With D_l = {value:g} the robot is lost: node {look.node} is {look.distance:.2f} away.")
+    elif look.node is None and look.distance < value:
+        scenario.notes.append("With this D_l the robot might not be lost; the recording does not tell at which node.")
+
+
+def prunable_edges(graph: TopologicalGraph, prune_below: float, config: BeliefConfig) -> list[EdgeKey]:
+    """Return the edges that maintenance would prune with this R_p. Linear in edges."""
+    return [key for key, edge in graph.edges.items() if should_prune(edge, prune_below, config)]
+
+
+def _longer(graph: TopologicalGraph, length: float) -> list[EdgeKey]:
+    waypoints = np.array([edge.waypoint for edge in graph.edges.values()]).reshape(-1, 3)
+    return [key for key, long in zip(graph.edges, distance(waypoints) >= length, strict=True) if long]
+
+
+def _or(value: float | None, old: float) -> float:
+    return old if value is None else value
+
+
+def _edge(graph: TopologicalGraph, key: EdgeKey) -> Edge:
+    if key not in graph.edges:
+        raise MapError(f"Edge {key[0]} -> {key[1]} is not in the map at this moment; force it in to try it.")
+    return graph.edges[key]
+
+
+def _node(graph: TopologicalGraph, node: NodeId) -> NodeId:
+    if node not in graph.nodes:
+        raise MapError(f"Node {node} is not in the map at this moment, which has {len(graph.nodes)} nodes.")
+    return node

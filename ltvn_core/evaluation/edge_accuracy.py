@@ -1,0 +1,111 @@
+"""A map under the simulator's truth: which edges are spurious, and which are missing.
+
+Owns precision and recall; works in simulation only. What can be driven is `evaluate.truth`; whether p keeps its promise
+is `evaluate.promises`.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
+
+from ltvn_core.analysis.edge_betweenness import cost_matrix
+from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.simulation.oracle_predictor import is_drivable
+from ltvn_core.types import NodeId, Pose
+
+DETOUR_RATIO = 3.0
+"""An edge is missing where the path through the map is longer than this many times the straight way (ours)."""
+_SEARCHES_PER_CALL = 256
+"""So many nodes are searched from at once; bounds the memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissingEdge:
+    """Two nodes near each other, with free floor between them, that the map has no short way between."""
+
+    source: NodeId
+    target: NodeId
+    distance: float
+    """d of Eq. 2 between their exact poses."""
+    path: float
+    """Length of the cheapest path through the map, in the same unit; infinite without any."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeAccuracy:
+    """A map against the truth."""
+
+    spurious: frozenset[EdgeKey]
+    """Edges that nobody can drive."""
+    missing: tuple[MissingEdge, ...]
+    """The longest detours first."""
+    neighbours: int
+    """Directed pairs of nodes near each other that can be driven."""
+    linked: int
+    """Of these, pairs with an edge of their own."""
+    precision: float | None
+    """Share of edges that can be driven; None without edges."""
+    recall: float | None
+    """Share of neighbours with an edge or a short path; None without neighbours."""
+
+
+def edge_accuracy(
+    graph: TopologicalGraph, truth: GroundTruth, *, near: float, detour: float = DETOUR_RATIO
+) -> EdgeAccuracy:
+    """Hold a map against the truth; neighbours are nearer than `near`, the method's D_c, by exact poses.
+
+    Raises MapError where a node has no exact pose. Takes O(N) searches of the map around each node.
+    """
+    spurious, edges = frozenset(truth.spurious(graph)), graph.edges
+    pairs = tuple(_neighbours(graph, truth, near))
+    apart = [pair for pair in pairs if (pair.source, pair.target) not in edges]
+    missing = [pair for pair in _with_paths(graph, apart, detour * near) if pair.path > detour * pair.distance]
+    return EdgeAccuracy(
+        spurious=spurious,
+        missing=tuple(sorted(missing, key=lambda pair: (-pair.path, pair.distance))),
+        neighbours=len(pairs),
+        linked=len(pairs) - len(apart),
+        precision=1 - len(spurious) / len(edges) if edges else None,
+        recall=1 - len(missing) / len(pairs) if pairs else None,
+    )
+
+
+def _neighbours(graph: TopologicalGraph, truth: GroundTruth, near: float) -> Iterator[MissingEdge]:
+    """Yield the directed pairs that an edge could join; the path is not known yet."""
+    nodes = list(graph.nodes)
+    poses = truth.poses(nodes)
+    first, second = _near_pairs(poses, near)
+    gaps = distance(relative(poses[first], poses[second]))
+    drivable = is_drivable(truth.clearance, poses[first], poses[second])
+    for k in np.flatnonzero((gaps < near) & drivable).tolist():
+        yield MissingEdge(nodes[first[k]], nodes[second[k]], float(gaps[k]), np.inf)
+
+
+def _near_pairs(poses: Pose, near: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    if not len(poses):
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    # d is never less than the metres between two poses, so a search in the plane finds all.
+    pairs = KDTree(poses[:, :2]).query_pairs(near, output_type="ndarray")
+    return np.concatenate([pairs[:, 0], pairs[:, 1]]), np.concatenate([pairs[:, 1], pairs[:, 0]])
+
+
+def _with_paths(graph: TopologicalGraph, pairs: Sequence[MissingEdge], limit: float) -> Iterator[MissingEdge]:
+    """Yield the pairs with the length of the path between them, infinite where it is longer than `limit`."""
+    nodes, costs = cost_matrix(graph, lambda belief: belief.mu)
+    row = {node: k for k, node in enumerate(nodes)}
+    sources = list(dict.fromkeys(pair.source for pair in pairs))
+    by_source: dict[NodeId, list[MissingEdge]] = {source: [] for source in sources}
+    for pair in pairs:
+        by_source[pair.source].append(pair)
+    for begin in range(0, len(sources), _SEARCHES_PER_CALL):
+        part = sources[begin : begin + _SEARCHES_PER_CALL]
+        lengths = dijkstra(costs, indices=[row[source] for source in part], limit=limit)
+        for k, source in enumerate(part):
+            for pair in by_source[source]:
+                yield MissingEdge(source, pair.target, pair.distance, float(lengths[k, row[pair.target]]))

@@ -1,0 +1,125 @@
+"""Drives single edges in simulation with the navigator itself: its localisation, controller, veto and judgement.
+
+Owns the tiny map in which an edge is driven, and where the robot starts. What counts as arrived is
+`ltvn_core.navigation.episode`.
+"""
+
+from collections.abc import Generator
+from contextlib import closing
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.evaluation.edge_proposals import EdgeProposal
+from ltvn_core.evaluation.imaged_scene import ImagedScene
+from ltvn_core.geometry import compose
+from ltvn_core.graph.beliefs import initial_belief
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, NodeAdded, PoseRow
+from ltvn_core.graph.operators import node_from_observation, pose_row
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.episode import judge_goal_reached
+from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Event, Localised, Tick
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
+from ltvn_core.simulation.wheel_odometry import OdometryNoise
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose, Predictor, Waypoint
+
+_STEP_LIMIT = 240
+_MAX_LOCALISATIONS = 3
+_START_DRAWS = 20
+_START_CLEARANCE_M = 0.2
+"""The robot is put down where it has a little more room than its radius."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredAttempt:
+    """An edge was driven."""
+
+    edge: EdgeProposal
+    succeeded: bool
+    """The method's own verdict, s of Eq. 3."""
+    arrived: bool
+    """The robot truly stands within 0.72 m and 0.4 rad of the edge's end."""
+    end: AttemptEnd
+    reason: str
+    """Of the method's verdict."""
+
+
+class EdgeDriver:
+    """A robot in one scene that drives one edge after the other."""
+
+    def __init__(
+        self,
+        imaged_scene: ImagedScene,
+        predictor: Predictor,
+        method: Method,
+        errors: Waypoint,
+        rng: np.random.Generator,
+        *,
+        noise: OdometryNoise | None = None,
+    ) -> None:
+        """Start edges where drives to their source would end: off by one of `errors` (E, 3), in its frame."""
+        self._imaged_scene, self._predictor, self._rng, self._errors = imaged_scene, predictor, rng, errors
+        short = replace(method.recovering, step_limit=_STEP_LIMIT, give_up_after_looks=_MAX_LOCALISATIONS)
+        self._method = replace(method, maintain=False, recovering=short)
+        start, first_step = next(iter(imaged_scene.poses.values())), max(imaged_scene.poses) + 1
+        self._robot = SimulatedRobot(
+            imaged_scene.scene, imaged_scene.camera, start=start, rng=rng, odometry_noise=noise, first_step=first_step
+        )
+
+    def close(self) -> None:
+        """Free the physics engine."""
+        self._robot.close()
+
+    def drive(self, edge: EdgeProposal) -> MeasuredAttempt | None:
+        """Drive an edge once; None if the robot never set out, because it did not find itself at the source."""
+        self._robot.teleport(self._start(edge.source))
+        goal = self._imaged_scene.farthest_from(edge.source)
+        graph = TopologicalGraph(self._map(edge, goal))
+        navigator = Navigator(
+            self._robot, graph, self._imaged_scene.keyframes, self._predictor, self._method, self._rng
+        )
+        # Closing the query ends it wherever it is, here after its first leg.
+        with closing(cast(Generator[Event | Tick, None, None], navigator.query(goal, 0))) as events:
+            for event in events:
+                if isinstance(event, Tick):
+                    self._robot.advance(CONTROL_STEP_S)
+                elif isinstance(event, Localised) and event.node not in (None, edge.source):
+                    return None
+                elif isinstance(event, AttemptEnded) and event.source is not None:
+                    return self._attempted(edge, event)
+        return None
+
+    def _attempted(self, edge: EdgeProposal, end: AttemptEnded) -> MeasuredAttempt:
+        arrived = judge_goal_reached(0, self._robot.exact_pose, self._imaged_scene.poses[edge.target]).reached
+        return MeasuredAttempt(edge, end.succeeded, arrived, end.end, end.reason)
+
+    def _map(self, edge: EdgeProposal, goal: FrameId) -> list[GraphDelta]:
+        """Return a map of the edge and of one that leads on, so that the edge's end is not the goal.
+
+        At a goal the navigator would look twice and not drive the last edge when it seems to be there already.
+        """
+        believing, nodes = self._method.believing, (edge.source, edge.target, goal)
+        belief = initial_belief(edge.reachability, 1.0, believing)
+        onward = Edge(edge.target, goal, PoseRow(1.0, 0.0, 0.0), belief)
+        return [
+            *(
+                NodeAdded(node_from_observation(self._imaged_scene.keyframes.observation(frame)), Cause.LOAD)
+                for frame in nodes
+            ),
+            EdgeAdded(Edge(edge.source, edge.target, pose_row(edge.waypoint), belief), Cause.LOAD),
+            EdgeAdded(onward, Cause.LOAD),
+        ]
+
+    def _start(self, source: FrameId) -> Pose:
+        """Return where a drive to `source` would have ended, (3,)."""
+        driving, exact = self._method.driving, self._imaged_scene.poses[source]
+        for _ in range(_START_DRAWS if len(self._errors) else 0):
+            tolerance = [driving.position_tolerance_m, driving.position_tolerance_m, driving.yaw_tolerance_rad]
+            missed = self._rng.choice(self._errors) + self._rng.uniform(-1, 1, 3) * tolerance
+            start = compose(exact, missed)
+            if self._imaged_scene.scene.clearance.along(exact[None, :2], start[None, :2])[0] > _START_CLEARANCE_M:
+                return start
+        return exact

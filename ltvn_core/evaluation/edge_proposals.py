@@ -1,0 +1,128 @@
+"""Which edges of a drive are worth driving: those the method would put into a map, true ones and false ones.
+
+Owns the choice. An edge is true if the pair is reachable in the direction in which the network was asked, or, where the
+method asks both ways and backs up along the same waypoint, in either. It is false if a robot could not drive it either.
+Pairs between the two, drivable but seen too little of to be called reachable, are no evidence for Eq. 3.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import Method
+from ltvn_core.evaluation.predicted_drive import PredictedDrive
+from ltvn_core.geometry import distance, invert, relative
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable
+from ltvn_core.simulation.oracle_predictor import is_drivable
+from ltvn_core.types import FrameId, Predictor, Waypoint
+
+_MIN_FRAME_GAP = 2
+"""Of pairs whose images were taken so few frames from each other's, one is enough."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeProposal:
+    """An edge to drive."""
+
+    source: FrameId
+    target: FrameId
+    waypoint: Waypoint
+    """(3,) as the method would write it into the map."""
+    reachability: float
+    """The method's r, with temporal support where the method asks for it."""
+    true: bool
+    """The edge exists."""
+    connected: bool
+    """The method would put it into the map."""
+
+
+class EdgeProposals:
+    """The edges of one drive."""
+
+    def __init__(self, drive: PredictedDrive, predictor: Predictor, method: Method) -> None:
+        """Compare all pairs as the method would, but for temporal support, which is asked for one by one."""
+        self._drive, self._method = drive, method
+        self._matcher = Matcher(predictor, drive.keyframes, method.matching)
+        self._odometry_gate = OdometryGate(drive.observations, method.building)
+        self._thresholds = OperatorThresholds.building(method.building)
+        self._reachability, self._waypoints = _most_reachable_direction(drive, method)
+        both = drive.reachable.T if method.matching.both_directions else np.zeros_like(drive.reachable)
+        self._true = drive.reachable | both
+        np.fill_diagonal(self._true, False)
+        self._false = ~self._true & ~_drivable(drive)
+
+    def edges(self) -> NDArray[np.bool_]:
+        """Tell (N, N) which reachable pairs become edges as far as r and d alone decide."""
+        return self._near() & (self._reachability > self._thresholds.connect_reachability) & self._drive.reachable
+
+    def errors(self) -> Waypoint:
+        """Return (E, 3) where drives along true edges lead, in the frame of where they should."""
+        i, j = np.nonzero(self._true & self._near() & (self._reachability > self._thresholds.connect_reachability))
+        return relative(self._drive.waypoints[i, j], self._waypoints[i, j])
+
+    def true_edges(self, rng: np.random.Generator) -> Iterator[EdgeProposal]:
+        """Yield true edges that the method would make, in random order."""
+        pairs = np.argwhere(self._true & self._near() & (self._reachability > self._thresholds.connect_reachability))
+        found = (self._proposal(i, j) for i, j in _scattered(rng.permutation(pairs)))
+        return (proposal for proposal in found if proposal.connected)
+
+    def false_edges(self, rng: np.random.Generator) -> Iterator[EdgeProposal]:
+        """Yield edges that do not exist, first those the method would make, then the most reachable in its eyes.
+
+        It ends where the method would break off a leg because its target does not look reachable any more: what looks
+        less reachable than that is nothing like an edge of a map.
+        """
+        likely = self._near() & (self._reachability > self._method.driving.lost_reachability)
+        pairs = rng.permutation(np.argwhere(self._false & likely))
+        order = np.argsort(-self._reachability[tuple(pairs.T)], kind="stable")
+        certain = [self._proposal(i, j) for i, j in _scattered(pairs[order])]
+        yield from sorted(certain, key=lambda proposal: not proposal.connected)
+
+    def _near(self) -> NDArray[np.bool_]:
+        """Tell (N, N) which pairs seem near enough for an edge; the diagonal is not."""
+        near = distance(self._waypoints) < self._thresholds.connect_distance
+        np.fill_diagonal(near, False)
+        return near
+
+    def _proposal(self, source: FrameId, target: FrameId) -> EdgeProposal:
+        found = self._matcher.match(self._drive.keyframes.features([source]), (target,))
+        found = self._matcher.with_mutual_support(found, source)
+        true, r = bool(self._true[source, target]), float(found.reachability[0])
+        return EdgeProposal(source, target, found.waypoints[0], r, true, self._connects(source, found))
+
+    def _connects(self, source: FrameId, found: Matches) -> bool:
+        apart = not mergeable(found, self._thresholds).any()
+        return apart and bool(
+            connectable(found, self._thresholds).all() and self._odometry_gate.plausible(source, found).all()
+        )
+
+
+def _drivable(drive: PredictedDrive) -> NDArray[np.bool_]:
+    """Tell (N, N) which pairs a robot could drive, one way or the other along the same line."""
+    count = len(drive.poses)
+    first, second = np.divmod(np.arange(count**2), count)
+    one_way = is_drivable(drive.scene.clearance, drive.poses[first], drive.poses[second]).reshape(count, count)
+    return one_way | one_way.T
+
+
+def _most_reachable_direction(drive: PredictedDrive, method: Method) -> tuple[NDArray[np.float64], Waypoint]:
+    """Return r (N, N) and waypoints (N, N, 3) of the more reachable direction, if the method asks for both."""
+    r, ahead = drive.predicted
+    if not method.matching.both_directions:
+        return r, ahead
+    backwards = (r < r.T) & (distance(ahead) < method.matching.reverse_within)
+    back = invert(np.swapaxes(ahead, 0, 1))
+    return np.where(backwards, r.T, r), np.where(backwards[..., None], back, ahead)
+
+
+def _scattered(pairs: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
+    """Yield pairs (P, 2), leaving out those that are nearly the same as an earlier one."""
+    seen: set[tuple[int, int]] = set()
+    for i, j in pairs.tolist():
+        if (i // _MIN_FRAME_GAP, j // _MIN_FRAME_GAP) not in seen:
+            seen.add((i // _MIN_FRAME_GAP, j // _MIN_FRAME_GAP))
+            yield i, j

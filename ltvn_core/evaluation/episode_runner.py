@@ -1,0 +1,135 @@
+"""A scene with a map, in which queries are driven and judged by the simulator's truth.
+
+Owns one scene, one map and one network. Each query gets a robot and dice of its own, so that an episode goes the same
+way whoever runs it, in whatever order, and can be run again for its recording.
+"""
+
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+
+from ltvn_core.evaluation.failure_causes import FailureClassifier
+from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
+from ltvn_core.evaluation.imaged_scene import ImagedScene
+from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
+from ltvn_core.evaluation.results import EpisodeResult, FailureCause
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
+from ltvn_core.navigation.events import Event, Outcome
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.recording.map_file import check_fingerprint, load_map
+from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
+from ltvn_core.simulation.wheel_odometry import OdometryNoise
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Predictor, Robot
+
+EventCallback = Callable[[Event, SimulatedRobot], None]
+"""Hears of an event while the robot still stands where it happened."""
+
+
+def _unwrapped(robot: SimulatedRobot) -> Robot:
+    return robot
+
+
+class EpisodeRunner:
+    """Runs queries with one map."""
+
+    def __init__(
+        self, scene: Scene, map_file: Path, predictor: Predictor, system: NavigationSystem, protocol: EvaluationProtocol
+    ) -> None:
+        """Load a map. Raises MapError where other weights made it."""
+        loaded = load_map(map_file)
+        check_fingerprint(loaded.meta, predictor.fingerprint)
+        self.scene, self.graph, self.keyframes = scene, loaded.graph, KeyframeStore(predictor)
+        self.keyframes.add(list(loaded.observations.values()))
+        self.truth = GroundTruth(scene.clearance, self.keyframes.observation)
+        self.fingerprint = predictor.fingerprint
+        self._camera, self.predictor, self.system = open_renderer(scene), predictor, system
+        self.noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
+        self._next_frame = max(self.keyframes.frames) + 1
+
+    @property
+    def imaged_scene(self) -> ImagedScene:
+        """Where single edges between the images of the map can be driven."""
+        poses = {frame: self.truth.pose(frame) for frame in self.keyframes.frames}
+        return ImagedScene(self.scene, self._camera, self.keyframes, poses)
+
+    def run(
+        self,
+        query: int,
+        plan: EpisodePlan,
+        rng: np.random.Generator,
+        *,
+        on_event: EventCallback | None = None,
+        wrap_robot: Callable[[SimulatedRobot], Robot] = _unwrapped,
+        first_frame: FrameId | None = None,
+    ) -> EpisodeResult:
+        """Drive one query and judge it; `wrap_robot` may put something between the navigator and the robot.
+
+        Images are numbered from `first_frame`; where nobody says, after those that were taken before.
+        """
+        if plan.goal not in self.graph.nodes:
+            return self._without_goal(query, plan)
+        classifier = FailureClassifier(self.truth, self.graph)
+        with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
+            parts = self.graph, self.keyframes, self.predictor, self.system.method, rng
+            navigator = Navigator(wrap_robot(robot), *parts, system=self.system)
+
+            def consume_event(event: Event) -> None:
+                classifier.consume(event, robot.exact_pose)
+                if on_event is not None:
+                    on_event(event, robot)
+
+            episode = run_episode(
+                navigator,
+                plan.goal,
+                query,
+                advance=lambda: robot.advance(CONTROL_STEP_S),
+                verdict=lambda: judge_goal_reached(query, robot.exact_pose, np.array(plan.goal_pose)),
+                consume=consume_event,
+            )
+            self._next_frame = max(self._next_frame, robot.step + 1)
+        return self._result(plan, episode, classifier)
+
+    def _robot(self, plan: EpisodePlan, rng: np.random.Generator, first_frame: FrameId) -> SimulatedRobot:
+        return SimulatedRobot(
+            self.scene,
+            self._camera,
+            start=np.array(plan.start_pose),
+            rng=rng,
+            odometry_noise=self.noise,
+            first_step=first_frame,
+        )
+
+    def _result(self, plan: EpisodePlan, episode: Episode, classifier: FailureClassifier) -> EpisodeResult:
+        ended, judged = episode.ended, episode.judged
+        # The criterion asks for the robot's own decision: standing there by chance when time runs out does not count.
+        reached = judged.reached and ended.outcome is Outcome.ARRIVED
+        return EpisodeResult(
+            ended.query,
+            plan.start,
+            plan.goal,
+            reached,
+            ended.outcome.value,
+            None if reached else classifier.failure(ended, judged),
+            None if reached else classifier.statistics.trigger,
+            ended.steps,
+            ended.collisions,
+            ended.path_m,
+            self._shortest(plan),
+            judged.position_error_m,
+            judged.yaw_error_rad,
+        )
+
+    def _without_goal(self, query: int, plan: EpisodePlan) -> EpisodeResult:
+        judged = judge_goal_reached(query, np.array(plan.start_pose), np.array(plan.goal_pose))
+        gap = judged.position_error_m, judged.yaw_error_rad
+        why = Outcome.NO_PATH.value, FailureCause.NO_PATH, FailureCause.NO_PATH
+        return EpisodeResult(query, plan.start, plan.goal, False, *why, 0, 0, 0.0, self._shortest(plan), *gap)
+
+    def _shortest(self, plan: EpisodePlan) -> float:
+        return shortest_m(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))

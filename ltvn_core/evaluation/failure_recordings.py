@@ -1,0 +1,66 @@
+"""Recordings of episodes that failed: each is driven once more, exactly as before, with everything written down.
+
+Owns these recordings. They begin with the map, so they stand alone in `ltvn replay`.
+"""
+
+from dataclasses import asdict
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.evaluation.episode_runner import EpisodeRunner
+from ltvn_core.evaluation.preparation import prepare
+from ltvn_core.evaluation.protocol import EpisodePlan
+from ltvn_core.evaluation.results import TrialResult
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trials import episode_rng, open_runner
+from ltvn_core.navigation.events import Event, StampedEvent
+from ltvn_core.recording.atomic_files import atomic_output
+from ltvn_core.recording.recorded_robot import RecordedRobot
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
+
+
+def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, count: int) -> int:
+    """Record the first few failed episodes of a trial; return how many recordings there are.
+
+    Raises RecordingError where an episode did not go as it went before.
+    """
+    failed = [episode.episode for episode in trial.episodes if not episode.reached][:count]
+    missing = [number for number in failed if not files.failure(number).exists()]
+    if missing:
+        runner, drawn = (
+            open_runner(plan, files, trial.queries),
+            prepare(plan, files).episodes(max(missing) + 1, plan.seed),
+        )
+        for number in missing:
+            _record(plan, files, runner, trial, drawn[number], number)
+    return len(failed)
+
+
+def _record(
+    plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, trial: TrialResult, episode: EpisodePlan, number: int
+) -> None:
+    system = runner.system
+    settings = {"verb": "evaluate", "system": system.name, "episode": number, "seed": plan.seed}
+    settings["method"] = asdict(system.method)
+    about = {"scene": runner.scene.address, "config": settings, "fingerprint": runner.fingerprint}
+    with atomic_output(files.failure(number)) as part, RecordingWriter(part, **about) as writer:
+        writer.map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])
+
+        def write(event: Event, robot: SimulatedRobot) -> None:
+            state = robot.state()
+            writer.event(StampedEvent(state.step, state.stamp, event))
+
+        again = runner.run(
+            number,
+            episode,
+            episode_rng(plan.seed, number),
+            on_event=write,
+            wrap_robot=lambda robot: RecordedRobot(robot, writer),
+        )
+        before = trial.episodes[number]
+        if (again.steps, again.outcome) != (before.steps, before.outcome):
+            raise RecordingError(
+                f"Episode {number} of {files.folder} took {again.steps} steps ({again.outcome}) when it was recorded, "
+                f"and {before.steps} ({before.outcome}) before. The results were made by another version; evaluate "
+                "anew."
+            )

@@ -1,0 +1,177 @@
+"""Faults planted into a good map, each where the simulator's truth says that it is one, to be found by a debugger.
+
+Owns the choice of where. Planting is deltas like any other; which query meets a fault is part of it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
+
+from ltvn_core.config import BeliefConfig
+from ltvn_core.errors import MapError
+from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.geometry import distance, invert, relative
+from ltvn_core.graph.beliefs import initial_belief
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, EdgePruned, GraphDelta
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
+
+THROUGH_WALL_M = 2.5
+"""A spurious edge is no longer than this, so that nothing but the wall speaks against it."""
+DETOUR_M = 3.5
+"""The true way around the wall is longer than this,"""
+ALIAS_DISTANCE_M = 3.0
+"""and look-alike places are farther apart than this."""
+_ENDPOINT_MARGIN_M = 2.0
+"""A cut stays so far away from the query's start and goal."""
+_BATCH = 4096
+
+
+class FaultKind(StrEnum):
+    """What can be wrong with a map."""
+
+    SPURIOUS_EDGE = "spurious-edge"
+    """An edge through a wall that the map is sure of."""
+    PERCEPTUAL_ALIAS = "look-alike"
+    """An edge between two places far apart that the network holds for near."""
+    MISSING_EDGE = "missing-edge"
+    """No edge where there was a passage, so that the map is in two parts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault, and a query that meets it."""
+
+    kind: FaultKind
+    edges: tuple[EdgeKey, ...]
+    """That were planted, or cut."""
+    deltas: tuple[GraphDelta, ...]
+    """That plant it."""
+    start: NodeId
+    """Where the robot is put down."""
+    goal: NodeId
+
+
+def missing_edge(graph: TopologicalGraph, truth: GroundTruth) -> Fault:
+    """Cut the fewest edges between the two nodes that are farthest apart, as if a passage was never mapped.
+
+    Raises MapError when no cut keeps away from both.
+    """
+    nodes = list(graph.nodes)
+    places = truth.poses(nodes)[:, :2]
+    start = int(np.hypot(*(places - places.mean(axis=0)).T).argmax())
+    goal = int(np.hypot(*(places - places[start]).T).argmax())
+    side = _start_side_of_cut(graph, nodes, places, start, goal)
+    edges = tuple(key for key in graph.edges if (key[0] in side) != (key[1] in side))
+    if not edges or any({nodes[start], nodes[goal]} & set(key) for key in edges):
+        raise MapError("This map has no passage that could be cut; choose a larger one.")
+    cuts = tuple(EdgePruned(*key, Cause.LOAD) for key in edges)
+    return Fault(FaultKind.MISSING_EDGE, edges, cuts, nodes[start], nodes[goal])
+
+
+def spurious_edge(
+    graph: TopologicalGraph, truth: GroundTruth, config: BeliefConfig, *, detour_m: float = DETOUR_M
+) -> Fault:
+    """Join two nodes on both sides of a wall that face the same way, the true way between them being longest.
+
+    Both belong to one piece of the map. Raises MapError when no true way is longer than `detour_m`.
+    """
+    nodes = list(graph.nodes)
+    poses, pieces = truth.poses(nodes), _components(graph)
+    best, longest_m = None, detour_m
+    for row, pose in enumerate(poses):
+        ahead = _is_ahead(relative(pose, poses))
+        hidden = ahead & (truth.clearance.along(np.broadcast_to(pose[:2], (len(poses), 2)), poses[:, :2]) <= 0)
+        rows = np.flatnonzero(hidden & (pieces == pieces[row]))
+        ways_m = truth.clearance.path_lengths(pose, poses[rows, :2])
+        ways_m = np.where(np.isfinite(ways_m), ways_m, 0.0)
+        if ways_m.max(initial=0.0) > longest_m:
+            best, longest_m = (row, int(rows[ways_m.argmax()])), float(ways_m.max())
+    if best is None:
+        raise MapError("This map has no two nodes with a wall between them and a long way around; choose another map.")
+    waypoint = relative(poses[best[0]], poses[best[1]])
+    return _fault_of_edge(FaultKind.SPURIOUS_EDGE, nodes[best[0]], nodes[best[1]], waypoint, config.p_cap, config)
+
+
+def perceptual_alias(
+    graph: TopologicalGraph,
+    truth: GroundTruth,
+    keyframes: KeyframeStore,
+    predictor: Predictor,
+    config: BeliefConfig,
+    near: float,
+) -> Fault:
+    """Join the two nodes far apart, in one piece of the map, that the network is surest to be near, d < `near`.
+
+    Compares all pairs: 327 nodes take ten seconds. Raises MapError without any.
+    """
+    nodes = list(graph.nodes)
+    poses, features = truth.poses(nodes), keyframes.features(nodes)
+    first, second = _far_pairs(poses, _components(graph))
+    best, surest = None, 0.0
+    for begin in range(0, len(first), _BATCH):
+        i, j = first[begin : begin + _BATCH], second[begin : begin + _BATCH]
+        said = predictor.predict(features[i], features[j])
+        score = np.where((distance(said.waypoints) < near) & (said.waypoints[:, 0] > 0), said.reachability, 0.0)
+        top = int(score.argmax())
+        if score[top] > surest:
+            best, surest = (int(i[top]), int(j[top]), said.waypoints[top]), float(score[top])
+    if best is None:
+        raise MapError("The network tells all places of this map apart; choose another map or other weights.")
+    return _fault_of_edge(FaultKind.PERCEPTUAL_ALIAS, nodes[best[0]], nodes[best[1]], best[2], surest, config)
+
+
+def _fault_of_edge(
+    kind: FaultKind, source: NodeId, target: NodeId, waypoint: Waypoint, p: float, config: BeliefConfig
+) -> Fault:
+    belief = initial_belief(p, float(distance(waypoint)), config)
+    there = Edge(source, target, pose_row(waypoint), belief)
+    back = Edge(target, source, pose_row(invert(waypoint)), belief)
+    deltas = EdgeAdded(there, Cause.LOAD), EdgeAdded(back, Cause.LOAD)
+    return Fault(kind, ((source, target), (target, source)), deltas, source, target)
+
+
+def _is_ahead(waypoints: Waypoint) -> NDArray[np.bool_]:
+    """Tell which targets (N, 3) lie ahead, near, and turned about the same way."""
+    dx, dy, dtheta = waypoints.T
+    return (dx > 0.5) & (np.hypot(dx, dy) < THROUGH_WALL_M) & (np.abs(dy) < dx) & (np.abs(dtheta) < 1.0)
+
+
+def _components(graph: TopologicalGraph) -> NDArray[np.intp]:
+    """Number the piece of the map that each node (N,) is in; a fault that joined two would hide a missing edge."""
+    row = {node: k for k, node in enumerate(graph.nodes)}
+    ends = np.array([(row[source], row[target]) for source, target in graph.edges], np.intp).reshape(-1, 2)
+    joined = csr_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (len(row), len(row)))
+    return connected_components(joined, directed=False)[1]
+
+
+def _far_pairs(poses: Pose, pieces: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    gaps = poses[:, None, :2] - poses[None, :, :2]
+    far = (np.hypot(gaps[..., 0], gaps[..., 1]) > ALIAS_DISTANCE_M) & (pieces[:, None] == pieces[None, :])
+    first, second = np.nonzero(far)
+    return first, second
+
+
+def _start_side_of_cut(
+    graph: TopologicalGraph, nodes: Sequence[NodeId], places: NDArray[np.float64], start: int, goal: int
+) -> set[NodeId]:
+    """Return the nodes on the start's side of the least cut that keeps away from start and goal."""
+    row = {node: k for k, node in enumerate(nodes)}
+    both_ways = {*graph.edges, *((target, source) for source, target in graph.edges)}
+    ends = np.array([(row[source], row[target]) for source, target in both_ways], np.intp).reshape(-1, 2)
+    close = np.minimum(*(np.hypot(*(places - places[k]).T) for k in (start, goal))) < _ENDPOINT_MARGIN_M
+    # Edges near start and goal are too dear to cut.
+    room = np.where(close[ends].any(axis=1), len(ends), 1).astype(np.int32)
+    capacity = csr_array((room, (ends[:, 0], ends[:, 1])), (len(nodes), len(nodes)))
+    left = capacity - maximum_flow(capacity, start, goal).flow
+    left.data = np.maximum(left.data, 0)
+    left.eliminate_zeros()
+    reached = breadth_first_order(left, start, return_predecessors=False)
+    return {nodes[k] for k in reached.tolist()}

@@ -1,0 +1,166 @@
+"""A map against the simulator's truth: which of its edges can be driven, and what follows from that.
+
+Owns the exact poses of nodes and the verdicts on edges. What "drivable" means is
+`ltvn_core.simulation.oracle_predictor`; whom a robot's failure is put down to is `evaluate.causes`. Truth counts
+directed edges: the two directions of one prediction are two edges, and one that is driven backwards is as good as one
+driven forwards.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+import numpy as np
+import rustworkx
+
+from ltvn_core.errors import LtvnError, MapError
+from ltvn_core.evaluation.results import EdgeCalibrationBin, MapDrawing, MapTruthMetrics
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.planner import count_strongly_connected_components
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.network.metrics.binned_metrics import calibration_table
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable
+from ltvn_core.types import FrameId, NodeId, Observation, Pose
+
+MISLOCALISED_M = 1.5
+"""A robot farther than this from a node is not at the node (ours; D_l is about 1 m),"""
+MISLOCALISED_YAW_RAD = float(np.deg2rad(60))
+"""nor is one that is turned farther than this away from it,"""
+MISLOCALISED_PATH_M = 2.0
+"""nor one that would have to drive farther than this to get there, around a wall."""
+RECOGNISABLE_DISTANCE = 0.75
+"""A robot so near to a node, in d of Eq. 2, should recognise it: half a metre and 20 degrees (ours; within D_l)."""
+
+
+class GroundTruth:
+    """What the simulator knows of one scene and of the images that were taken in it."""
+
+    def __init__(
+        self,
+        clearance: ClearanceMap,
+        observation: Callable[[FrameId], Observation],
+        *,
+        poses: Mapping[FrameId, Pose] | None = None,
+    ) -> None:
+        """Ask `observation` (such as `Views.observation`) for the image of a node, once per node not in `poses`.
+
+        A node is named after its image and never moves, so what was found out once holds however the map changes.
+        """
+        self.clearance = clearance
+        self._observation = observation
+        self._poses: dict[FrameId, Pose] = dict(poses or {})
+        self._drivable: dict[EdgeKey, bool] = {}
+
+    def pose(self, node: NodeId) -> Pose:
+        """Return the exact pose (3,) of a node; raise MapError if its image has none."""
+        if node not in self._poses:
+            exact = self._observation(node).exact_pose
+            if exact is None:
+                raise MapError(
+                    f"The image of node {node} has no exact pose, so nobody knows what is true; it was not taken in "
+                    "simulation. Evaluate maps of drives through simulated scenes."
+                )
+            self._poses[node] = exact
+        return self._poses[node]
+
+    def knows(self, frame: FrameId) -> bool:
+        """Tell whether the exact pose of an image is known, or can be asked for."""
+        try:
+            self.pose(frame)
+        except LtvnError:
+            return False
+        return True
+
+    def poses(self, nodes: Collection[NodeId]) -> Pose:
+        """Return exact poses (N, 3); raise MapError if an image has none."""
+        return np.array([self.pose(node) for node in nodes], np.float64).reshape(-1, 3)
+
+    def is_spurious(self, edge: EdgeKey) -> bool:
+        """Tell whether nobody can drive from one node to the other, whether or not the map has that edge."""
+        self._judge_edges([edge])
+        return not self._drivable[edge]
+
+    def spurious(self, graph: TopologicalGraph) -> set[EdgeKey]:
+        """Return the edges of a map that nobody can drive; each edge is looked at only once."""
+        self._judge_edges(graph.edges)
+        return {edge for edge in graph.edges if not self._drivable[edge]}
+
+    def is_at(self, robot: Pose, node: NodeId) -> bool:
+        """Tell whether a robot at (3,) may well hold itself to be at a node.
+
+        It is nearer than 1.5 m and 60 degrees, and the way there is shorter than 2 m, so not around a wall.
+        """
+        gap = relative(robot, self.pose(node))
+        if np.hypot(gap[0], gap[1]) > MISLOCALISED_M or abs(gap[2]) > MISLOCALISED_YAW_RAD:
+            return False
+        way_m = self.clearance.path_lengths(robot, self.pose(node)[:2], limit_m=MISLOCALISED_PATH_M)
+        return bool(np.isfinite(way_m[0]))
+
+    def should_recognise_one(self, robot: Pose, nodes: Collection[NodeId]) -> bool:
+        """Tell whether a robot at (3,) sees so nearly what it would see at one of the nodes that it should know it."""
+        poses = self.poses(nodes)
+        poses = poses[distance(relative(robot, poses)) <= RECOGNISABLE_DISTANCE]
+        return bool((self.clearance.along(np.broadcast_to(robot[:2], (len(poses), 2)), poses[:, :2]) > 0).any())
+
+    def _judge_edges(self, edges: Collection[EdgeKey]) -> None:
+        fresh = [edge for edge in edges if edge not in self._drivable]
+        if fresh:
+            sources, targets = (self.poses(ends) for ends in zip(*fresh, strict=True))
+            self._drivable.update(zip(fresh, is_drivable(self.clearance, sources, targets).tolist(), strict=True))
+
+
+def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:
+    """Return the metres of the shortest feasible path between poses (3,), for SPL; inf if there is none.
+
+    At most 3 % too long, because ways around corners follow the grid of the clearance map.
+    """
+    return float(clearance.path_lengths(start, goal[:2])[0])
+
+
+def map_truth_metrics(graph: TopologicalGraph, truth: GroundTruth, goals: Sequence[NodeId]) -> MapTruthMetrics:
+    """Count what a map holds; a goal is connected if at least half of the other nodes lead to it."""
+    return MapTruthMetrics(
+        nodes=len(graph.nodes),
+        edges=len(graph.edges),
+        spurious_edges=len(truth.spurious(graph)),
+        pieces=count_strongly_connected_components(graph),
+        goals_connected=_count_connected(graph, goals),
+    )
+
+
+def _count_connected(graph: TopologicalGraph, goals: Sequence[NodeId]) -> int:
+    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
+    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
+    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in graph.edges])
+    enough = (len(index) - 1) / 2
+    return sum(goal in index and len(rustworkx.ancestors(mirror, index[goal])) >= enough for goal in goals)
+
+
+def calibration_bins(graph: TopologicalGraph, truth: GroundTruth, bins: int = 10) -> tuple[EdgeCalibrationBin, ...]:
+    """Compare p of a map's edges with the truth in equal bins of p; bins without edges are left out."""
+    spurious = truth.spurious(graph)
+    p = np.array([edge.belief.p for edge in graph.edges.values()], np.float64)
+    drivable = np.array([edge not in spurious for edge in graph.edges], bool)
+    return tuple(
+        EdgeCalibrationBin(cell.low, cell.high, cell.pairs, cell.predicted, cell.reachable)
+        for cell in calibration_table(p, drivable, bins)
+        if cell.predicted is not None and cell.reachable is not None
+    )
+
+
+def floorplan(graph: TopologicalGraph, truth: GroundTruth) -> MapDrawing:
+    """Return what a picture of a map over its scene needs; three digits do for that, and keep the file small."""
+    spurious, clearance = truth.spurious(graph), truth.clearance
+    x_m, y_m = clearance.origin.tolist()
+    fits = clearance.grid > MIN_CLEARANCE_M
+    return MapDrawing(
+        origin=(x_m, y_m),
+        resolution_m=clearance.resolution_m,
+        free=tuple("".join(row) for row in np.where(fits, ".", "#")),
+        nodes=tuple((node, *_numbers(truth.pose(node))) for node in graph.nodes),
+        edges=tuple((*key, round(edge.belief.p, 3), key in spurious) for key, edge in graph.edges.items()),
+    )
+
+
+def _numbers(pose: Pose) -> tuple[float, float, float]:
+    x_m, y_m, yaw_rad = pose.round(3).tolist()
+    return x_m, y_m, yaw_rad

@@ -1,0 +1,154 @@
+"""Queries with maintenance, in stretches: each begins with the map that the one before it left in a file.
+
+Owns one stretch, what it asks of the robot, and what it writes down. A stretch that is done is two files, the map and
+what the queries did to it; so an interrupted test goes on at the last map. Frames and dice are named after the query,
+so that it makes no difference where a run was interrupted.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ltvn_core.evaluation.episode_runner import EpisodeRunner
+from ltvn_core.evaluation.preparation import DriveGroundTruth, prepare
+from ltvn_core.evaluation.protocol import EpisodePlan
+from ltvn_core.evaluation.pruned_edges import bad_edges
+from ltvn_core.evaluation.results import LifelongQuery, load_results, save_results
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trials import open_runner
+from ltvn_core.graph.deltas import Edge
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.navigation.episode import judge_goal_reached
+from ltvn_core.recording.map_file import save_map
+from ltvn_core.types import FrameId
+
+QUERIES_PER_BATCH = 25
+"""Queries in a stretch: little is lost when it is interrupted, and a map is loaded for more than a few."""
+
+
+@dataclass(frozen=True, slots=True)
+class QueryBatch:
+    """Some queries, done."""
+
+    queries: tuple[LifelongQuery, ...]
+    wall_s: float
+
+
+class _DrivenQuery(NamedTuple):
+    """One query, before anybody has tried which of the edges that left were bad."""
+
+    query: LifelongQuery
+    pruned: tuple[Edge, ...]
+    """As they were before the query."""
+
+
+def run_queries(plan: TrialPlan, files: TrialFiles, first: int, until: int) -> int:
+    """Drive the queries from `first` on up to `until`, in stretches; return how many there are."""
+    for begin, end in query_batches(first, until):
+        run_query_batch(plan, files, begin, end - begin)
+    return until - first
+
+
+def query_batches(first: int, until: int) -> list[tuple[int, int]]:
+    """Return the first query of each stretch, and the one after its last."""
+    return [(begin, min(begin + QUERIES_PER_BATCH, until)) for begin in range(first, until, QUERIES_PER_BATCH)]
+
+
+def load_queries(files: TrialFiles, first: int, until: int) -> tuple[LifelongQuery, ...]:
+    """Read what was written down of the queries from `first` on up to `until`. Raises OptionError if they lack."""
+    found: list[QueryBatch] = [
+        load_results(files.query_batch(*each), QueryBatch) for each in query_batches(first, until)
+    ]
+    return tuple(query for query_batch in found for query in query_batch.queries)
+
+
+def run_query_batch(plan: TrialPlan, files: TrialFiles, first: int, count: int) -> int:
+    """Drive so many queries with the map after `first` ones, which learns; return how many there were.
+
+    Writes the map and what the queries did to it; does nothing if both are there. Raises the errors of the parts.
+    """
+    until = first + count
+    if files.query_batch(first, until).exists() and files.map(until).exists():
+        return count
+    started, runner, drive_truth = (
+        time.monotonic(),
+        open_runner(plan, files, first, maintain=True),
+        prepare(plan, files),
+    )
+    driven = [_drive(plan, runner, drive_truth, query) for query in range(first, until)]
+    if not files.map(until).exists():
+        _save(plan, files, runner, first, until)
+    if not files.query_batch(first, until).exists():
+        told = _with_bad_edges(runner, driven, plan.seed)
+        save_results(files.query_batch(first, until), QueryBatch(told, time.monotonic() - started))
+    return count
+
+
+def _drive(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth, query: int) -> _DrivenQuery:
+    """Drive one query from a random image of the mapping drive to a random node."""
+    rng = np.random.default_rng([plan.seed, 5, query])
+    known, before = set(runner.graph.nodes), dict(runner.graph.edges)
+    episode, frame = _draw(runner, drive_truth, rng), _first_frame(plan, runner, drive_truth, query)
+    result = runner.run(query, episode, rng, first_frame=frame)
+    graph, spurious = runner.graph, runner.truth.spurious(runner.graph)
+    pruned, added = before.keys() - graph.edges.keys(), graph.edges.keys() - before.keys()
+    told = LifelongQuery(
+        query=query,
+        reached=result.reached,
+        outcome=result.outcome,
+        steps=result.steps,
+        collisions=result.collisions,
+        pruned=len(pruned),
+        pruned_bad=0,
+        pruned_spurious=sum(runner.truth.is_spurious(edge) for edge in pruned),
+        added_nodes=len(graph.nodes.keys() - known),
+        added_edges=len(added),
+        added_spurious=len(added & spurious),
+        nodes=len(graph.nodes),
+        edges=len(graph.edges),
+        spurious_edges=len(spurious),
+    )
+    return _DrivenQuery(told, tuple(before[edge] for edge in pruned))
+
+
+def _draw(runner: EpisodeRunner, drive_truth: DriveGroundTruth, rng: np.random.Generator) -> EpisodePlan:
+    """Draw a start and a goal that is not reached there."""
+    nodes = sorted(runner.graph.nodes)
+    while True:
+        start, goal = int(rng.integers(len(drive_truth.frames))), nodes[int(rng.integers(len(nodes)))]
+        ends = np.array(drive_truth.poses[start]), runner.truth.pose(goal)
+        if not judge_goal_reached(0, *ends).reached:
+            return EpisodePlan(drive_truth.frames[start], goal, *(pose_row(end) for end in ends))
+
+
+def _first_frame(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth, query: int) -> FrameId:
+    """Return the number of a query's first image: no query takes more images than it has steps."""
+    return max(drive_truth.frames) + 1 + query * (plan.protocol.steps_in(runner.scene) + 1)
+
+
+def _save(plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, first: int, until: int) -> None:
+    save_map(
+        files.map(until),
+        runner.graph,
+        [runner.keyframes.observation(frame) for frame in runner.keyframes.frames],
+        scene=runner.scene.address,
+        fingerprint=runner.fingerprint,
+        config={
+            "verb": "lifelong",
+            "system": runner.system.name,
+            "seed": plan.seed,
+            "queries": until,
+            "method": asdict(runner.system.method),
+        },
+        origin=files.map(first),
+    )
+
+
+def _with_bad_edges(runner: EpisodeRunner, driven: Sequence[_DrivenQuery], seed: int) -> tuple[LifelongQuery, ...]:
+    """Try the edges that left, and count the bad ones with the query in which they left."""
+    bad = bad_edges(runner, [edge for each in driven for edge in each.pruned], seed)
+    counts = (sum((edge.source, edge.target) in bad for edge in each.pruned) for each in driven)
+    return tuple(replace(each.query, pruned_bad=count) for each, count in zip(driven, counts, strict=True))

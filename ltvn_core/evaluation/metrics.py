@@ -1,0 +1,160 @@
+"""Figures over trials: means of episodes with their intervals, failures by cause, and what differs between two methods.
+
+Owns which mean is taken. The scenes are what a claim is about and are taken as they are; map seeds and episodes are
+samples, so a 95 % interval tells how trials of one scene scatter (see `evaluate.intervals`), and with a single seed how
+episodes do. Every trial counts the same, however many episodes it has.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.evaluation.confidence_intervals import Estimate, SampleGroup, estimates
+from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
+from ltvn_core.network.metrics.success_rate import SuccessRate
+from ltvn_core.types import CONTROL_STEP_S
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationMetrics:
+    """What several trials of one method come to."""
+
+    trials: int
+    episodes: int
+    success_rate: Estimate
+    """Never surer than Wilson's interval of all episodes, so that no success or no failure at all is no certainty."""
+    spl: Estimate
+    """Success weighted by path length."""
+    collisions_per_episode: Estimate
+    steps_per_episode: Estimate
+    time_s: Estimate
+    """Simulated time of an episode."""
+    path_m: Estimate
+    """Driven length of an episode."""
+    failures: dict[str, int]
+    """Episodes by cause, every cause that there is."""
+    nodes: float
+    """Mean over trials, as all that follows."""
+    edges: float
+    spurious_edges: float
+    pieces: float
+    goals_connected: float
+
+    @property
+    def spurious_share(self) -> float:
+        """Share of the edges that nobody can drive; 0 of none."""
+        return self.spurious_edges / self.edges if self.edges else 0.0
+
+
+def compute_metrics(trials: Sequence[TrialResult]) -> EvaluationMetrics:
+    """Return the figures of trials of one method; raise ValueError if there are no episodes."""
+    episodes = _episodes(trials)
+    success, *amounts = estimates(_samples(trials))
+    spl, collisions, steps, path_m = (amount.within(0, np.inf) for amount in amounts)
+    return EvaluationMetrics(
+        trials=len(trials),
+        episodes=len(episodes),
+        success_rate=_at_least_as_wide(success.within(0, 1), overall_success(trials)),
+        spl=spl.within(0, 1),
+        collisions_per_episode=collisions,
+        steps_per_episode=steps,
+        time_s=Estimate(*(CONTROL_STEP_S * each for each in (steps.mean, steps.low, steps.high))),
+        path_m=path_m,
+        failures=count_failures(trials),
+        nodes=_mean([trial.map.nodes for trial in trials]),
+        edges=_mean([trial.map.edges for trial in trials]),
+        spurious_edges=_mean([trial.map.spurious_edges for trial in trials]),
+        pieces=_mean([trial.map.pieces for trial in trials]),
+        goals_connected=_mean([trial.map.goals_connected for trial in trials]),
+    )
+
+
+def metrics_as_json(found: "EvaluationMetrics | MethodDifference") -> dict[str, Any]:
+    """Return figures for JSON: a mean under its own name, and its interval under that name with `_interval`."""
+    told: dict[str, Any] = {}
+    for each in fields(found):
+        value = getattr(found, each.name)
+        if isinstance(value, Estimate):
+            told |= {each.name: value.mean, f"{each.name}_interval": [value.low, value.high]}
+        else:
+            told[each.name] = value
+    return told
+
+
+def overall_success(trials: Sequence[TrialResult]) -> SuccessRate:
+    """Return the share of all episodes that succeeded, with Wilson's interval, which knows nothing of map seeds."""
+    episodes = _episodes(trials)
+    return SuccessRate.of(sum(episode.reached for episode in episodes), len(episodes))
+
+
+def count_failures(trials: Sequence[TrialResult]) -> dict[str, int]:
+    """Count failed episodes by cause; causes that never occurred count 0."""
+    seen = Counter(episode.failure for episode in _episodes(trials))
+    return {cause.value: seen[cause] for cause in FailureCause}
+
+
+@dataclass(frozen=True, slots=True)
+class MethodDifference:
+    """What the first method has more than the second."""
+
+    success_rate: Estimate
+    spl: Estimate
+    collisions_per_episode: Estimate
+    steps_per_episode: Estimate
+    paired: bool
+    """Episodes were compared one by one, because both methods drove the same in the same scenes with the same seeds."""
+
+
+def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult]) -> MethodDifference:
+    """Compare two methods; raise ValueError if one has no episodes.
+
+    Where scenes, seeds, starts and goals are the same, the differences of single episodes are averaged, which leaves
+    out what both have in common; else the two are held to be independent.
+    """
+    samples, others = _samples(first), _samples(second)
+    paired = [_episode_keys(trial) for trial in _sorted(first)] == [_episode_keys(trial) for trial in _sorted(second)]
+    if paired:
+        both = zip(samples, others, strict=True)
+        found = estimates([SampleGroup(one.stratum, one.values - other.values) for one, other in both])
+    else:
+        found = estimates(samples, others)
+    success, spl, collisions, steps, _ = found
+    return MethodDifference(success, spl, collisions, steps, paired)
+
+
+def _samples(trials: Sequence[TrialResult]) -> list[SampleGroup]:
+    """Return what is averaged, in an order of its own, so that the order of trials does not matter."""
+    return [SampleGroup(trial.scene, _values(trial)) for trial in _sorted(trials)]
+
+
+def _values(trial: TrialResult) -> NDArray[np.float64]:
+    rows = [[each.reached, each.spl, each.collisions, each.steps, each.path_m] for each in _in_order(trial)]
+    return np.array(rows, np.float64).reshape(-1, 5)
+
+
+def _sorted(trials: Sequence[TrialResult]) -> list[TrialResult]:
+    return sorted(trials, key=lambda trial: (trial.scene, trial.seed, trial.queries, trial.method, trial.without))
+
+
+def _in_order(trial: TrialResult) -> list[EpisodeResult]:
+    return sorted(trial.episodes, key=lambda episode: episode.episode)
+
+
+def _episode_keys(trial: TrialResult) -> tuple[object, ...]:
+    return trial.scene, trial.seed, [(each.episode, each.start, each.goal) for each in _in_order(trial)]
+
+
+def _episodes(trials: Sequence[TrialResult]) -> list[EpisodeResult]:
+    return [episode for trial in trials for episode in trial.episodes]
+
+
+def _at_least_as_wide(estimate: Estimate, rate: SuccessRate) -> Estimate:
+    return Estimate(estimate.mean, min(estimate.low, rate.low), max(estimate.high, rate.high))
+
+
+def _mean(numbers: Sequence[float]) -> float:
+    return float(np.mean(numbers))

@@ -1,0 +1,81 @@
+"""A mapping drive through a scene, all of whose ordered image pairs are labelled and predicted.
+
+Owns what is true and what is predicted of a drive. Drives no robot; the poses come from
+`ltvn_core.training_data.simulated_drives`.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.evaluation.imaged_scene import ImagedScene
+from ltvn_core.geometry import relative
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.network.metrics.pair_evaluation import predict_pairs
+from ltvn_core.training_data.reachability_labels import ReachabilityLimits
+from ltvn_core.training_data.scene_protocols import DatasetScene
+from ltvn_core.training_data.shard_generation import label_image_pairs
+from ltvn_core.types import CONTROL_STEP_S, Intrinsics, Observation, Pose, Prediction, Predictor, Renderer, Waypoint
+
+if TYPE_CHECKING:
+    from ltvn_core.simulation.scene_registry import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedDrive:
+    """N images of a drive; a frame's number is its place in the drive."""
+
+    scene: "Scene"
+    camera: Renderer
+    observations: tuple[Observation, ...]
+    """N images; their odometry is exact."""
+    keyframes: KeyframeStore
+    """The same images, encoded."""
+    poses: Pose
+    """(N, 3)"""
+    waypoints: Waypoint
+    """(N, N, 3): the truth, target in the frame of the source."""
+    reachable: NDArray[np.bool_]
+    """(N, N) by the criteria of the dataset."""
+    overlap: NDArray[np.float32]
+    """(N, N) share of the target's points that the source sees; nan where not measured."""
+    predicted: Prediction
+    """(N, N) and (N, N, 3)."""
+
+    @property
+    def imaged_scene(self) -> ImagedScene:
+        """Where edges between the images can be driven."""
+        return ImagedScene(self.scene, self.camera, self.keyframes, dict(enumerate(self.poses)))
+
+
+def predict_drive(scene: "Scene", camera: Renderer, predictor: Predictor, poses: Pose) -> PredictedDrive:
+    """Look from the poses (N, 3) of a drive, and label and predict all ordered pairs."""
+    images = len(poses)
+    seen = tuple(_observe(camera, pose, frame) for frame, pose in enumerate(poses))
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(seen)
+    first, second = np.divmod(np.arange(images**2), images)
+    depth_mm = np.rint(np.stack([each.depth for each in seen]) * 1000).astype(np.uint16)
+    labels = label_image_pairs(
+        DatasetScene(scene.name, scene.clearance, camera), poses, depth_mm, first, second, ReachabilityLimits()
+    )
+    predicted = predict_pairs(predictor, keyframes.features(range(images)), first, second)
+    square = (images, images)
+    return PredictedDrive(
+        scene,
+        camera,
+        seen,
+        keyframes,
+        poses,
+        relative(poses[:, None], poses[None]),
+        labels.reachable.reshape(square),
+        labels.overlap.reshape(square),
+        Prediction(predicted.reachability.reshape(square), predicted.waypoints.reshape(*square, 3)),
+    )
+
+
+def _observe(camera: Renderer, pose: Pose, frame: int) -> Observation:
+    rgb, depth = camera.render(pose, Intrinsics())
+    return Observation(rgb, depth, pose, frame * CONTROL_STEP_S, frame, pose)

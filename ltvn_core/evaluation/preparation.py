@@ -1,0 +1,116 @@
+"""What every episode needs: a mapping drive with its goals and episodes, weights that know the drive, and a map.
+
+Owns how these come about. Each file is written once, whole or not at all, so that an interrupted evaluation goes on
+where it stopped.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ltvn_core.composition import open_predictor, open_simulation
+from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
+from ltvn_core.evaluation.results import load_results, save_results
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system, shipped_weights
+from ltvn_core.graph.deltas import PoseRow
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.recording.atomic_files import atomic_output
+from ltvn_core.recording.map_file import save_map
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.simulation.scripted_tour import drive_tour
+from ltvn_core.simulation.wheel_odometry import OdometryNoise
+from ltvn_core.types import FrameId, Observation
+
+
+@dataclass(frozen=True, slots=True)
+class DriveGroundTruth:
+    """Where the images of a drive were truly taken, and which of them are goals."""
+
+    frames: tuple[FrameId, ...]
+    poses: tuple[PoseRow, ...]
+    goals: tuple[FrameId, ...]
+    collisions: int
+    """Touches on the way."""
+
+    def episodes(self, count: int, seed: int) -> tuple[EpisodePlan, ...]:
+        """Draw episodes; more of them begin with the same ones."""
+        rng = np.random.default_rng([seed, 2])
+        return draw_episodes(self.frames, np.array(self.poses), self.goals, count, rng)
+
+
+def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
+    """Make what is not there yet: drive, weights and map. Raises the errors of the parts."""
+    drive_truth = _drive(plan, files)
+    if not files.map().exists():
+        observations = _observations(files.drive)
+        _build(plan, files, observations, drive_truth, finetuned_weights(plan, files, observations))
+    return drive_truth
+
+
+def finetuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation] = ()) -> Path:
+    """Return the weights of a plan, fine-tuned on its drive at the first call."""
+    start = plan.weights or shipped_weights(plan.system)
+    if not plan.finetuned:
+        return start
+    if not files.weights.exists():
+        # Only here, because learning takes long to load and a map that is there already needs none.
+        from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
+        from ltvn_core.training.system_fine_tuning import fine_tune_for_system
+
+        steps = FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)
+        fine_tune_for_system(plan.system, observations, start, steps, files.weights.with_suffix(".part"), files.weights)
+    return files.weights
+
+
+def _drive(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
+    """Let a scripted person map the scene, with an odometer that errs."""
+    if files.drive_truth.exists():
+        return load_results(files.drive_truth, DriveGroundTruth)
+    protocol, rng = plan.protocol, np.random.default_rng([plan.seed, 0])
+    noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
+    simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=noise)
+    seen = list(drive_tour(simulation.robot, simulation.scene, rng, loops=protocol.loops))
+    settings = {"verb": "evaluate", "seed": plan.seed, "protocol": asdict(protocol)}
+    if not files.drive.exists():
+        with (
+            atomic_output(files.drive) as part,
+            RecordingWriter(part, scene=simulation.scene.address, config=settings, fingerprint="") as writer,
+        ):
+            for observation in seen:
+                writer.frame(observation)
+    frames, poses = [each.step for each in seen], np.array([each.exact_pose for each in seen])
+    goals = choose_goals(simulation.scene, frames, poses, protocol.goals, np.random.default_rng([plan.seed, 1]))
+    rows = tuple(pose_row(pose) for pose in poses)
+    drive_truth = DriveGroundTruth(tuple(frames), rows, goals, simulation.robot.collisions)
+    simulation.robot.close()
+    save_results(files.drive_truth, drive_truth)
+    return drive_truth
+
+
+def _build(
+    plan: TrialPlan,
+    files: TrialFiles,
+    observations: Sequence[Observation],
+    drive_truth: DriveGroundTruth,
+    weights: Path,
+) -> None:
+    scene = load_scene(plan.scene)
+    predictor = open_predictor(plan.predictor, plan.scene, weights)
+    system = open_planned_system(plan, weights, scene, maintain=False)
+    keyframes = KeyframeStore(predictor)
+    rng = np.random.default_rng([plan.seed, 4])
+    deltas = system.build(observations, keyframes, predictor, rng=rng, goals=drive_truth.goals)
+    graph, kept = TopologicalGraph(deltas), [keyframes.observation(frame) for frame in keyframes.frames]
+    config = {"verb": "evaluate", "system": system.name, "method": asdict(system.method)}
+    save_map(files.map(), graph, kept, scene=scene.address, fingerprint=predictor.fingerprint, config=config)
+
+
+def _observations(drive: Path) -> list[Observation]:
+    recording = Recording.open(drive)
+    return [recording.observation(frame) for frame in recording.frames]

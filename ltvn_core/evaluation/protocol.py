@@ -1,0 +1,127 @@
+"""The paper's test (section V): a mapping drive, ten goal images, and random episodes between images.
+
+Owns what is drawn and what counts, so that every method gets the same drive, goals and episodes. Drives no robot.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.deltas import PoseRow
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.types import FrameId, Pose
+
+if TYPE_CHECKING:
+    from ltvn_core.simulation.scene import Scene
+
+_SMALL_M2 = 100.0
+_MIN_EPISODE_M = 1.0
+"""An episode leads at least so far, as the crow flies."""
+_MIN_GOAL_GAP_M = 1.5
+"""Goals are at least so far apart where there is room for that."""
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationProtocol:
+    """The numbers of the test."""
+
+    loops: int = 3
+    """Rounds of the mapping drive (paper: 3 to 4)."""
+    goals: int = 10
+    """Goal images (paper)."""
+    episodes: int = 500
+    """Random episodes (paper)."""
+    distance_noise: float = 0.02
+    """Standard deviation of odometry's error in distance, as a share of it (ours),"""
+    angle_noise: float = 0.01
+    """and in angle (ours)."""
+    step_limit: int | None = None
+    """K: control steps of 0.1 s after which an episode failed; None is the paper's, 1,000 below 100 m2 of floor and
+    2,000 above."""
+    collision_limit: int = 20
+    """More touches than this fail an episode (paper)."""
+
+    def __post_init__(self) -> None:
+        if self.loops < 1 or self.goals < 2 or self.episodes < 1 or self.collision_limit < 0:
+            raise OptionError(
+                "An evaluation needs a loop, two goals and an episode at least, and no negative limit, got "
+                f"{self.loops} loops, {self.goals} goals, {self.episodes} episodes, {self.collision_limit} touches."
+            )
+        if not (0 <= self.distance_noise < 1 and 0 <= self.angle_noise < 1):
+            raise OptionError("Odometry noise is a share from 0 to below 1; 0.05 is a bad odometer.")
+        if self.step_limit is not None and self.step_limit < 1:
+            raise OptionError(f"The step limit must be 1 or more, got {self.step_limit}.")
+
+    def steps_in(self, scene: "Scene") -> int:
+        """Return K for a scene."""
+        return self.step_limit or (1000 if scene.area_m2 < _SMALL_M2 else 2000)
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodePlan:
+    """Where an episode begins and where it leads."""
+
+    start: FrameId
+    goal: FrameId
+    start_pose: PoseRow
+    """The exact pose at which the image was taken; there the robot is put down."""
+    goal_pose: PoseRow
+    """The exact pose by which arrival is judged."""
+
+
+def choose_goals(
+    scene: "Scene", frames: Sequence[FrameId], poses: Pose, count: int, rng: np.random.Generator
+) -> tuple[FrameId, ...]:
+    """Choose goal images over the major places: room by room, the largest first, apart from each other.
+
+    `poses` (N, 3) are the exact poses of the N frames. Raises OptionError if there are fewer images than goals.
+    """
+    if len(frames) < count:
+        raise OptionError(f"{count} goals need as many images, but the drive has {len(frames)}; drive more loops.")
+    chosen = list[int]()
+    pools = [pool for pool in _images_by_room(scene, poses) if len(pool)]
+    while len(chosen) < count:
+        for pool in pools[: count - len(chosen)]:
+            chosen.append(_apart(np.setdiff1d(pool, chosen), poses, chosen, rng))
+        # Where the rooms have too few images, those taken between them will do.
+        pools = [pool for pool in pools if len(np.setdiff1d(pool, chosen))] or [np.arange(len(frames))]
+    return tuple(frames[k] for k in chosen)
+
+
+def draw_episodes(
+    frames: Sequence[FrameId], poses: Pose, goals: Sequence[FrameId], count: int, rng: np.random.Generator
+) -> tuple[EpisodePlan, ...]:
+    """Draw episodes from a random image to a random goal that is somewhere else.
+
+    `poses` (N, 3) are the exact poses of the N frames. Raises OptionError where none is far enough from any goal.
+    """
+    row = {frame: k for k, frame in enumerate(frames)}
+    from_goals = poses[None, :, :2] - poses[[row[goal] for goal in goals], None, :2]
+    if not (np.linalg.norm(from_goals, axis=-1) > _MIN_EPISODE_M).any():
+        raise OptionError(f"The drive is too short: no image is farther than {_MIN_EPISODE_M:g} m from any goal.")
+    episodes = list[EpisodePlan]()
+    while len(episodes) < count:
+        start, goal = int(rng.integers(len(frames))), goals[int(rng.integers(len(goals)))]
+        ends = poses[start], poses[row[goal]]
+        if np.hypot(*(ends[1] - ends[0])[:2]) > _MIN_EPISODE_M:
+            episodes.append(EpisodePlan(frames[start], goal, *(pose_row(end) for end in ends)))
+    return tuple(episodes)
+
+
+def _images_by_room(scene: "Scene", poses: Pose) -> list[np.ndarray]:
+    """Return the images taken in each room, the largest room first; all of them where no room has any."""
+    x, y = poses[:, 0], poses[:, 1]
+    rooms = sorted(scene.rooms, key=lambda room: -room.area_m2)
+    inside = [np.flatnonzero((x > r.x0) & (x < r.x1) & (y > r.y0) & (y < r.y1)) for r in rooms]
+    return inside if any(map(len, inside)) else [np.arange(len(poses))]
+
+
+def _apart(pool: np.ndarray, poses: Pose, chosen: Sequence[int], rng: np.random.Generator) -> int:
+    """Draw one of a pool of images, away from those that were chosen if there is any such."""
+    if chosen:
+        gaps = np.linalg.norm(poses[pool, None, :2] - poses[None, list(chosen), :2], axis=-1).min(1)
+        pool = pool[gaps >= min(_MIN_GOAL_GAP_M, gaps.max())]
+    return int(rng.choice(pool))

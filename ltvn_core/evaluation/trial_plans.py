@@ -1,0 +1,172 @@
+"""What is to be tried: one method in one scene with one map seed, and where its files lie.
+
+Owns names and paths, and that results of one plan never mix with those of another. Runs nothing.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ltvn_core.composition import PredictorName, SystemName, open_method
+from ltvn_core.composition import open_system as open_named_system
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.ablation import PARTS, without_parts
+from ltvn_core.evaluation.protocol import EvaluationProtocol
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.recording.atomic_files import write_text_atomically
+from ltvn_core.simulation.scene import Scene
+
+_FINE_TUNING = "fine-tuning"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialPlan:
+    """One method in one scene with one map seed."""
+
+    scene: str
+    """A name, or the path of a mesh."""
+    seed: int
+    """Draws the drive, the map, the goals and the episodes."""
+    system: SystemName = "ltvn"
+    preset: str = "robust"
+    """Of the navigator, which is the same for all systems."""
+    parts_off: tuple[str, ...] = ()
+    """Parts of the method that are switched off, see `method_parts`."""
+    predictor: PredictorName = "network"
+    weights: Path | None = None
+    """Weights to start from instead of the shipped ones of the system."""
+    finetune_steps: int = 40
+    """Steps of fine-tuning on the mapping drive."""
+    protocol: EvaluationProtocol = field(default_factory=EvaluationProtocol)
+
+    def __post_init__(self) -> None:
+        if strangers := set(self.parts_off) - set(method_parts()):
+            raise OptionError(
+                f"There is no part {sorted(strangers)} to leave out; choose from: {', '.join(method_parts())}."
+            )
+        if self.finetune_steps < 0 or self.seed < 0:
+            raise OptionError(f"Seed and steps must be 0 or more, got {self.seed} and {self.finetune_steps}.")
+
+    @property
+    def finetuned(self) -> bool:
+        """Tell whether the network learns from the drive."""
+        return bool(self.finetune_steps) and self.predictor == "network" and _FINE_TUNING not in self.parts_off
+
+    @property
+    def label(self) -> str:
+        """Name the method in file names."""
+        words = [self.system]
+        words += [] if self.preset == "robust" else [self.preset]
+        words += [] if self.predictor == "network" else [self.predictor]
+        return "-".join([*words, *(f"no-{part}" for part in self.parts_off)])
+
+
+def method_parts() -> tuple[str, ...]:
+    """Return the names of the parts that can be switched off."""
+    return (*PARTS, _FINE_TUNING)
+
+
+def shipped_weights(system: SystemName) -> Path:
+    """Return the weights that come with the program for a system."""
+    from ltvn_core.network.weights_file import SHIPPED_BASELINE_WEIGHTS, SHIPPED_WEIGHTS
+
+    return SHIPPED_BASELINE_WEIGHTS.get(system, SHIPPED_WEIGHTS)
+
+
+def open_planned_system(plan: TrialPlan, weights: Path, scene: Scene, *, maintain: bool) -> NavigationSystem:
+    """Return the system of a plan with the constants of its weights. Raises OptionError and WeightsError."""
+    method = open_method(plan.preset, plan.predictor, weights)
+    limits = {"step_limit": plan.protocol.steps_in(scene), "collision_limit": plan.protocol.collision_limit}
+    method = replace(method, maintain=maintain, recovering=replace(method.recovering, **limits))
+    return open_named_system(plan.system, without_parts(method, set(plan.parts_off) - {_FINE_TUNING}))
+
+
+@dataclass(frozen=True, slots=True)
+class TrialFiles:
+    """Where the files of a plan lie: the drive is shared by all methods, the weights by all variations of one."""
+
+    folder: Path
+    """Of the scene and the seed."""
+    label: str
+    system: SystemName
+
+    @classmethod
+    def of(cls, plan: TrialPlan, folder: Path) -> "TrialFiles":
+        """Name the files of a plan below a folder."""
+        return cls(folder / f"{Path(plan.scene).stem}-{plan.seed}", plan.label, plan.system)
+
+    @property
+    def drive(self) -> Path:
+        """The recording of the mapping drive."""
+        return self.folder / "drive.rrd"
+
+    @property
+    def drive_truth(self) -> Path:
+        """Where its images were truly taken."""
+        return self.folder / "drive.json"
+
+    @property
+    def weights(self) -> Path:
+        """Weights that know the drive."""
+        return self.folder / f"{self.system}.safetensors"
+
+    def map(self, queries: int = 0) -> Path:
+        """Return the map after so many queries."""
+        return self.folder / self.label / f"map-{queries:04d}.rrd"
+
+    def episodes(self, queries: int, first: int, until: int) -> Path:
+        """Return the results of the episodes from `first` up to `until` with that map."""
+        return self.folder / self.label / f"episodes-{queries:04d}-{first:04d}-{until:04d}.json"
+
+    def query_batch(self, first: int, until: int) -> Path:
+        """Return what the queries from `first` up to `until` did to the map."""
+        return self.folder / self.label / f"queries-{first:04d}-{until:04d}.json"
+
+    def trial(self, episodes: int) -> Path:
+        """Return the result of the static test."""
+        return self.folder / f"{self.label}-{episodes}.trial.json"
+
+    def lifelong(self, queries: int, every: int, episodes: int) -> Path:
+        """Return the result of the lifelong test."""
+        return self.folder / f"{self.label}-{queries}-every-{every}-{episodes}.lifelong.json"
+
+    def failure(self, episode: int) -> Path:
+        """Return the recording of an episode that failed."""
+        return self.folder / self.label / f"failure-{episode:04d}.rrd"
+
+
+def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
+    """Write down what the files of a plan are made by. Raises OptionError where others made them already.
+
+    How many episodes are run makes no difference: the first ones stay the same. The drive and the weights have a note
+    of their own, because other methods use them too.
+    """
+    from ltvn_core.network.weights_file import weights_fingerprint
+
+    weights = weights_fingerprint(plan.weights or shipped_weights(plan.system))
+    steps = plan.finetune_steps if plan.finetuned else 0
+    protocol = asdict(plan.protocol)
+    del protocol["episodes"]
+    drive = {"scene": plan.scene, "seed": plan.seed}
+    drive |= {name: protocol[name] for name in ("loops", "goals", "distance_noise", "angle_noise")}
+    learned = {"weights": weights, "finetune_steps": steps}
+    made_by = {**asdict(plan), **learned, "protocol": protocol, "version": version("ltvn")}
+    _claim(files.drive_truth.with_suffix(".plan.json"), drive)
+    if plan.finetuned:
+        _claim(files.weights.with_suffix(".plan.json"), learned)
+    _claim(files.folder / files.label / "plan.json", made_by)
+
+
+def _claim(path: Path, settings: Mapping[str, Any]) -> None:
+    made_by = json.loads(json.dumps(settings, default=str))
+    if not path.exists():
+        write_text_atomically(path, json.dumps(made_by, indent=1))
+    before = json.loads(path.read_text(encoding="utf-8"))
+    if changed := sorted(key for key in made_by.keys() | before.keys() if made_by.get(key) != before.get(key)):
+        raise OptionError(
+            f"{path.parent} holds results that were made with other settings ({', '.join(changed)}). Name another "
+            "--folder, or move that one away."
+        )

@@ -1,0 +1,162 @@
+"""Trials: many episodes with one map, in pieces that run side by side on any number of processes or machines.
+
+Owns the pieces and how they are put together. A piece that is done is a file; so an interrupted evaluation goes on
+where it stopped, on whatever machines share the folder.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+
+from ltvn_core.composition import SystemName, open_predictor
+from ltvn_core.evaluation.episode_runner import EpisodeRunner
+from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
+from ltvn_core.evaluation.preparation import finetuned_weights, prepare
+from ltvn_core.evaluation.protocol import EpisodePlan
+from ltvn_core.evaluation.results import EpisodeResult, TrialResult, load_results, save_results
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files, open_planned_system
+from ltvn_core.evaluation.workers import Workers
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.training.system_fine_tuning import render_training_scenes
+
+EPISODES_PER_BATCH = 25
+"""Episodes in a piece: small enough to share work out evenly and to lose little, large enough to load a map for."""
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationProgress:
+    """Whom to tell how far it is."""
+
+    maps_ready: Callable[[int], object]
+    """Hears how many maps there are."""
+    work_done: Callable[[int], object]
+    """Hears how many more episodes, or queries, are done."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeBatch:
+    """Some episodes, done."""
+
+    episodes: tuple[EpisodeResult, ...]
+    wall_s: float
+
+
+def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
+    """Load the map after so many queries, with its scene and network."""
+    scene, weights = load_scene(plan.scene), finetuned_weights(plan, files)
+    predictor = open_predictor(plan.predictor, plan.scene, weights)
+    system = open_planned_system(plan, weights, scene, maintain=maintain)
+    return EpisodeRunner(scene, files.map(queries), predictor, system, plan.protocol)
+
+
+def run_episode_batch(
+    plan: TrialPlan, files: TrialFiles, queries: int, first: int, episodes: Sequence[EpisodePlan]
+) -> int:
+    """Run episodes, numbered from `first`, with the map after so many queries; return how many there were."""
+    path = files.episodes(queries, first, first + len(episodes))
+    if not path.exists():
+        started, runner = time.monotonic(), cached_runner(plan, files, queries)
+        done = tuple(
+            runner.run(number, episode, episode_rng(plan.seed, number))
+            for number, episode in enumerate(episodes, first)
+        )
+        save_results(path, EpisodeBatch(done, time.monotonic() - started))
+    return len(episodes)
+
+
+def episode_rng(seed: int, episode: int) -> np.random.Generator:
+    """Return the dice of one episode."""
+    return np.random.default_rng([seed, 3, episode])
+
+
+@lru_cache(maxsize=1)
+def cached_runner(plan: TrialPlan, files: TrialFiles, queries: int) -> EpisodeRunner:
+    """Return the course of a frozen map, kept between pieces; its map must not be changed."""
+    return open_runner(plan, files, queries)
+
+
+def run_trials(
+    plans: Sequence[TrialPlan],
+    folder: Path,
+    *,
+    episodes: int,
+    command: str,
+    parallel: Workers,
+    progress: EvaluationProgress,
+) -> list[TrialResult]:
+    """Run the static test of several plans, with one scene and seed each; what is done already is only read.
+
+    Raises OptionError where the folder holds results of other settings, and the errors of the parts.
+    """
+    jobs = prepare_all(plans, folder, parallel, progress)
+    for done in parallel(batch for plan, files in jobs for batch in episode_batch_jobs(plan, files, 0, episodes)):
+        progress.work_done(done)
+    list(parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in jobs))
+    # Read back, because pieces of work come back in any order.
+    return [load_results(files.trial(episodes), TrialResult) for _, files in jobs]
+
+
+def prepare_all(
+    plans: Sequence[TrialPlan], folder: Path, parallel: Workers, progress: EvaluationProgress
+) -> list[tuple[TrialPlan, TrialFiles]]:
+    """Make drives, weights and maps side by side; raises as `run_trials`."""
+    jobs = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
+    for plan, files in jobs:
+        claim_files(plan, files)
+    without_data: set[SystemName] = {
+        plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()
+    }
+    for system in without_data:
+        render_training_scenes(system)  # Once for all processes.
+    for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):
+        progress.maps_ready(ready)
+    return jobs
+
+
+def episode_batch_jobs(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int) -> Iterator[Any]:
+    """Yield the pieces of the static test with the map after so many queries, for `joblib.Parallel`."""
+    drawn = prepare(plan, files).episodes(episodes, plan.seed)
+    for first, until in _batch_ranges(episodes):
+        yield delayed(run_episode_batch)(plan, files, queries, first, drawn[first:until])
+
+
+def _batch_ranges(episodes: int) -> list[tuple[int, int]]:
+    """Return the first episode of each piece, and the one after its last."""
+    return [(first, min(first + EPISODES_PER_BATCH, episodes)) for first in range(0, episodes, EPISODES_PER_BATCH)]
+
+
+def _finish(plan: TrialPlan, files: TrialFiles, episodes: int, command: str) -> None:
+    """Keep the result of the static test as a file."""
+    if not files.trial(episodes).exists():
+        save_results(files.trial(episodes), finish_trial(plan, files, 0, episodes, command))
+
+
+def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
+    """Put the pieces together and look at the map."""
+    paths = [files.episodes(queries, first, until) for first, until in _batch_ranges(episodes)]
+    batches: list[EpisodeBatch] = [load_results(path, EpisodeBatch) for path in paths]
+    runner, drive_truth = cached_runner(plan, files, queries), prepare(plan, files)
+    return TrialResult(
+        scene=runner.scene.name,
+        method=plan.system,
+        preset=plan.preset,
+        without=plan.parts_off,
+        finetuned=plan.finetuned,
+        seed=plan.seed,
+        queries=queries,
+        images=len(drive_truth.frames),
+        fingerprint=runner.fingerprint,
+        map=map_truth_metrics(runner.graph, runner.truth, drive_truth.goals),
+        floorplan=floorplan(runner.graph, runner.truth),
+        episodes=tuple(episode for batch in batches for episode in batch.episodes),
+        wall_s=sum(batch.wall_s for batch in batches),
+        version=version("ltvn"),
+        command=command,
+    )

@@ -1,0 +1,71 @@
+"""Maps in which every image of the trajectory is a node, as SPTM and ViNG build them.
+
+Owns comparing each image with all others, and the deltas of nodes and edges. Does not own which pairs are joined.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import BeliefConfig
+from ltvn_core.geometry import distance, invert
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.operators import node_from_observation, pose_row
+from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor, Waypoint
+
+
+class EdgeCandidate(NamedTuple):
+    """A directed edge to be: from one image of the trajectory to another, both by their place in it."""
+
+    source: int
+    target: int
+    p: float
+    """Reachability as the network says."""
+    waypoint: Waypoint
+    """(3,): the target in the frame of the source."""
+
+    def reversed(self) -> "EdgeCandidate":
+        """Return the way back, driven in reverse."""
+        return EdgeCandidate(self.target, self.source, self.p, invert(self.waypoint))
+
+
+def encode_trajectory(
+    observations: Sequence[Observation], keyframes: KeyframeStore
+) -> tuple[list[Observation], Features]:
+    """Return the images in the order they were taken and their features (N, F); `keyframes` holds just these."""
+    ordered = sorted(observations, key=lambda seen: seen.step)
+    frames: list[FrameId] = [seen.step for seen in ordered]
+    keyframes.add(ordered)
+    keyframes.keep_only(frames)
+    return ordered, keyframes.features(frames)
+
+
+def predict_all_pairs(
+    features: Features, predictor: Predictor, progress: ProgressCallback | None
+) -> Iterator[Prediction]:
+    """Yield for each of N images what the network says of it and all N, itself among them."""
+    for k in range(len(features)):
+        yield predictor.predict(features[k : k + 1], features)
+        if progress is not None:
+            progress(k + 1, len(features))
+
+
+def has_no_waypoint(waypoints: Waypoint) -> NDArray[np.bool_]:
+    """Tell (N,) to which images the network gave no waypoint, because it only glanced at them."""
+    return np.asarray(~waypoints.any(axis=-1))
+
+
+def all_image_deltas(
+    observations: Sequence[Observation], candidates: Iterable[EdgeCandidate], config: BeliefConfig
+) -> Iterator[NodeAdded | EdgeAdded]:
+    """Yield all images as nodes and then the links as edges."""
+    for seen in observations:
+        yield NodeAdded(node_from_observation(seen), Cause.BUILD)
+    for candidate in candidates:
+        belief = Belief(float(candidate.p), float(distance(candidate.waypoint)), config.sigma2)
+        ends = observations[candidate.source].step, observations[candidate.target].step
+        yield EdgeAdded(Edge(*ends, pose_row(candidate.waypoint), belief), Cause.BUILD)

@@ -1,0 +1,113 @@
+"""What the nodes look like: images and features by frame, encoded once each.
+
+Owns observations and features of every frame that is a node or in the reserve, and who comes before and after whom.
+Does not decide which frames to keep: the caller drops those that the map let go.
+"""
+
+from bisect import bisect_left, insort
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ltvn_core.errors import MapError
+from ltvn_core.geometry import distance, relative
+from ltvn_core.types import Features, FrameId, Observation, Predictor
+
+_ODOMETRY_JUMP = 1.5
+"""Frames one after the other that are farther apart by odometry, as d, are not of one stretch of driving."""
+
+
+class KeyframeStore:
+    """Images with their features in one growing array; rows of dropped frames are used again."""
+
+    def __init__(self, predictor: Predictor) -> None:
+        """Start empty; `predictor` encodes what comes in."""
+        self._predictor = predictor
+        self._observations: dict[FrameId, Observation] = {}
+        self._rows: dict[FrameId, int] = {}
+        self._order: list[FrameId] = []
+        self._free: list[int] = []
+        self._features: Features | None = None
+
+    def __contains__(self, frame: FrameId) -> bool:
+        return frame in self._rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def frames(self) -> Sequence[FrameId]:
+        """All frames in the order they were taken."""
+        return tuple(self._order)
+
+    def add(self, observations: Sequence[Observation], features: Features | None = None) -> None:
+        """Take in images; those not known yet are encoded in one batch unless their features (N, F) come along."""
+        fresh = [k for k, seen in enumerate(observations) if seen.step not in self._rows]
+        if not fresh:
+            return
+        new = [observations[k] for k in fresh]
+        encoded = self._predictor.encode(new) if features is None else features[fresh]
+        for seen, row in zip(new, encoded, strict=True):
+            self._store(seen, row)
+
+    def drop(self, frames: Iterable[FrameId]) -> None:
+        """Forget images; unknown ones are ignored."""
+        for frame in frames:
+            if frame in self._rows:
+                self._free.append(self._rows.pop(frame))
+                del self._observations[frame]
+                del self._order[bisect_left(self._order, frame)]
+
+    def keep_only(self, frames: Iterable[FrameId]) -> None:
+        """Forget every image but these."""
+        self.drop(set(self._rows) - set(frames))
+
+    def observation(self, frame: FrameId) -> Observation:
+        """Return the image; raise MapError if it is not held."""
+        try:
+            return self._observations[frame]
+        except KeyError:
+            raise MapError(f"The image of frame {frame} is not at hand; the map must hold all its images.") from None
+
+    def features(self, frames: Sequence[FrameId]) -> Features:
+        """Return (N, F) features; raise MapError if one is not held."""
+        missing = [frame for frame in frames if frame not in self._rows]
+        if self._features is None or missing:
+            raise MapError(f"The images of frames {missing[:5]} are not at hand; the map must hold all its images.")
+        return self._features[[self._rows[frame] for frame in frames]]
+
+    def temporal_neighbours(self, frame: FrameId, gap: float) -> tuple[FrameId, ...]:
+        """Return the frames just before and after, if odometry puts them within d < gap."""
+        here = bisect_left(self._order, frame)
+        beside = [self._order[k] for k in (here - 1, here + 1) if 0 <= k < len(self._order)]
+        odometry = self.observation(frame).odometry
+        near = [distance(relative(odometry, self._observations[other].odometry)) < gap for other in beside]
+        return tuple(other for other, is_near in zip(beside, near, strict=True) if is_near)
+
+    def temporal_window(self, frame: FrameId, reach: int) -> tuple[FrameId, ...]:
+        """Return up to `reach` frames before and after a frame, without itself, up to where odometry jumps."""
+        here = bisect_left(self._order, frame)
+        before = self._unbroken(self._order[max(here - reach, 0) : here + 1][::-1])
+        return (*before[:0:-1], *self._unbroken(self._order[here : here + 1 + reach])[1:])
+
+    def _unbroken(self, frames: Sequence[FrameId]) -> Sequence[FrameId]:
+        """Return the frames up to the first jump between two of them."""
+        odometry = np.array([self._observations[frame].odometry for frame in frames])
+        jumps = np.flatnonzero(distance(relative(odometry[:-1], odometry[1:])) > _ODOMETRY_JUMP)
+        return frames[: jumps[0] + 1] if len(jumps) else frames
+
+    def _store(self, seen: Observation, row: np.ndarray) -> None:
+        store = self._with_room(row)
+        place = self._free.pop() if self._free else len(self._rows)
+        store[place] = row
+        self._rows[seen.step] = place
+        self._observations[seen.step] = seen
+        insort(self._order, seen.step)
+
+    def _with_room(self, row: np.ndarray) -> Features:
+        if self._features is None:
+            self._features = np.empty((64, *row.shape), row.dtype)
+        if not self._free and len(self._rows) == len(self._features):
+            # Doubling keeps the cost of growing linear in the number of images.
+            self._features = np.concatenate([self._features, np.empty_like(self._features)])
+        return self._features

@@ -1,0 +1,180 @@
+"""Where am I: the node that looks nearest to the current image, first around the last plan, then in the whole map.
+
+Owns the score and the gates. Does not own what happens when no node is near enough.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import LocalisingConfig
+from ltvn_core.graph.loop_closures import AgreementCriterion, LoopClosureVerifier, ObservationSequence
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Features, NodeId, Waypoint
+
+LOCAL, GLOBAL = "local", "global"
+_MIN_REACHABILITY = 1e-6
+_MIN_OBSERVATIONS, _MIN_OBSERVATIONS_TO_BLAME = 3, 5
+"""So many looks must bear on a place before it is passed over, and before an edge that led there is blamed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisationPrior:
+    """What the robot remembers of the query that helps to tell where it is."""
+
+    plan: Sequence[NodeId] = ()
+    """The nodes of the last plan."""
+    trail: ObservationSequence | None = None
+    """What it saw on its way here."""
+    doubted: Collection[NodeId] = ()
+    """Nodes that it does not believe to be at any more."""
+
+    def candidates(self, graph: TopologicalGraph) -> tuple[NodeId, ...]:
+        """Return all nodes it may be at."""
+        return tuple(node for node in graph.nodes if node not in self.doubted)
+
+
+NO_PRIOR = LocalisationPrior()
+"""At the beginning of a query."""
+
+
+class Localisation(NamedTuple):
+    """The best node, and how sure that is."""
+
+    node: NodeId | None
+    """None when no node is near enough."""
+    distance: float
+    """d of the best node, near enough or not; infinite in an empty map."""
+    reachability: float
+    waypoint: Waypoint
+    """(3,): the best node in the robot's frame."""
+    runner_up: NodeId | None
+    margin: float
+    """Score of the runner-up minus score of the best; infinite without a runner-up."""
+    scope: str
+    """LOCAL or GLOBAL."""
+
+
+class Localiser:
+    """Compares the current image with the map."""
+
+    def __init__(self, matcher: Matcher, config: LocalisingConfig) -> None:
+        """Localise with `matcher`."""
+        self._matcher = matcher
+        self._config = config
+        self._loop_closures = LoopClosureVerifier(matcher)
+
+    def localise(
+        self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior = NO_PRIOR
+    ) -> Localisation:
+        """Return where the image (1, F) is: a neighbour of the last plan if one is near enough, else any node."""
+        nearby = [node for node in plan_neighbourhood(graph, prior.plan) if node not in prior.doubted]
+        if nearby:
+            localisation = self._best_among(nearby, features, prior, LOCAL)
+            if localisation.node is not None:
+                return localisation
+        return self._best_among(prior.candidates(graph), features, prior, GLOBAL)
+
+    def _best_among(
+        self, nodes: Sequence[NodeId], features: Features, prior: LocalisationPrior, scope: str
+    ) -> Localisation:
+        matches = self._believable(features, self._matcher.match(features, nodes))
+        if prior.trail is not None:
+            matches = self._reject_off_trail(matches, prior.trail)
+        return self._best(matches, scope)
+
+    def nearest_nodes(
+        self, features: Features, graph: TopologicalGraph, count: int
+    ) -> tuple[tuple[NodeId, float], ...]:
+        """Return the `count` nodes that look most like the image (1, F), best first, with their reachability."""
+        matches = self._matcher.match(features, tuple(graph.nodes))
+        order = np.argsort(self._scores(matches), kind="stable")[:count]
+        return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)
+
+    def _scores(self, matches: Matches) -> np.ndarray:
+        doubt = -np.log(np.maximum(matches.reachability, _MIN_REACHABILITY))
+        return matches.distances + self._config.reachability_weight * doubt
+
+    def _near_enough(self, matches: Matches) -> np.ndarray:
+        return (matches.distances < self._config.distance) & (matches.reachability > self._config.reachability)
+
+    def _believable(self, features: Features, matches: Matches) -> Matches:
+        """Lower r of the best nodes to what their neighbours in time confirm; the rest cannot win any more."""
+        candidates = np.flatnonzero(self._near_enough(matches))
+        if not self._config.shortlist or not len(candidates):
+            return matches
+        order = np.argsort(self._scores(matches)[candidates], kind="stable")
+        return self._matcher.with_node_support(matches.take(candidates[order[: self._config.shortlist]]), features)
+
+    def _reject_off_trail(self, matches: Matches, trail: ObservationSequence) -> Matches:
+        """Take all trust from the best nodes up to the first that fits to the way here."""
+        candidates = np.flatnonzero(self._near_enough(matches))
+        trusted = matches.reachability.copy()
+        for k in candidates[np.argsort(self._scores(matches)[candidates], kind="stable")]:
+            if fits_trail(self._loop_closures, trail, matches.nodes[k], matches.waypoints[k], self._config):
+                break
+            trusted[k] = 0.0
+        return matches.with_reachability(trusted)
+
+    def _best(self, matches: Matches, scope: str) -> Localisation:
+        return best_localisation(matches, self._scores(matches), self._near_enough(matches), scope)
+
+
+def fits_trail(
+    loop_closures: LoopClosureVerifier,
+    trail: ObservationSequence | None,
+    node: NodeId,
+    waypoint: Waypoint,
+    config: LocalisingConfig,
+    *,
+    to_blame: bool = False,
+) -> bool:
+    """Tell whether a node seen at `waypoint` (3,) may be there, after all that was seen on the way here.
+
+    More must speak against it where an edge is `to_blame`.
+    """
+    min_pairs = _MIN_OBSERVATIONS_TO_BLAME if to_blame else _MIN_OBSERVATIONS
+    criterion = AgreementCriterion(config.trail_reach, config.trail_share, min_pairs)
+    return trail is None or not config.trail_reach or loop_closures.fits(trail, node, waypoint, criterion)
+
+
+def trail_fit_mask(
+    matcher: Matcher, trail: ObservationSequence | None, matches: Matches, config: LocalisingConfig
+) -> NDArray[np.bool_]:
+    """Tell (N,) which matches may be where they seem, after all that was seen on the way here."""
+    loop_closures = LoopClosureVerifier(matcher)
+    pairs = zip(matches.nodes, matches.waypoints, strict=True)
+    return np.array([fits_trail(loop_closures, trail, *pair, config) for pair in pairs], bool)
+
+
+def best_localisation(
+    matches: Matches, scores: NDArray[np.float64], passing: NDArray[np.bool_], scope: str
+) -> Localisation:
+    """Return the match with the lowest score (N,) among those that pass (N,), and how sure that is.
+
+    Where none passes the best of all is reported without a node, so that one can see how far off it was.
+    """
+    if not len(matches):
+        return Localisation(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
+    order = np.lexsort((scores, ~passing))
+    best, second = order[0], order[1] if len(order) > 1 else None
+    return Localisation(
+        matches.nodes[best] if passing[best] else None,
+        float(matches.distances[best]),
+        float(matches.reachability[best]),
+        matches.waypoints[best],
+        None if second is None else matches.nodes[second],
+        np.inf if second is None else float(scores[second] - scores[best]),
+        scope,
+    )
+
+
+def plan_neighbourhood(graph: TopologicalGraph, plan: Sequence[NodeId]) -> tuple[NodeId, ...]:
+    """Return the nodes of a plan and their neighbours, those still in the map."""
+    nodes = dict.fromkeys(node for node in plan if node in graph.nodes)
+    nodes |= dict.fromkeys(neighbour for node in plan for neighbour in graph.successors(node))
+    return tuple(nodes)

@@ -1,0 +1,115 @@
+"""Loop closures: where two stretches of driving are said to meet, they must fit along both, not at one place alone.
+
+Two rooms may look alike from one place; what is seen a metre on, or after a turn, tells them apart. Odometry over so
+short a stretch is exact, so a match foretells how the images around its ends lie to each other, and the network is
+asked whether they do. Owns that question (ours), for edges between two passes of a drive and for the robot on its way.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import compose, distance, relative, wrap_angle
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.types import Features, FrameId, Waypoint
+
+_PAIRS = 8
+"""So many pairs of images are asked about one match, those farthest from its ends."""
+_NEAR = 0.9
+"""Images that should lie within this d are asked about."""
+_GAP_M, _GAP_RAD = 0.35, 0.35
+"""An answer may be off by so much."""
+_MIN_REACHABILITY = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObservationSequence:
+    """Images taken on the way past one place, without the one taken there."""
+
+    features: Features
+    """(K, F)."""
+    poses: Waypoint
+    """(K, 3): where odometry puts them, seen from that place."""
+
+
+class AgreementCriterion(NamedTuple):
+    """What counts as fitting."""
+
+    reach: int
+    """So many images of the drive before and after a node take part."""
+    min_share: float
+    """Of the images that should see each other so many must, and where they should."""
+    min_pairs: int
+    """Where fewer should see each other, nothing can be said."""
+
+
+class LoopClosureVerifier:
+    """Asks whether a match fits along the way."""
+
+    def __init__(self, matcher: Matcher) -> None:
+        """Ask through `matcher`, whose views hold the drives."""
+        self._matcher, self._keyframes = matcher, matcher.keyframes
+        self._edges = AgreementCriterion(matcher.config.closure_reach, matcher.config.closure_share, min_pairs=3)
+
+    def verified(self, frame: FrameId, matches: Matches, asked: NDArray[np.bool_]) -> Matches:
+        """Return the matches of a held frame; those of `asked` (N,) that do not fit along the drive lose all trust.
+
+        Images close in time need no such proof.
+        """
+        reach = self._edges.reach
+        if not reach or not asked.any():
+            return matches
+        trusted, here = matches.reachability.copy(), None
+        near = set(self._keyframes.temporal_window(frame, reach))
+        for k in np.flatnonzero(asked):
+            if matches.nodes[k] not in near:
+                here = here or self._sequence_around(frame, reach)
+                trusted[k] *= self.fits(here, matches.nodes[k], matches.waypoints[k], self._edges)
+        return matches.with_reachability(trusted)
+
+    def fits(self, here: ObservationSequence, node: FrameId, waypoint: Waypoint, criterion: AgreementCriterion) -> bool:
+        """Tell whether a node at `waypoint` (3,) fits to the stretch that leads here; True where none can say."""
+        there = self._sequence_around(node, criterion.reach)
+        first, second, expected = _expected_overlaps(here.poses, compose(waypoint, there.poses))
+        if len(first) < criterion.min_pairs:
+            return True
+        agreed = self._pairs_agree(here.features[first], there.features[second], expected)
+        return bool(agreed.mean() >= criterion.min_share)
+
+    def _sequence_around(self, frame: FrameId, reach: int) -> ObservationSequence:
+        """Return what the drive saw before and after a frame."""
+        beside = self._keyframes.temporal_window(frame, reach)
+        odometry = np.array([self._keyframes.observation(other).odometry for other in beside]).reshape(-1, 3)
+        return ObservationSequence(
+            self._keyframes.features(beside), relative(self._keyframes.observation(frame).odometry, odometry)
+        )
+
+    def _pairs_agree(self, first: Features, second: Features, expected: Waypoint) -> NDArray[np.bool_]:
+        """Tell for P pairs of images whether the network sees them as they should lie, (P, 3), one way or the other."""
+        reachability, waypoints = self._matcher.match_pairs(first, second)
+        gap = relative(expected, waypoints)
+        near = (np.hypot(gap[:, 0], gap[:, 1]) < _GAP_M) & (np.abs(wrap_angle(gap[:, 2])) < _GAP_RAD)
+        return near & (reachability > _MIN_REACHABILITY)
+
+
+def _expected_overlaps(here: Waypoint, there: Waypoint) -> tuple[NDArray[np.intp], NDArray[np.intp], Waypoint]:
+    """Return which of (K, 3) and (L, 3) images should see each other, and how they should lie, (P, 3)."""
+    lie = relative(here[:, None], there[None])
+    far = np.linalg.norm(here[:, :2], axis=-1)[:, None] + np.linalg.norm(there[:, :2], axis=-1)[None]
+    first, second = np.nonzero(distance(lie) < _NEAR)
+    rows = _disjoint_pairs(first, second, np.argsort(-far[first, second], kind="stable"))
+    return first[rows], second[rows], lie[first[rows], second[rows]]
+
+
+def _disjoint_pairs(first: NDArray[np.intp], second: NDArray[np.intp], order: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the first few pairs in order in which no image takes part twice."""
+    chosen, used_first, used_second = list[int](), set[int](), set[int]()
+    for k in order.tolist():
+        a, b = int(first[k]), int(second[k])
+        if a not in used_first and b not in used_second and len(chosen) < _PAIRS:
+            chosen.append(k)
+            used_first.add(a)
+            used_second.add(b)
+    return np.array(chosen, np.intp)

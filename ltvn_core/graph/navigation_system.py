@@ -1,0 +1,132 @@
+"""A navigation system as the paper's Table I takes it apart: five strategies that can be exchanged one by one.
+
+Owns the interfaces alone. The paper's own strategies are put together in `graph.ltvn`, its rivals' in `graph.rivals`;
+the navigator drives whatever `NavigationSystem` it is given. The other systems of the table fit by replacing, in
+`ltvn(method)`:
+
+| system | build | edge_weight | subgoal | localise | maintenance |
+|---|---|---|---|---|---|
+| Meng et al. | greedy anchors, the last frame still reachable | -ln p | first node | r of the next anchors | none |
+| SGM | two-way consistent merging, then 5 nearest out-edges | hops | first node | nearest | delete what failed |
+| SoRB | all images, edge if d < MAXDIST | d | first node | nearest | none |
+| HTM | images drawn from a generative model | 1 / normalised score | first node | best score | none |
+| LEAP | none: its subgoals are optimised for each query | - | optimised | - | none |
+| BRM | rooms and objects instead of images | -ln p | next room | classifier | Bayes on counts, from `after_attempt` |
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import Localisation, LocalisationPrior
+from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.planner import EdgeWeight
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
+
+Deltas: TypeAlias = tuple[GraphDelta, ...]
+"""Changes of the map in order; none if nothing changes."""
+
+
+class BuildStrategy(Protocol):
+    """Which images become nodes, and which edges join them."""
+
+    def __call__(
+        self,
+        observations: Sequence[Observation],
+        keyframes: KeyframeStore,
+        predictor: Predictor,
+        *,
+        rng: np.random.Generator,
+        goals: Collection[FrameId] = (),
+        progress: ProgressCallback | None = None,
+    ) -> Deltas:
+        """Return the deltas of a new map; `keyframes` then holds its images, and all `goals` are nodes or in reserve.
+
+        Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
+        """
+        ...
+
+
+class LocalisationStrategy(Protocol):
+    """Which node the robot is at."""
+
+    def __call__(
+        self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
+    ) -> Localisation:
+        """Compare the current image (1, F) with the map, in the light of what the query has shown so far."""
+        ...
+
+
+class SubgoalStrategy(Protocol):
+    """Which node of a planned path the robot drives to next."""
+
+    def __call__(self, path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
+        """Return an index of `path`, at least 1; the path has two nodes or more and begins where the robot is.
+
+        `reachability` says how reachable a node looks from here; each node asked costs a comparison.
+        """
+        ...
+
+
+class MaintenanceStrategy(Protocol):
+    """What driving does to the map."""
+
+    def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
+        """Learn from an attempt. Its ends need not be joined by an edge where the subgoal lies farther ahead."""
+        ...
+
+    def no_path(
+        self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
+    ) -> Deltas:
+        """Look for a way where the map has none; asked once per source and query."""
+        ...
+
+    def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
+        """Make use of an image nobody recognised; if it becomes a node the navigator keeps its view."""
+        ...
+
+
+class NoMaintenance:
+    """The maintenance of a system that has none: the map stays as it was built."""
+
+    def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
+        """Learn nothing."""
+        return ()
+
+    def no_path(
+        self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
+    ) -> Deltas:
+        """Search nothing."""
+        return ()
+
+    def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
+        """Add nothing."""
+        return ()
+
+
+def choose_first_node(path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
+    """Choose the node that comes first on the path, as the paper and most of its rivals do."""
+    return 1
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationSystem:
+    """A navigation system: what it does in its own way, and the thresholds of all the rest."""
+
+    name: str
+    """What reports call it."""
+    method: Method
+    """Thresholds of what is not exchanged: comparing images, the controller, judging, recovering."""
+    build: BuildStrategy
+    edge_weight: EdgeWeight
+    localise: LocalisationStrategy
+    subgoal: SubgoalStrategy
+    maintenance: MaintenanceStrategy

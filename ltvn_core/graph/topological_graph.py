@@ -1,0 +1,240 @@
+"""The map: nodes, directed edges with beliefs, and the reserve T'. Changed only by `apply`.
+
+Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node or in the
+reserve but never both, and a name belongs to one node. Does not own images or features (`graph.views`) nor decisions
+(`graph.builder`, `graph.maintenance`).
+"""
+
+import math
+from collections.abc import Callable, Iterable, KeysView, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, Self, TypeAlias
+
+from ltvn_core.errors import MapError
+from ltvn_core.graph.deltas import (
+    Belief,
+    BeliefUpdated,
+    Cause,
+    Edge,
+    EdgeAdded,
+    EdgeProtected,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    GraphDelta,
+    Node,
+    NodeAdded,
+    NodeDropped,
+    NodeNamed,
+)
+from ltvn_core.types import FrameId, NodeId
+
+EdgeKey: TypeAlias = tuple[NodeId, NodeId]
+"""An edge is named by its source and its target."""
+
+
+class TopologicalGraph:
+    """A directed graph of places that changes by deltas alone; two graphs are equal if they hold the same things."""
+
+    def __init__(self, deltas: Iterable[GraphDelta] = ()) -> None:
+        """Fold `deltas`, in order, into a graph; raise MapError at the first that does not fit."""
+        self._nodes: dict[NodeId, Node] = {}
+        self._edges: dict[EdgeKey, Edge] = {}
+        self._reserve: dict[FrameId, None] = {}
+        self._names: dict[str, NodeId] = {}
+        self._successors: dict[NodeId, dict[NodeId, None]] = {}
+        self._predecessors: dict[NodeId, dict[NodeId, None]] = {}
+        self._version = 0
+        for delta in deltas:
+            self.apply(delta)
+
+    @property
+    def nodes(self) -> Mapping[NodeId, Node]:
+        """All nodes by id, oldest first; read only."""
+        return MappingProxyType(self._nodes)
+
+    @property
+    def edges(self) -> Mapping[EdgeKey, Edge]:
+        """All edges by (source, target), oldest first; read only."""
+        return MappingProxyType(self._edges)
+
+    @property
+    def reserve(self) -> KeysView[FrameId]:
+        """T': frames that are no nodes but may become some."""
+        return self._reserve.keys()
+
+    @property
+    def names(self) -> Mapping[str, NodeId]:
+        """Nodes that a person named, by name; read only."""
+        return MappingProxyType(self._names)
+
+    @property
+    def version(self) -> int:
+        """How many deltas were applied; a cache is stale when this differs."""
+        return self._version
+
+    def successors(self, node: NodeId) -> KeysView[NodeId]:
+        """Nodes that an edge leads to from `node`; empty for a stranger."""
+        return self._successors.get(node, {}).keys()
+
+    def predecessors(self, node: NodeId) -> KeysView[NodeId]:
+        """Nodes from which an edge leads to `node`; empty for a stranger."""
+        return self._predecessors.get(node, {}).keys()
+
+    def apply(self, delta: GraphDelta) -> None:
+        """Change the map; raise MapError and leave it as it was if the delta does not fit."""
+        _CHANGES[type(delta)](self, delta)
+        self._version += 1
+
+    def deltas(self, cause: Cause = Cause.LOAD) -> tuple[GraphDelta, ...]:
+        """Return the shortest history whose fold equals this graph."""
+        history: list[GraphDelta] = [NodeAdded(node, cause) for node in self._nodes.values()]
+        history += [EdgeAdded(edge, cause) for edge in self._edges.values()]
+        if self._reserve:
+            history.append(FramesReserved(tuple(self._reserve), cause))
+        return tuple(history)
+
+    def copy(self) -> Self:
+        """Return an independent graph with the same content and version; much faster than a fold."""
+        clone = type(self)()
+        # Nodes and edges never change, so both graphs may hold the same ones.
+        clone._nodes, clone._edges, clone._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
+        clone._names = self._names.copy()
+        clone._successors = {node: targets.copy() for node, targets in self._successors.items()}
+        clone._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
+        clone._version = self._version
+        return clone
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, TopologicalGraph):
+            return NotImplemented
+        return (self._nodes, self._edges, self._reserve) == (other._nodes, other._edges, other._reserve)
+
+    __hash__ = None  # type: ignore[assignment]  # A graph changes, so it cannot be a key.
+
+    def __repr__(self) -> str:
+        return f"TopologicalGraph({len(self._nodes)} nodes, {len(self._edges)} edges, {len(self._reserve)} in reserve)"
+
+    def _add_node(self, delta: NodeAdded) -> None:
+        frame = delta.node.id
+        _require(frame not in self._nodes, f"Node {frame} is in the map already.")
+        _require(frame not in self._reserve, f"Frame {frame} is in the reserve; release it before it becomes a node.")
+        self._give_name(frame, delta.node.name)
+        self._nodes[frame] = delta.node
+        self._successors[frame] = {}
+        self._predecessors[frame] = {}
+
+    def _drop_node(self, delta: NodeDropped) -> None:
+        self._require_node(delta.node)
+        incident = [(delta.node, other) for other in self._successors[delta.node]]
+        incident += [(other, delta.node) for other in self._predecessors[delta.node]]
+        for source, target in incident:
+            self._remove_edge(source, target)
+        self._names.pop(self._nodes[delta.node].name, None)
+        del self._nodes[delta.node], self._successors[delta.node], self._predecessors[delta.node]
+
+    def _add_edge(self, delta: EdgeAdded) -> None:
+        edge = delta.edge
+        self._require_node(edge.source)
+        self._require_node(edge.target)
+        if edge.source == edge.target:
+            raise MapError(f"Node {edge.source} cannot have an edge to itself.")
+        if edge.target in self._successors[edge.source]:
+            raise MapError(f"{_name(edge)} is in the map already.")
+        if not all(map(math.isfinite, edge.waypoint)):
+            raise MapError(f"{_name(edge)} has a waypoint that is not finite.")
+        _check_edge(edge)
+        self._edges[edge.source, edge.target] = edge
+        self._successors[edge.source][edge.target] = None
+        self._predecessors[edge.target][edge.source] = None
+
+    def _update_belief(self, delta: BeliefUpdated) -> None:
+        edge = self._existing(delta.source, delta.target)
+        changed = replace(edge, belief=delta.belief, attempts=delta.attempts, successes=delta.successes)
+        _check_edge(changed)
+        self._edges[delta.source, delta.target] = changed
+
+    def _prune_edge(self, delta: EdgePruned) -> None:
+        edge = self._existing(delta.source, delta.target)
+        by_hand = delta.cause in (Cause.HAND, Cause.LOAD)
+        _require(by_hand or not edge.protected, f"{_name(edge)} is protected; only a person may prune it.")
+        self._remove_edge(delta.source, delta.target)
+
+    def _protect_edge(self, delta: EdgeProtected) -> None:
+        edge = self._existing(delta.source, delta.target)
+        self._edges[delta.source, delta.target] = replace(edge, protected=delta.protected)
+
+    def _name_node(self, delta: NodeNamed) -> None:
+        self._require_node(delta.node)
+        node = self._nodes[delta.node]
+        self._give_name(delta.node, delta.name)
+        if node.name != delta.name:
+            self._names.pop(node.name, None)
+        self._nodes[delta.node] = replace(node, name=delta.name, goal=delta.goal)
+
+    def _give_name(self, node: NodeId, name: str) -> None:
+        if name:
+            holder = self._names.get(name, node)
+            _require(holder == node, f"Node {holder} is called {name!r} already; a name belongs to one node.")
+            self._names[name] = node
+
+    def _remove_edge(self, source: NodeId, target: NodeId) -> None:
+        del self._edges[source, target]
+        del self._successors[source][target]
+        del self._predecessors[target][source]
+
+    def _add_reserve(self, delta: FramesReserved) -> None:
+        for frame in delta.frames:
+            _require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be in the reserve.")
+            _require(frame not in self._reserve, f"Frame {frame} is in the reserve already.")
+        self._reserve.update(dict.fromkeys(delta.frames))
+
+    def _release(self, delta: FramesReleased) -> None:
+        for frame in delta.frames:
+            _require(frame in self._reserve, f"Frame {frame} is not in the reserve.")
+        for frame in delta.frames:
+            self._reserve.pop(frame, None)
+
+    def _require_node(self, node: NodeId) -> None:
+        if node not in self._nodes:
+            raise MapError(f"Node {node} is not in the map, which has {len(self._nodes)} nodes.")
+
+    def _existing(self, source: NodeId, target: NodeId) -> Edge:
+        if (source, target) not in self._edges:
+            raise MapError(f"Edge {source} -> {target} is not in the map.")
+        return self._edges[source, target]
+
+
+def _check_edge(edge: Edge) -> None:
+    """Raise MapError for an edge that cannot be; the words are only made then, for maps are folded from many edges."""
+    belief: Belief = edge.belief
+    counts = 0 <= edge.successes <= edge.attempts
+    if counts and 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf:
+        return
+    _require(0 <= belief.p <= 1, f"{_name(edge)} has p = {belief.p}; it must lie in [0, 1].")
+    _require(0 <= belief.mu < math.inf, f"{_name(edge)} has mu = {belief.mu}; it must be finite and not negative.")
+    _require(0 < belief.sigma2 < math.inf, f"{_name(edge)} has sigma2 = {belief.sigma2}; it must be positive.")
+    _require(counts, f"{_name(edge)} counts {edge.successes} successes in {edge.attempts} attempts.")
+
+
+def _name(edge: Edge) -> str:
+    return f"Edge {edge.source} -> {edge.target}"
+
+
+def _require(holds: bool, otherwise: str) -> None:
+    if not holds:
+        raise MapError(otherwise)
+
+
+_CHANGES: dict[type, Callable[[TopologicalGraph, Any], None]] = {
+    NodeAdded: TopologicalGraph._add_node,
+    NodeDropped: TopologicalGraph._drop_node,
+    EdgeAdded: TopologicalGraph._add_edge,
+    BeliefUpdated: TopologicalGraph._update_belief,
+    EdgePruned: TopologicalGraph._prune_edge,
+    EdgeProtected: TopologicalGraph._protect_edge,
+    NodeNamed: TopologicalGraph._name_node,
+    FramesReserved: TopologicalGraph._add_reserve,
+    FramesReleased: TopologicalGraph._release,
+}

@@ -1,0 +1,158 @@
+"""One leg: drive to a waypoint, looking again on the way, and say why it ended.
+
+Owns the loop between two control steps. Does not judge whether the leg reached its node.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ltvn_core.config import DrivingConfig
+from ltvn_core.geometry import compose, relative
+from ltvn_core.navigation.controller import drives_backwards, steer
+from ltvn_core.navigation.detour import find_detour, path_clearance_m
+from ltvn_core.navigation.events import AttemptEnd, Event, Tick
+from ltvn_core.navigation.motion import MotionExecutor
+from ltvn_core.navigation.obstacle_avoidance import collision_free_command
+from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points, transform_points
+from ltvn_core.navigation.perception import Perception
+from ltvn_core.types import Intrinsics, NodeId, Pose, Twist, Waypoint
+
+_MAX_WAYPOINT_M = 2.5
+"""No waypoint is believed beyond the range in which the network learned."""
+_DETOUR_TOLERANCE_M = 0.04
+"""Where a way is narrow enough to need a bend, the bend must be where it was meant to be."""
+_FRAMES_AROUND_NODE = 8
+"""So many images of the drive before and after a node tell what stands around it."""
+_FINAL_APPROACH_M = 0.3
+"""So near, the waypoint is not predicted anew."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AttemptResult:
+    """How a leg ended."""
+
+    end: AttemptEnd
+    steps: int
+    goal: Pose
+    """(3,): the waypoint last driven to, in the odometry frame."""
+
+
+class AttemptDriver:
+    """Drives one leg."""
+
+    def __init__(
+        self, motion: MotionExecutor, perception: Perception, config: DrivingConfig, intrinsics: Intrinsics
+    ) -> None:
+        """Drive with `motion`, looking through `perception`."""
+        self._motion = motion
+        self._perception = perception
+        self._config, self._detour_config = config, replace(config, position_tolerance_m=_DETOUR_TOLERANCE_M)
+        self._intrinsics, self._obstacles = intrinsics, ObstacleMemory(intrinsics)
+        self._backwards = self._turned_round = False
+        self._detour: Pose | None = None
+        self._detours_left = 0
+
+    def drive(self, target: NodeId, waypoint: Waypoint) -> Generator[Event | Tick, None, AttemptResult]:
+        """Drive to a waypoint (3,) given in the robot's frame now, at which `target` should be."""
+        motion, config = self._motion, self._config
+        goal = compose(motion.odometry, clip_waypoint(waypoint))
+        collisions_before = motion.collisions
+        self._reset(target, waypoint)
+        for step in range(config.leg_steps):
+            if self._needs_new_waypoint(step, goal):
+                node_match = self._perception.node_match(target)
+                if node_match.reachability < config.lost_reachability:
+                    return AttemptResult(AttemptEnd.LOST, step, goal)
+                goal = compose(motion.odometry, clip_waypoint(node_match.waypoint))
+            twist = self._next(goal)
+            if isinstance(twist, AttemptEnd):
+                return AttemptResult(twist, step, goal)
+            yield from motion.move(twist)
+            if motion.collisions > collisions_before or (step == 0 and motion.in_collision and twist.linear_m_s):
+                self._obstacles.bump(motion.odometry, backwards=twist.linear_m_s < 0)
+                yield from self._back_off(backwards=twist.linear_m_s < 0)
+                return AttemptResult(AttemptEnd.COLLISION, step + 1, goal)
+        return AttemptResult(AttemptEnd.TIMEOUT, config.leg_steps, goal)
+
+    def _needs_new_waypoint(self, step: int, goal: Pose) -> bool:
+        if self._turned_round:
+            return False  # The node is behind the robot, where it cannot be seen.
+        every = self._config.look_every_steps
+        left = relative(self._motion.odometry, goal)
+        return bool(every and step and step % every == 0 and np.hypot(left[0], left[1]) > _FINAL_APPROACH_M)
+
+    def _reset(self, target: NodeId, waypoint: Waypoint) -> None:
+        """Forget how the last leg went."""
+        behind = drives_backwards(waypoint)
+        self._turned_round = behind and self._is_narrow(target, waypoint)
+        self._backwards = behind and not self._turned_round
+        self._detour, self._detours_left = None, self._config.bends
+
+    def _is_narrow(self, target: NodeId, waypoint: Waypoint) -> bool:
+        """Tell whether a way back is narrow; the mapping drive saw what is there, the robot's own camera cannot."""
+        if not self._config.back_up_clearance_m:
+            return False
+        seen = [
+            transform_points(obstacle_points(image.depth, self._intrinsics), compose(waypoint, pose))
+            for image, pose in self._perception.observations_around(target, _FRAMES_AROUND_NODE)
+        ]
+        return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m
+
+    def _next(self, goal: Pose) -> Twist | AttemptEnd:
+        """Return the next command, or how the leg ends here."""
+        while True:
+            aim, config = (goal, self._config) if self._detour is None else (self._detour, self._detour_config)
+            error = relative(self._motion.odometry, aim)
+            twist = steer(error, config, backwards=self._backwards)
+            if twist is None:
+                if self._detour is None:
+                    return AttemptEnd.REACHED
+                self._detour = None
+                continue
+            free = self.avoid_obstacles(twist, float(np.hypot(error[0], error[1])))
+            if free is not None:
+                return free
+            if not self._try_another_way(goal):
+                return AttemptEnd.BLOCKED
+
+    def _try_another_way(self, goal: Pose) -> bool:
+        """Turn round where backing up is blocked, for the camera looks ahead; else look for a bend, a few times."""
+        if not self._detours_left:
+            return False
+        if self._backwards:
+            self._backwards, self._turned_round = False, True
+            return True
+        self._detours_left -= 1
+        self._detour = self._plan_detour(goal)
+        return self._detour is not None
+
+    def _plan_detour(self, goal: Pose) -> Pose | None:
+        """Return where to turn, and how to stand there, on the way to a pose (3,) that is not straight ahead."""
+        odometry, ahead = self._motion.odometry, relative(self._motion.odometry, goal)[:2]
+        place = find_detour(ahead, self._obstacles.nearby_points(odometry))
+        if place is None:
+            return None
+        onward = ahead - place
+        return compose(odometry, np.array([*place, np.arctan2(onward[1], onward[0])]))
+
+    def avoid_obstacles(self, twist: Twist, length_m: float) -> Twist | None:
+        """Return a command as near to `twist` as what stands around allows, None if nothing does."""
+        if not self._config.depth_veto or not twist.linear_m_s:
+            return twist
+        if self._obstacles.is_outdated(self._motion.odometry):
+            self._obstacles.add(self._perception.observation)
+        points = self._obstacles.nearby_points(self._motion.odometry, backwards=twist.linear_m_s < 0)
+        return collision_free_command(twist, points, length_m, self._config)
+
+    def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
+        length_m = self._config.back_off_m if backwards else -self._config.back_off_m
+        yield from self._motion.drive_straight(length_m, self._config.speed_m_s / 2)
+
+
+def clip_waypoint(waypoint: Waypoint) -> Waypoint:
+    """Return a waypoint (3,) no farther away than any the network was trained on."""
+    length_m = float(np.hypot(waypoint[0], waypoint[1]))
+    scale = min(1.0, _MAX_WAYPOINT_M / length_m) if length_m > 0 else 1.0
+    return np.array([waypoint[0] * scale, waypoint[1] * scale, waypoint[2]])

@@ -1,0 +1,67 @@
+"""What a navigator thinks with: the map, the images of its nodes, the network and the system, in one place.
+
+Owns the one way in which the map changes while the robot navigates. Decides nothing.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.types import Intrinsics, Predictor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavigationContext:
+    """Everything that outlives one query."""
+
+    graph: TopologicalGraph
+    keyframes: KeyframeStore
+    predictor: Predictor
+    system: NavigationSystem
+    rng: np.random.Generator
+    intrinsics: Intrinsics
+    matcher: Matcher
+    planner: Planner
+    loop_closures: LoopClosureVerifier
+    attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+    """Numbers the legs."""
+
+    @property
+    def method(self) -> Method:
+        """The system's thresholds."""
+        return self.system.method
+
+    @classmethod
+    def create(
+        cls,
+        graph: TopologicalGraph,
+        keyframes: KeyframeStore,
+        predictor: Predictor,
+        system: NavigationSystem,
+        rng: np.random.Generator,
+        intrinsics: Intrinsics,
+    ) -> "NavigationContext":
+        """Put the parts together."""
+        matcher = Matcher(predictor, keyframes, system.method.matching)
+        planner = Planner(graph, system.method.planning, weight=system.edge_weight)
+        return cls(graph, keyframes, predictor, system, rng, intrinsics, matcher, planner, LoopClosureVerifier(matcher))
+
+    def apply_deltas(
+        self, deltas: Iterable[GraphDelta], query: int, attempt: int | None = None
+    ) -> Iterator[GraphChanged]:
+        """Apply deltas to the map, each with its event."""
+        for delta in deltas:
+            self.graph.apply(delta)
+            self.planner.mirror_delta(delta)
+            yield GraphChanged(delta, query, attempt)

@@ -1,0 +1,225 @@
+"""Everything that happens while the robot navigates, as data.
+
+The navigator yields these; the recording stores them; the page and the analysis read them back. An event says what
+happened and the numbers that decided it, so that "why" can be answered later without running anything again.
+`StampedEvent` adds the moment. Owns no behaviour.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple, TypeAlias
+
+from ltvn_core.graph.deltas import GraphDelta, PoseRow
+from ltvn_core.types import FrameId, NodeId
+
+
+class NavigatorState(StrEnum):
+    """What the navigator is doing."""
+
+    IDLE = "idle"
+    LOCALISING = "localising"
+    PLANNING = "planning"
+    DRIVING = "driving"
+    JUDGING = "judging"
+    RECOVERING = "recovering"
+
+
+class AttemptEnd(StrEnum):
+    """Why the robot stopped driving towards a subgoal."""
+
+    REACHED = "reached"
+    """The controller's waypoint was reached."""
+    COLLISION = "collision"
+    """The bumper touched something."""
+    BLOCKED = "blocked"
+    """The depth image showed an obstacle in the way."""
+    TIMEOUT = "timeout"
+    """The leg used up its steps."""
+    LOST = "lost"
+    """The subgoal stopped looking reachable on the way."""
+    CANCELLED = "cancelled"
+    """A person took over."""
+
+
+OBSTRUCTED_ENDS = (AttemptEnd.COLLISION, AttemptEnd.BLOCKED)
+"""Something was in the way."""
+
+
+class Outcome(StrEnum):
+    """How a query ended, as the robot sees it."""
+
+    ARRIVED = "arrived"
+    """The robot judged that it is at the goal; only the evaluation knows whether it is right."""
+    NO_PATH = "no path"
+    LOST = "lost"
+    STEP_LIMIT = "step limit"
+    COLLISION_LIMIT = "collision limit"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged:
+    """The navigator went over to another state."""
+
+    state: NavigatorState
+
+
+@dataclass(frozen=True, slots=True)
+class QueryStarted:
+    """A navigation task began."""
+
+    query: int
+    goal: NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class Localised:
+    """The robot compared the current image with the map."""
+
+    query: int
+    frame: FrameId
+    """The image that was compared."""
+    node: NodeId | None
+    """Where it thinks it is; None when no node is near enough."""
+    distance: float
+    """d of the best node, whether or not it was near enough; infinite in an empty map."""
+    reachability: float
+    runner_up: NodeId | None
+    margin: float
+    """Score of the runner-up minus score of the best; small means ambiguous. Infinite without a runner-up."""
+    scope: str
+    """Either "local", when a neighbour of the last plan matched, or "global"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """The planner found a path, or none when `nodes` is empty."""
+
+    query: int
+    nodes: tuple[NodeId, ...]
+    cost: float
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptStarted:
+    """The robot sets off towards a subgoal."""
+
+    query: int
+    attempt: int
+    """Counts legs within the recording."""
+    source: NodeId | None
+    """The node it starts from; None when it only approaches the localised node."""
+    target: NodeId
+    frame: FrameId
+    """The image o_a at departure."""
+    waypoint: PoseRow
+    """The target as predicted from that image."""
+    reachability: float
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptEnded:
+    """The robot stopped driving and judged the attempt."""
+
+    query: int
+    attempt: int
+    source: NodeId | None
+    target: NodeId
+    frame: FrameId
+    """The image o_d at arrival."""
+    end: AttemptEnd
+    distance: float
+    """d(w) from the arrival image to the target."""
+    reachability: float
+    succeeded: bool
+    reason: str
+    """Which rule decided, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Collided:
+    """The bumper touched something; once per touch."""
+
+    query: int
+    count: int
+    """Touches in this query so far."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphChanged:
+    """A delta was applied to the map."""
+
+    delta: GraphDelta
+    query: int | None = None
+    attempt: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class QueryEnded:
+    """A navigation task ended."""
+
+    query: int
+    goal: NodeId
+    outcome: Outcome
+    steps: int
+    collisions: int
+    path_m: float
+    """Driven length by odometry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """In simulation, the evaluation's verdict by the paper's criterion (0.72 m, 0.4 rad)."""
+
+    query: int
+    reached: bool
+    position_error_m: float
+    yaw_error_rad: float
+
+
+class Severity(StrEnum):
+    """How loud a note is."""
+
+    INFO = "INFO"
+    WARN = "WARN"
+    ERROR = "ERROR"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something a person should read in the log."""
+
+    text: str
+    severity: Severity = Severity.INFO
+
+
+Event: TypeAlias = (
+    StateChanged
+    | QueryStarted
+    | Localised
+    | Planned
+    | AttemptStarted
+    | AttemptEnded
+    | Collided
+    | GraphChanged
+    | QueryEnded
+    | Judged
+    | Note
+)
+
+
+class StampedEvent(NamedTuple):
+    """An event and its moment."""
+
+    step: FrameId
+    stamp: float
+    """Seconds on the robot's clock."""
+    event: Event
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """The navigator has commanded the robot and hands back control until the next control step.
+
+    Not an event: it is never recorded.
+    """

@@ -1,0 +1,70 @@
+"""Is this the goal? What looks like it must look so from aside too, and fit to what was seen on the way there.
+
+Owns the order of these questions. The rules are `nav.judgement` and `graph.loop_closures`.
+"""
+
+from ltvn_core.graph.localiser import fits_trail
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.events import Note, Severity
+from ltvn_core.navigation.judgement import goal_estimates_agree, is_at_goal
+from ltvn_core.navigation.motion import EventGenerator, MotionExecutor
+from ltvn_core.navigation.perception import NodeMatch, Perception
+from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.types import NodeId
+
+_RECHECK_TURN_RAD = 0.26
+_MAX_REJECTIONS = 4
+"""So often a second look may disagree in one query; a goal seen so often is taken for what it looks like."""
+
+
+class GoalCheck:
+    """Asks whether the robot is at the goal of a query."""
+
+    def __init__(
+        self,
+        context: NavigationContext,
+        motion: MotionExecutor,
+        perception: Perception,
+        goal: NodeId,
+        memory: QueryMemory,
+    ) -> None:
+        """Ask for `goal`; where it only seemed to be, `memory` forgets the plan that led there."""
+        self._context, self._judging = context, context.method.judging
+        self._motion, self._perception, self._goal, self._memory = motion, perception, goal, memory
+
+    def check(self) -> EventGenerator[bool]:
+        """Tell whether this is the goal; the robust method looks twice, and asks how it came here."""
+        first = self._perception.node_match(self._goal)
+        if not is_at_goal(first.reachability, first.waypoint, self._judging):
+            return False
+        if self._perception.with_node_support(self._goal).reachability <= self._judging.success_reachability:
+            return False
+        if not self._fits_trail(first):
+            self._memory.plan = ()
+            yield Note("It looked like the goal, but what it saw on the way here does not fit.", Severity.WARN)
+            return False
+        if not self._judging.second_look or self._memory.goal_rejections >= _MAX_REJECTIONS:
+            return True
+        return (yield from self._confirm_from_aside(first))
+
+    def _fits_trail(self, goal: NodeMatch) -> bool:
+        config = self._context.method.localising
+        return fits_trail(
+            self._context.loop_closures, self._perception.trail_from_here, self._goal, goal.waypoint, config
+        )
+
+    def _confirm_from_aside(self, first: NodeMatch) -> EventGenerator[bool]:
+        # The next time it looks to the other side, where there may be more to see.
+        aside, odometry = _RECHECK_TURN_RAD * (-1) ** self._memory.goal_rejections, self._motion.odometry
+        yield from self._turn(aside)
+        second = self._perception.node_match(self._goal)
+        if goal_estimates_agree(first.waypoint, odometry, second.waypoint, self._motion.odometry):
+            yield from self._turn(-aside)
+            return True
+        self._memory.goal_rejections += 1
+        self._memory.plan = ()
+        yield Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
+        return False
+
+    def _turn(self, angle_rad: float) -> EventGenerator[None]:
+        yield from self._motion.turn(angle_rad, self._context.method.driving.turn_rad_s)

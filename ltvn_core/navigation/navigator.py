@@ -1,0 +1,86 @@
+"""The navigator: from a goal node to a stream of events and ticks.
+
+Owns the beginning and the end of a query, and that the robot stands still afterwards whatever happened. What comes in
+between is `nav.task`. A query is a generator: it yields events, and a `Tick` whenever the caller should let one control
+step of 0.1 s pass.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.errors import MapError
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.events import Event, NavigatorState, QueryEnded, QueryStarted, StateChanged, Tick
+from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
+from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.query_runner import QueryRunner
+from ltvn_core.types import Intrinsics, NodeId, Observation, Predictor, Robot
+
+
+class Navigator:
+    """Drives a robot from picture to picture through a map, and keeps the map true."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        graph: TopologicalGraph,
+        keyframes: KeyframeStore,
+        predictor: Predictor,
+        method: Method,
+        rng: np.random.Generator,
+        *,
+        intrinsics: Intrinsics | None = None,
+        system: NavigationSystem | None = None,
+    ) -> None:
+        """Navigate in `graph`, whose images `keyframes` holds; both change on the way if the system maintains.
+
+        Without a `system` it is the paper's with `method`; with one, that system's own thresholds hold.
+        """
+        self._robot = robot
+        self._context = NavigationContext.create(
+            graph, keyframes, predictor, system or ltvn_system(method), rng, intrinsics or Intrinsics()
+        )
+        self._motion: MotionExecutor | None = None
+        self.view: Observation | None = None
+        """The picture it looked at last. Events name it by its step, so whoever records events records it too."""
+
+    def query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
+        """Drive to a node: yield events, and ticks at which the caller lets time pass.
+
+        Closing the iterator stops the robot at once and yields nothing more; `cancel` ends the query with its events.
+        Raises MapError at once if the goal is not in the map.
+        """
+        if goal not in self._context.graph.nodes:
+            count = len(self._context.graph.nodes)
+            raise MapError(f"Node {goal} is not in the map, which has {count} nodes; choose one of them as the goal.")
+        return self._query(goal, query)
+
+    def cancel(self) -> None:
+        """End the running query at its next control step."""
+        if self._motion is not None:
+            self._motion.cancelled = True
+
+    def _query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
+        motion = self._motion = MotionExecutor(self._robot, query, self._context.method.recovering)
+        perception = Perception(motion, self._context.predictor, self._context.matcher, self._saw)
+        try:
+            yield QueryStarted(query, goal)
+            try:
+                outcome = yield from QueryRunner(self._context, motion, perception, goal, query).run()
+            except QueryAborted as over:
+                outcome = over.outcome
+            motion.stop()
+            yield StateChanged(NavigatorState.IDLE)
+            yield QueryEnded(query, goal, outcome, motion.steps, motion.collisions, motion.path_m)
+        finally:
+            motion.stop()
+            self._motion = None
+
+    def _saw(self, observation: Observation) -> None:
+        self.view = observation

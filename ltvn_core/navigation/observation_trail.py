@@ -1,0 +1,44 @@
+"""What the robot saw on its way: the last few looks of a query, with the odometry of each.
+
+Owns which looks are kept. Odometry drifts, so only the last metres say anything about where the robot is now.
+"""
+
+from collections import deque
+
+import numpy as np
+
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.loop_closures import ObservationSequence
+from ltvn_core.types import Features, Pose
+
+_MAX_OBSERVATIONS = 24
+"""Looks."""
+_MIN_SPACING = 0.2
+"""A look nearer than this d to the last one shows nothing new."""
+_SAME_PLACE_DISTANCE = 0.2
+"""A look nearer than this d to where the robot is now was taken here, not on the way."""
+
+
+class ObservationTrail:
+    """The looks of one query."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._observations: deque[tuple[Pose, Features]] = deque(maxlen=_MAX_OBSERVATIONS)
+
+    def add(self, odometry: Pose, features: Features) -> None:
+        """Remember a look (1, F) from an odometry pose (3,), unless it was taken where the last one was."""
+        if not self._observations or distance(relative(self._observations[-1][0], odometry)) > _MIN_SPACING:
+            self._observations.append((odometry.copy(), features))
+
+    def clear(self) -> None:
+        """Begin anew, where the way here seems to have been misunderstood."""
+        self._observations.clear()
+
+    def relative_to(self, odometry: Pose) -> ObservationSequence | None:
+        """Return the looks as they lie from an odometry pose (3,), without those taken there; None without any."""
+        poses = relative(odometry, np.array([pose for pose, _ in self._observations]).reshape(-1, 3))
+        elsewhere = np.flatnonzero(distance(poses) > _SAME_PLACE_DISTANCE)
+        if not len(elsewhere):
+            return None
+        return ObservationSequence(np.concatenate([self._observations[k][1] for k in elsewhere]), poses[elsewhere])

@@ -1,0 +1,64 @@
+"""The veto: a command that would end in contact is bent until it does not, or refused. Pure functions.
+
+Owns the little arcs the robot could drive in the next moment. Plans nothing beyond that.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import DrivingConfig
+from ltvn_core.types import Twist
+
+ROBOT_RADIUS_M = 0.18
+_HORIZON_S = 0.8
+_STEPS = 6
+_TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
+"""How much an arc may be bent, the least first."""
+MAX_NOISE_POINTS = 2
+"""So many stray points are not believed."""
+CLEARANCE_TOLERANCE_M = 0.005
+_NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.01
+"""Where the way is too narrow for comfort the robot goes through slowly."""
+
+
+def collision_free_command(
+    twist: Twist, points: NDArray[np.float64], length_m: float, config: DrivingConfig
+) -> Twist | None:
+    """Return the command nearest to `twist` that touches none of the points (M, 2) within `length_m`.
+
+    Points are in the robot's frame. Returns None if every bend ends in contact; a turn on the spot never does.
+    """
+    if not twist.linear_m_s or len(points) <= MAX_NOISE_POINTS:
+        return twist
+    reach_m = min(length_m, abs(twist.linear_m_s) * _HORIZON_S)
+    for turn_offset in _TURN_OFFSETS_RAD_S if config.swerve else _TURN_OFFSETS_RAD_S[:1]:
+        turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
+        # A bend costs speed, so that there is time to see what comes into view.
+        adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
+        if _is_free(adjusted, points, reach_m, config.veto_margin_m):
+            return adjusted
+    slow = Twist(twist.linear_m_s * _NARROW_SPEED_FACTOR, twist.angular_rad_s)
+    return slow if _is_free(slow, points, reach_m, NARROW_MARGIN_M) else None
+
+
+def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, margin_m: float) -> bool:
+    now_m = _obstacle_distances_m(np.zeros((1, 2)), points)[0]
+    then_m = _obstacle_distances_m(_arc(twist, reach_m), points)
+    # A robot that is too near already may move away, but not nearer.
+    return bool(then_m.min() > min(ROBOT_RADIUS_M + margin_m, now_m - CLEARANCE_TOLERANCE_M))
+
+
+def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
+    """Return (_STEPS, 2) places on the way of a command."""
+    seconds = reach_m / abs(twist.linear_m_s)
+    yaw = twist.angular_rad_s * seconds * np.arange(1, _STEPS + 1) / _STEPS
+    along = twist.linear_m_s * seconds * np.arange(1, _STEPS + 1) / _STEPS
+    # A chord of the circle: as long as the arc times sinc, and turned by half its angle.
+    chord = along * np.sinc(yaw / (2 * np.pi))
+    return np.stack([chord * np.cos(yaw / 2), chord * np.sin(yaw / 2)], axis=-1)
+
+
+def _obstacle_distances_m(places: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (P,) metres from places (P, 2) to the nearest believable point."""
+    gaps = np.linalg.norm(places[:, None] - points, axis=-1)
+    return np.partition(gaps, MAX_NOISE_POINTS, axis=1)[:, MAX_NOISE_POINTS]

@@ -1,0 +1,104 @@
+"""What stands in the robot's way, as far as its depth images showed it in the last moments.
+
+Owns the points and for how long they are remembered: a door frame leaves the picture before the robot has passed it.
+Sees nothing that no image showed, and nothing low close by. Decides nothing: `nav.swerve` does.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative, rotation
+from ltvn_core.types import Depth, FrameId, Intrinsics, Observation, Pose
+
+_MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
+"""Between these heights above the floor things stop the robot."""
+_RELEVANT_RANGE_M = 1.5
+"""Things farther away cannot matter before the next image."""
+_REMEMBERED_IMAGES = 12
+_UPDATE_AFTER_M = 0.07
+_UPDATE_AFTER_RAD = 0.08
+"""An image shows what is ahead for longer than a control step; each costs as much as the rest of the step."""
+_EVERY_PIXEL = 2
+_COLLISION_MEMORY_STEPS = 100
+"""A touch is forgotten after so many control steps, because its place is a guess that may close a door."""
+_COLLISION_DISTANCE_M = 0.2
+_COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
+"""Each point counts three times, so that it is not taken for noise."""
+
+
+def obstacle_points(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]:
+    """Return (M, 2) x forward, y left of what a robot could touch nearby, from every second pixel."""
+    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+    rows, columns = np.nonzero((sparse > 0) & (sparse < _RELEVANT_RANGE_M))
+    metres = sparse[rows, columns].astype(np.float64)
+    left = -(columns * _EVERY_PIXEL + 0.5 - intrinsics.width / 2) / intrinsics.focal_px * metres
+    up = -(rows * _EVERY_PIXEL + 0.5 - intrinsics.height / 2) / intrinsics.focal_px * metres + intrinsics.height_m
+    solid = (up > _MIN_HEIGHT_M) & (up < _MAX_HEIGHT_M)
+    return np.stack([metres[solid], left[solid]], axis=-1)
+
+
+def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+    """Return (M, 2) points seen from a pose (3,), in the frame that the pose is given in."""
+    return points @ rotation(float(pose[2])).T + pose[:2]
+
+
+class _Collision(NamedTuple):
+    step: FrameId
+    rim: NDArray[np.float64]
+    """(M, 2) where the bumper was, in the odometry frame."""
+    backwards: bool
+
+
+class ObstacleMemory:
+    """Solid points of the last images, kept where odometry puts them."""
+
+    def __init__(self, intrinsics: Intrinsics) -> None:
+        """Know nothing yet."""
+        self._intrinsics = intrinsics
+        self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
+        self._collisions: deque[_Collision] = deque()
+        self._last_step = -1
+        self._last_pose: Pose | None = None
+
+    def is_outdated(self, odometry: Pose) -> bool:
+        """Tell whether a robot at `odometry` (3,) has moved so far since the last image that it should look again."""
+        if self._last_pose is None:
+            return True
+        gap = relative(self._last_pose, odometry)
+        return bool(np.hypot(gap[0], gap[1]) > _UPDATE_AFTER_M or abs(gap[2]) > _UPDATE_AFTER_RAD)
+
+    def add(self, observation: Observation) -> None:
+        """Remember what an image shows; the same image again changes nothing."""
+        if observation.step == self._last_step:
+            return
+        while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
+            self._collisions.popleft()
+        self._last_step, self._last_pose = observation.step, observation.odometry
+        here = obstacle_points(observation.depth, self._intrinsics)
+        pose = observation.odometry
+        self._seen.append(transform_points(here, pose))
+
+    def bump(self, odometry: Pose, *, backwards: bool) -> None:
+        """Remember that the bumper touched something before, or behind, a robot at `odometry` (3,).
+
+        No image need have shown it. Where on the bumper it was is unknown, so a narrow piece in the middle is believed;
+        what is wider is felt out touch by touch.
+        """
+        yaw = float(odometry[2]) + (np.pi if backwards else 0.0)
+        directions = yaw + _COLLISION_BEARINGS_RAD
+        rim = _COLLISION_DISTANCE_M * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+        self._collisions.append(_Collision(self._last_step, odometry[:2] + rim, backwards))
+
+    def nearby_points(self, odometry: Pose, *, backwards: bool = False) -> NDArray[np.float64]:
+        """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby.
+
+        What was touched while backing up counts only for backing up; for the way ahead the camera knows better.
+        """
+        collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
+        if not self._seen and not collision_points:
+            return np.empty((0, 2))
+        points = (np.concatenate([*self._seen, *collision_points]) - odometry[:2]) @ rotation(float(odometry[2]))
+        return points[np.abs(points).max(axis=1) < _RELEVANT_RANGE_M]

@@ -1,0 +1,95 @@
+"""What the robot sees now: one picture per control step, encoded at most once, compared with nodes on demand.
+
+Owns the current picture. Draws no conclusion.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.loop_closures import ObservationSequence
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.navigation.motion import MotionExecutor
+from ltvn_core.navigation.observation_trail import ObservationTrail
+from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Waypoint
+
+
+class NodeMatch(NamedTuple):
+    """A node as seen from here."""
+
+    reachability: float
+    distance: float
+    """d(w), Eq. 2."""
+    waypoint: Waypoint
+    """(3,): the node in the robot's frame."""
+
+    def with_waypoint(self, waypoint: Waypoint) -> "NodeMatch":
+        """Return the same sight with a better waypoint."""
+        return self._replace(waypoint=waypoint, distance=float(distance(waypoint)))
+
+
+class Perception:
+    """Looks through the robot's camera."""
+
+    def __init__(
+        self, motion: MotionExecutor, predictor: Predictor, matcher: Matcher, on_look: Callable[[Observation], None]
+    ) -> None:
+        """Look from `motion`; every new picture goes to `on_look`."""
+        self._motion = motion
+        self._predictor = predictor
+        self._matcher = matcher
+        self._on_look = on_look
+        self.trail = ObservationTrail()
+        """What was looked at on the way, as far as it was encoded."""
+        self._at_step = -1
+        self._observation: Observation | None = None
+        self._features: Features | None = None
+        self._node_matches: dict[NodeId, NodeMatch] = {}
+
+    @property
+    def observation(self) -> Observation:
+        """The current picture, a new one if the robot has moved since the last."""
+        if self._observation is None or self._at_step != self._motion.steps:
+            self._observation, self._at_step = self._motion.observe(), self._motion.steps
+            self._features, self._node_matches = None, {}
+            self._on_look(self._observation)
+        return self._observation
+
+    @property
+    def features(self) -> Features:
+        """(1, F) of the current picture."""
+        seen = self.observation
+        if self._features is None:
+            self._features = self._predictor.encode([seen])
+            self.trail.add(seen.odometry, self._features)
+        return self._features
+
+    @property
+    def trail_from_here(self) -> ObservationSequence | None:
+        """What was seen on the way, as it lies from where the robot is now."""
+        return self.trail.relative_to(self._motion.odometry)
+
+    def node_match(self, node: NodeId) -> NodeMatch:
+        """Compare the current picture with a node."""
+        image = self.features  # First, because a new picture forgets what the last one showed.
+        if node not in self._node_matches:
+            found = self._matcher.match(image, (node,))
+            self._node_matches[node] = NodeMatch(
+                float(found.reachability[0]), float(found.distances[0]), found.waypoints[0]
+            )
+        return self._node_matches[node]
+
+    def observations_around(self, node: NodeId, reach: int) -> Iterator[tuple[Observation, Pose]]:
+        """Yield the image of a node and those of the drive before and after it, with the poses (3,) seen from it."""
+        keyframes = self._matcher.keyframes
+        odometry = keyframes.observation(node).odometry
+        for frame in (node, *keyframes.temporal_window(node, reach)):
+            image = keyframes.observation(frame)
+            yield image, relative(odometry, image.odometry)
+
+    def with_node_support(self, node: NodeId) -> NodeMatch:
+        """Compare the current picture with a node, trusting r only as far as the node's neighbours in time agree."""
+        found = self._matcher.match(self.features, (node,))
+        return self.node_match(node)._replace(
+            reachability=float(self._matcher.with_node_support(found, self.features).reachability[0])
+        )

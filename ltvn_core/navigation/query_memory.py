@@ -1,0 +1,84 @@
+"""What the navigator remembers of one query and forgets afterwards: which edges it drove and which failed.
+
+Owns the rules against running in circles: penalties, repeats, and the node it is held to be at after a leg without a
+step. Beliefs that outlive the query are the map's.
+"""
+
+from collections import Counter
+
+from ltvn_core.config import LocalisingConfig, PlanningConfig
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.events import Outcome
+from ltvn_core.types import NodeId
+
+
+class QueryMemory:
+    """Edges driven and failed in one query."""
+
+    def __init__(self, config: PlanningConfig, localising: LocalisingConfig) -> None:
+        """Remember nothing yet."""
+        self._config, self._patience = config, localising.doubt_after_failures
+        self._driven: Counter[EdgeKey] = Counter()
+        self._failed: set[EdgeKey] = set()
+        self._searched: set[NodeId] = set()
+        self._failed_from: Counter[NodeId] = Counter()
+        self.penalties: dict[EdgeKey, float] = {}
+        """What edges cost more for the rest of the query."""
+        self.plan: tuple[NodeId, ...] = ()
+        """The last plan; the robot is looked for around it first."""
+        self.assumed_node: NodeId | None = None
+        """Where the robot is held to be, because a leg to there took no step; used once."""
+        self.consecutive_failures = 0
+        """Looks in a row without a node or without a path."""
+        self.give_up_outcome = Outcome.LOST
+        """What the query ends with if it is given up: no path counts for more than being lost on the way."""
+        self.goal_rejections = 0
+        """How often a second look at the goal disagreed with the first."""
+        self.approached: NodeId | None = None
+        """The node that was approached last instead of its successor."""
+        self.doubted: set[NodeId] = set()
+        """Nodes the robot does not believe to be at any more."""
+
+    def count_drive(self, edge: EdgeKey) -> bool:
+        """Count one more leg along an edge; tell whether that is so often that it must have failed."""
+        self._driven[edge] += 1
+        return 0 < self._config.repeat_limit < self._driven[edge]
+
+    def should_expand_from(self, start: NodeId) -> bool:
+        """Tell, once per start, that a search for a path from there is worth its time."""
+        fresh = start not in self._searched
+        self._searched.add(start)
+        return fresh
+
+    def has_failed(self, edge: EdgeKey) -> bool:
+        """Tell whether an edge failed before in this query."""
+        return edge in self._failed
+
+    def record_failure(self, edge: EdgeKey) -> None:
+        """Remember a failure, and make the edge dearer."""
+        self._failed.add(edge)
+        if self._config.failure_penalty:
+            self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
+
+    def record_failure_from(self, node: NodeId) -> None:
+        """Remember that a leg from a node failed; where that happens often, the robot is somewhere else."""
+        self._failed_from[node] += 1
+        if 0 < self._patience <= self._failed_from[node]:
+            self.doubted.add(node)
+
+    def clear_doubts(self) -> None:
+        """Believe every node once more."""
+        self.doubted.clear()
+        self._failed_from.clear()
+
+    def record_localisation_failure(self, why: Outcome) -> None:
+        """Count a look without a node or without a path."""
+        if self.consecutive_failures == 0 or why is Outcome.NO_PATH:
+            self.give_up_outcome = why
+        self.consecutive_failures += 1
+        self.plan = ()
+
+    def take_assumed_node(self) -> NodeId | None:
+        """Return where the robot is held to be, once."""
+        node, self.assumed_node = self.assumed_node, None
+        return node

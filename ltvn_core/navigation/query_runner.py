@@ -1,0 +1,262 @@
+"""One query under way: the loop of the paper, in the order in which it happens.
+
+Owns that order and the events that tell about it. The decisions are elsewhere: in the strategies of `graph.system`, in
+`graph.planner`, `nav.legs` and `nav.judgement`.
+"""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior, fits_trail
+from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.planner import GraphPath
+from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.events import (
+    AttemptEnd,
+    AttemptEnded,
+    AttemptStarted,
+    Event,
+    Localised,
+    NavigatorState,
+    Outcome,
+    Planned,
+    StateChanged,
+    Tick,
+)
+from ltvn_core.navigation.goal_check import GoalCheck
+from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
+from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
+from ltvn_core.navigation.perception import NodeMatch, Perception
+from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.types import NodeId, Twist
+
+_AT_NODE_DISTANCE = 0.3
+"""A node nearer than this d need not be approached once more."""
+_INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
+"""A leg that ended so tells of what stands around, not of the edge."""
+
+
+class QueryRunner:
+    """Goes to one node."""
+
+    def __init__(
+        self, context: NavigationContext, motion: MotionExecutor, perception: Perception, goal: NodeId, query: int
+    ) -> None:
+        """Begin a query that nothing is known of yet."""
+        self._context, self._method = context, context.method
+        self._motion, self._perception = motion, perception
+        self._goal, self._query = goal, query
+        self._memory = QueryMemory(context.method.planning, context.method.localising)
+        self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.intrinsics)
+        self._goal_check = GoalCheck(context, motion, perception, goal, self._memory)
+        self._state = NavigatorState.IDLE
+
+    def run(self) -> EventGenerator[Outcome]:
+        """Localise, plan, drive, judge, update, until the goal is reached or hope is lost."""
+        while True:
+            if (yield from self._goal_check.check()):
+                return Outcome.ARRIVED
+            localisation = yield from self._localise()
+            if localisation.node is None:
+                yield from self._recover(Outcome.LOST)
+                continue
+            path = yield from self._plan(localisation.node)
+            if not path.nodes:
+                yield from self._recover(Outcome.NO_PATH)
+                continue
+            self._memory.consecutive_failures = 0
+            if (yield from self._follow(localisation, path)):
+                return Outcome.ARRIVED
+
+    def _localise(self) -> EventGenerator[Localisation]:
+        """Find the node the robot is at."""
+        yield from self._enter(NavigatorState.LOCALISING)
+        assumed = self._memory.take_assumed_node()
+        if assumed is not None and assumed in self._context.graph.nodes:
+            node_match = self._perception.node_match(assumed)
+            localisation = Localisation(
+                assumed, node_match.distance, node_match.reachability, node_match.waypoint, None, np.inf, LOCAL
+            )
+        else:
+            context = self._context
+            features = self._perception.features
+            prior = LocalisationPrior(self._memory.plan, self._perception.trail_from_here, self._memory.doubted)
+            localisation = context.system.localise(features, context.graph, prior, context.matcher)
+        frame = self._perception.observation.step
+        numbers = (
+            localisation.distance,
+            localisation.reachability,
+            localisation.runner_up,
+            localisation.margin,
+            localisation.scope,
+        )
+        yield Localised(self._query, frame, localisation.node, *numbers)
+        return localisation
+
+    def _plan(self, start: NodeId) -> EventGenerator[GraphPath]:
+        """Find the cheapest path; where there is none, the system may extend the map."""
+        yield from self._enter(NavigatorState.PLANNING)
+        context = self._context
+        path = context.planner.plan(start, self._goal, self._memory.penalties)
+        if not path.nodes and self._memory.should_expand_from(start):
+            deltas = context.system.maintenance.no_path(context.graph, start, self._goal, context.matcher, context.rng)
+            yield from context.apply_deltas(deltas, self._query)
+            path = context.planner.plan(start, self._goal, self._memory.penalties)
+        self._memory.plan = path.nodes
+        yield Planned(self._query, path.nodes, path.cost)
+        return path
+
+    def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
+        """Drive to the subgoal; tell whether the robot stands at the goal with nothing left to drive."""
+        segment = self._subgoal_segment(path)
+        node_match = self._departure(localisation, segment)
+        if node_match is None:
+            segment = segment[:1]
+            node_match = self._perception.node_match(segment[0])
+        source, target = _ends(segment)
+        self._memory.approached = target if source is None else None
+        result = yield from self._drive(segment, node_match)
+        if result.steps:
+            return False
+        yield from self._motion.wait_one_step()
+        if result.end is AttemptEnd.BLOCKED:
+            # From the same place it would be blocked again, so the robot looks for another way from aside.
+            yield from self._turn(self._method.recovering.turn_rad)
+            return False
+        # A leg of no step would be planned again for ever, so the robot is held to have arrived.
+        self._memory.assumed_node = target
+        return source is None and target == self._goal
+
+    def _subgoal_segment(self, path: GraphPath) -> tuple[NodeId, ...]:
+        """Return the path up to the subgoal; at the goal already, it is the goal alone."""
+        if len(path.nodes) == 1:
+            return path.nodes
+        chosen = self._context.system.subgoal(path.nodes, lambda node: self._perception.node_match(node).reachability)
+        return path.nodes[: chosen + 1]
+
+    def _departure(self, localisation: Localisation, segment: tuple[NodeId, ...]) -> NodeMatch | None:
+        """Return the target as seen from here; None if the robot had better go to the node it is at first."""
+        source, target = _ends(segment)
+        node_match, driving = self._perception.node_match(target), self._method.driving
+        if source is None or node_match.reachability >= driving.departure_reachability:
+            return node_match
+        if localisation.distance > _AT_NODE_DISTANCE and self._memory.approached != source:
+            return None
+        if not driving.through_map:
+            return node_match
+        aim = localisation.waypoint
+        for edge in itertools.pairwise(segment):
+            aim = compose(aim, np.array(self._context.graph.edges[edge].waypoint))
+        return node_match.with_waypoint(aim)
+
+    def _drive(self, segment: tuple[NodeId, ...], node_match: NodeMatch) -> EventGenerator[AttemptResult]:
+        """Drive one leg and learn from it."""
+        source, target = _ends(segment)
+        yield from self._enter(NavigatorState.DRIVING)
+        attempt, frame = next(self._context.attempt_numbers), self._perception.observation.step
+        yield AttemptStarted(
+            self._query, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
+        )
+        try:
+            result = yield from self._attempt_driver.drive(target, node_match.waypoint)
+        except QueryAborted as over:
+            end = AttemptEnd.CANCELLED if over.outcome is Outcome.CANCELLED else AttemptEnd.TIMEOUT
+            yield self._ended(attempt, source, target, end, AttemptVerdict(False, f"cut short: {over.outcome.value}"))
+            raise
+        yield from self._enter(NavigatorState.JUDGING)
+        verdict = self._judge(source, target, result)
+        yield self._ended(attempt, source, target, result.end, verdict)
+        if source is not None:
+            yield from self._learn(attempt, segment, node_match, verdict)
+        return result
+
+    def _judge(self, source: NodeId | None, target: NodeId, result: AttemptResult) -> AttemptVerdict:
+        driven_too_often = source is not None and self._memory.count_drive((source, target))
+        seen, left = self._perception.node_match(target), relative(self._motion.odometry, result.goal)
+        return judge_attempt(
+            seen.reachability,
+            seen.distance,
+            left,
+            self._method,
+            fits_trail=self._fits_trail(target, seen),
+            hindered=result.end in _INCONCLUSIVE_ENDS,
+            driven_too_often=driven_too_often,
+        )
+
+    def _fits_trail(self, target: NodeId, seen: NodeMatch) -> bool:
+        config = self._method.localising
+        return fits_trail(
+            self._context.loop_closures, self._perception.trail_from_here, target, seen.waypoint, config, to_blame=True
+        )
+
+    def _learn(
+        self, attempt: int, segment: tuple[NodeId, ...], node_match: NodeMatch, verdict: AttemptVerdict
+    ) -> Iterator[Event]:
+        """Remember a failure for this query, and let the system update the map."""
+        edges, context = list(itertools.pairwise(segment)), self._context
+        failed_before = any(self._memory.has_failed(edge) for edge in edges)
+        if not verdict.succeeded:
+            for edge in edges:  # Nobody knows which of them is to blame.
+                self._memory.record_failure(edge)
+            self._memory.record_failure_from(segment[0])
+        told = verdict.succeeded, failed_before, verdict.hindered
+        evidence = AttemptEvidence(segment[0], segment[-1], node_match.distance, *told)
+        yield from context.apply_deltas(
+            context.system.maintenance.after_attempt(context.graph, evidence), self._query, attempt
+        )
+
+    def _ended(
+        self, attempt: int, source: NodeId | None, target: NodeId, end: AttemptEnd, verdict: AttemptVerdict
+    ) -> AttemptEnded:
+        seen, frame = self._perception.node_match(target), self._perception.observation.step
+        numbers = seen.distance, seen.reachability, verdict.succeeded, verdict.reason
+        return AttemptEnded(self._query, attempt, source, target, frame, end, *numbers)
+
+    def _recover(self, why: Outcome) -> EventGenerator[None]:
+        """Turn on the spot to look again; after a full turn move on a little; in the end give up."""
+        yield from self._enter(NavigatorState.RECOVERING)
+        recovering, memory = self._method.recovering, self._memory
+        memory.record_localisation_failure(why)
+        if why is Outcome.LOST:
+            yield from self._remember_novel()
+        if memory.consecutive_failures >= recovering.give_up_after_looks:
+            raise QueryAborted(memory.give_up_outcome)
+        ahead = Twist(self._method.driving.speed_m_s / 2, 0.0)
+        around = memory.consecutive_failures % recovering.looks_per_turn == 0
+        if around:
+            # Perhaps it was wrong about the way here, and about where it is not.
+            self._perception.trail.clear()
+            memory.clear_doubts()
+        if around and recovering.wander_m and self._attempt_driver.avoid_obstacles(ahead, recovering.wander_m) == ahead:
+            yield from self._motion.drive_straight(recovering.wander_m, ahead.linear_m_s)
+        yield from self._turn(recovering.turn_rad)
+
+    def _remember_novel(self) -> Iterator[Event]:
+        """Let the system make a node of what nobody recognised."""
+        context, seen = self._context, self._perception.observation
+        unrecognised = UnrecognisedObservation(
+            seen, self._perception.features, self._memory.consecutive_failures, self._perception.trail_from_here
+        )
+        deltas = context.system.maintenance.unrecognised(context.graph, unrecognised, context.matcher)
+        if deltas:
+            context.keyframes.add([seen], self._perception.features)
+            yield from context.apply_deltas(deltas, self._query)
+
+    def _turn(self, angle_rad: float) -> Iterator[Event | Tick]:
+        yield from self._motion.turn(angle_rad, self._method.driving.turn_rad_s)
+
+    def _enter(self, state: NavigatorState) -> Iterator[Event]:
+        if state is not self._state:
+            self._state = state
+            yield StateChanged(state)
+
+
+def _ends(segment: tuple[NodeId, ...]) -> tuple[NodeId | None, NodeId]:
+    """Return where a leg begins and ends; to a single node the robot only makes its approach."""
+    source = None if len(segment) == 1 else segment[0]
+    return source, segment[-1]

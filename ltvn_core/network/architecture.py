@@ -1,0 +1,82 @@
+"""The sizes of the networks: a frozen description for each family, which travels with weights and rebuilds the modules.
+
+Owns the numbers that must match between training and use. Knows nothing of training, files or images.
+"""
+
+from dataclasses import dataclass
+
+from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH
+
+STRIDE = 8
+"""Pixels per token along each axis: the encoder halves the image three times."""
+
+DEPTH_STRIDE = 4
+"""Pixels per sample of the depth that is kept with the features for checking a waypoint."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairArchitecture:
+    """Widths of the layers of `PairNetwork` (all ours; the paper does not state its network)."""
+
+    name: str = "aligned-pairs"
+    """Family of the network; it decides what is built when weights are read."""
+    stem: int = 32
+    """Channels at half resolution."""
+    middle: int = 48
+    """Channels at a quarter of the resolution."""
+    tokens: int = 96
+    """Channels at an eighth of the resolution: the width of a token."""
+    heads: int = 4
+    """Heads of the self-attention that gives every token the whole image as context."""
+    descriptor: int = 64
+    """Width of the unit vectors that are matched between two images."""
+    value: int = 32
+    """Width of what a token tells its match."""
+    place: int = 64
+    """Width of the per-image vectors that sort out hopeless pairs cheaply."""
+    hidden: int = 64
+    """Width of the pair head's per-token layers."""
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Rows and columns of tokens."""
+        return IMAGE_HEIGHT // STRIDE, IMAGE_WIDTH // STRIDE
+
+    @property
+    def token_count(self) -> int:
+        """Tokens per image."""
+        return self.grid[0] * self.grid[1]
+
+    @property
+    def depth_grid(self) -> tuple[int, int]:
+        """Rows and columns of the kept depth."""
+        return IMAGE_HEIGHT // DEPTH_STRIDE, IMAGE_WIDTH // DEPTH_STRIDE
+
+    @property
+    def depth_count(self) -> int:
+        """Samples of the kept depth per image."""
+        return self.depth_grid[0] * self.depth_grid[1]
+
+
+@dataclass(frozen=True, slots=True)
+class StackedArchitecture:
+    """Widths of the layers of `StackedNetwork`: a ResNet-18 made narrower for images of 96 x 72."""
+
+    name: str = "stacked"
+    """Family of the network; it decides what is built when weights are read."""
+    stem: int = 32
+    """Channels at half resolution."""
+    quarter: int = 32
+    """Channels at a quarter of the resolution,"""
+    eighth: int = 64
+    """at an eighth,"""
+    sixteenth: int = 128
+    """at a sixteenth,"""
+    last: int = 192
+    """and after the last halving."""
+    hidden: int = 128
+    """Width of the fully connected layer before the output."""
+
+
+AnyArchitecture = PairArchitecture | StackedArchitecture
+"""The description of a network of any family."""

@@ -1,0 +1,89 @@
+"""What training, mining, prediction and files need of a network, whatever it looks like inside.
+
+Owns the contract and what all networks share: the calibration of reachability. The networks are in
+`ltvn_core.network.pair_network` and `ltvn_core.network.stacked_network`; what a network lacks is absent by default
+here.
+"""
+
+from abc import abstractmethod
+from typing import Any, Generic, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from ltvn_core.network.architecture import AnyArchitecture
+from ltvn_core.network.image_features import FeaturesT
+from ltvn_core.network.pair_head import PairOutput
+from ltvn_core.network.prefilter import PrefilterScores
+
+
+class ComparedBatch(NamedTuple, Generic[FeaturesT]):
+    """B images of a training step and P pairs of them, with what is known to be true."""
+
+    features: FeaturesT
+    """Of the B images."""
+    source_features: FeaturesT
+    """Of the P sources,"""
+    target_features: FeaturesT
+    """and of the P targets."""
+    output: PairOutput
+    """What the network says of the pairs."""
+    waypoints: Tensor
+    """(P, 3) true dx, dy, dtheta."""
+    same_scene: Tensor
+    """(P,) whether both images are of one scene."""
+    labels: Tensor
+    """(B, B): 1 reachable, 0 not, nan unknown."""
+
+
+class BaseNetwork(nn.Module, Generic[FeaturesT]):
+    """f(o_i, o_j) -> (r, dx, dy, dtheta), in an `encode` per image and a `compare` per pair."""
+
+    calibration: Tensor
+    """(2,) scale and offset of the logit, fitted on validation after training (Platt)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("calibration", torch.tensor([1.0, 0.0]))
+
+    @property
+    @abstractmethod
+    def size(self) -> AnyArchitecture:
+        """Return the widths of the layers; they travel with the weights."""
+
+    @property
+    @abstractmethod
+    def row_length(self) -> int:
+        """Return F, the numbers that are kept per image."""
+
+    @abstractmethod
+    def encode(self, rgb: Tensor, depth: Tensor) -> FeaturesT:
+        """Encode rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres, 0 where missing."""
+
+    @abstractmethod
+    def unpack(self, rows: Tensor) -> FeaturesT:
+        """Return the features held in (B, F) rows, as float32."""
+
+    @abstractmethod
+    def compare(self, source: FeaturesT, target: FeaturesT) -> PairOutput:
+        """Compare P sources with P targets."""
+
+    @abstractmethod
+    def rough_logits(self, features: FeaturesT) -> Tensor:
+        """Return (B, B) cheap logits of reachability from each image to each; all 0 where the network has none."""
+
+    def prefilter_scores(self, source: Tensor, targets: Tensor) -> PrefilterScores | None:
+        """Look quickly from one source row (1, F) at target rows (T, F); None where the network cannot."""
+        return None
+
+    def auxiliary_losses(self, compared: ComparedBatch[FeaturesT]) -> dict[str, Tensor]:
+        """Return the terms that training adds to Eq. 1, by the name of their weight in `LearningPlan`."""
+        return {}
+
+    def reachability(self, logit: Tensor) -> Tensor:
+        """Return the calibrated probability of logits of any shape."""
+        return torch.sigmoid(self.calibration[0] * logit + self.calibration[1])
+
+
+AnyNetwork = BaseNetwork[Any]
+"""A network of any family."""

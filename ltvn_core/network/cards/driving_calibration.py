@@ -1,0 +1,99 @@
+"""What simulated driving showed about a set of weights: the part of the card behind Eq. 3 and Eq. 4.
+
+Owns its fields, how they are read from a card, and how they become the method's constants. How they are measured is
+`ltvn_core.evaluation.likelihood_measurement`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import cattrs
+
+from ltvn_core.config import Likelihoods
+from ltvn_core.errors import WeightsError
+from ltvn_core.network.metrics.binned_metrics import CalibrationBin, ErrorBin
+from ltvn_core.network.metrics.success_rate import SuccessRate
+
+MIN_SIGMA_M = 0.01
+"""No predictor is held to measure d better than this; Eq. 4 divides by sigma squared."""
+
+DRIVING_SECTION = "driving"
+"""Name of this part in a card."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrivingMeasurements:
+    """Edges driven in simulation with the method's own controller and judgement, and figures of the same drives."""
+
+    command: str
+    """What measures it again."""
+    scenes: tuple[str, ...]
+    """Scenes that neither training nor the choice of weights has seen."""
+    images: int
+    """Images of the mapping drive through each scene."""
+    success_if_reachable: SuccessRate
+    """p(s given r): the method's verdict after driving an edge between images of which one is reachable."""
+    success_if_not: SuccessRate
+    """p(s given not r)."""
+    arrival_if_reachable: SuccessRate
+    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end,"""
+    arrival_if_not: SuccessRate
+    """and how often where the edge does not exist."""
+    connected_if_not: int
+    """Driven edges that do not exist but that the method would put into a map; the others come next in r."""
+    not_begun: int
+    """Edges not driven, because the robot did not find itself at their source."""
+    distance_sigma: float
+    """Standard deviation of d(predicted) - d(true) over the reachable pairs that become edges: sigma of Eq. 4."""
+    distance_sigma_all: float
+    """The same over all reachable pairs, however sure the network is of them."""
+    calibration: tuple[CalibrationBin, ...]
+    """Of r, on all ordered pairs of the drives."""
+    error_by_distance: tuple[ErrorBin, ...]
+    """Position error of reachable pairs against their distance in metres."""
+    error_by_overlap: tuple[ErrorBin, ...]
+    """The same against the share of the target's points that the source sees."""
+
+
+def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
+    """Return the constants of Eq. 3 and Eq. 4.
+
+    Both probabilities are Laplace's estimates, so p(s given r) is never 1 and p(s given not r) never 0: one attempt
+    can never settle the matter. Raises WeightsError where a success speaks against an edge, for Eq. 3 would then prune
+    what can be driven.
+    """
+    there, not_there = measured.success_if_reachable.shrunk, measured.success_if_not.shrunk
+    if there <= not_there:
+        raise WeightsError(
+            f"Edges that exist were driven with success less often ({there:.2f}) than edges that do not "
+            f"({not_there:.2f}), so these weights cannot maintain a map; train them longer, or measure more attempts."
+        )
+    return Likelihoods(there, not_there, max(measured.distance_sigma, MIN_SIGMA_M) ** 2)
+
+
+def read_driving(card: Mapping[str, Any]) -> DrivingMeasurements | None:
+    """Return this part of a card, of the parent's for fine-tuned weights that nobody measured, or None.
+
+    Raises WeightsError where it is damaged.
+    """
+    section = card.get(DRIVING_SECTION)
+    if section is None:
+        parent = card.get("parent_card")
+        return read_driving(parent) if isinstance(parent, Mapping) else None
+    try:
+        return _checked(cattrs.structure(section, DrivingMeasurements))
+    except (cattrs.BaseValidationError, TypeError, ValueError) as error:
+        raise WeightsError(
+            f"The part {DRIVING_SECTION!r} of the weights' card is damaged ({error}); write it again with "
+            "`ltvn measure "
+            "--write`."
+        ) from error
+
+
+def _checked(measured: DrivingMeasurements) -> DrivingMeasurements:
+    for rate in (measured.success_if_reachable, measured.success_if_not):
+        SuccessRate.of(rate.successes, rate.trials)
+    if not 0 <= measured.distance_sigma < float("inf"):
+        raise ValueError(f"the standard deviation of d must be 0 or more, got {measured.distance_sigma}")
+    return measured

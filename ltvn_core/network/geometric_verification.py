@@ -1,0 +1,100 @@
+"""Checks a proposed motion against the two depth images: do both views of the world fit together?
+
+Look-alike places give matching descriptors, but rarely matching geometry: seen through the proposed motion, surfaces
+of one image stand in the free space of the other. Owns these measures; how they are weighed is learned elsewhere.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from ltvn_core.network.alignment import PlanarMotion
+from ltvn_core.network.architecture import DEPTH_STRIDE, PairArchitecture
+from ltvn_core.network.encoder import pixel_rays
+from ltvn_core.types import Intrinsics
+
+MEASURE_COUNT = 12
+"""Numbers that `GeometricVerification` returns per pair."""
+
+ROBOT_LOW_M, ROBOT_HIGH_M = 0.06, 0.7
+"""Surfaces between these heights above the floor stand in a robot's way."""
+
+
+class GeometricVerification(nn.Module):
+    """Measures how two coarse depth images agree under a motion. Has no weights."""
+
+    rays: Tensor
+    """(3, G) on the coarse grid."""
+
+    def __init__(self, size: PairArchitecture) -> None:
+        super().__init__()
+        self.rows, self.columns = size.depth_grid
+        self.camera = Intrinsics()
+        half = DEPTH_STRIDE // 2
+        rays = pixel_rays(self.camera)[:, half::DEPTH_STRIDE, half::DEPTH_STRIDE]
+        self.register_buffer("rays", rays.reshape(3, -1), persistent=False)
+
+    @torch.no_grad()
+    def forward(self, source_depth: Tensor, target_depth: Tensor, motion: PlanarMotion) -> Tensor:
+        """Return (P, MEASURES) for depths (P, G) and the target's place in the source's frame."""
+        source, target = source_depth[..., None] * self.rays.T, target_depth[..., None] * self.rays.T
+        there = motion.apply(target)
+        back = motion.inverse()
+        return torch.cat(
+            [
+                self.agreement(there, target_depth > 0, source_depth),
+                self.agreement(back.apply(source), source_depth > 0, target_depth),
+                self.room_ahead(source_depth, motion),
+                torch.stack(
+                    [
+                        self.clearance(source, source_depth > 0, motion),
+                        self.clearance(there, target_depth > 0, motion),
+                        motion.shift[:, 0].clamp(-4, 4),
+                    ],
+                    dim=-1,
+                ),
+            ],
+            dim=-1,
+        )
+
+    def agreement(self, points: Tensor, valid: Tensor, depth: Tensor) -> Tensor:
+        """Return (P, 4): shares of points (P, G, 3) that fit, float in free space, are hidden, or lie out of view."""
+        pixel, inside = self.project(points)
+        inside = inside & valid
+        seen = torch.gather(depth, 1, pixel)
+        inside = inside & (seen > 0)
+        excess = (seen - points[..., 0]) / (0.1 + 0.1 * points[..., 0].clamp(min=0))
+        count = valid.sum(-1).clamp(min=1)
+        fits = (excess.abs() <= 1) & inside
+        shares = [fits, (excess > 1) & inside, (excess < -1) & inside, ~inside & valid]
+        return torch.stack([share.sum(-1) / count for share in shares], dim=-1)
+
+    def project(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the coarse pixel (P, G) in which each point appears and whether it does."""
+        ahead = points[..., 0] > 0.05
+        distance = torch.where(ahead, points[..., 0], torch.ones_like(points[..., 0]))
+        focal = self.camera.focal_px / DEPTH_STRIDE
+        column = torch.floor(self.columns / 2 - focal * points[..., 1] / distance)
+        row = torch.floor(self.rows / 2 - focal * points[..., 2] / distance)
+        inside = ahead & (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
+        pixel = row.clamp(0, self.rows - 1) * self.columns + column.clamp(0, self.columns - 1)
+        return pixel.long(), inside
+
+    def room_ahead(self, depth: Tensor, motion: PlanarMotion) -> Tensor:
+        """Return (P, 1): how far the source sees past the target's place, in its direction, at camera height."""
+        eye = torch.cat([motion.shift, torch.zeros_like(motion.shift[:, :1])], dim=-1)[:, None]
+        pixel, inside = self.project(eye)
+        column = (pixel[:, 0] % self.columns)[:, None, None].expand(-1, 3, 1)
+        middle = depth.reshape(-1, self.rows, self.columns)[:, self.rows // 2 - 1 : self.rows // 2 + 2]
+        nearest = torch.gather(middle, 2, column)[..., 0].amin(-1)
+        room = torch.tanh(nearest - motion.shift[:, 0])
+        return torch.where(inside[:, 0], room, torch.full_like(room, -1))[:, None]
+
+    def clearance(self, points: Tensor, valid: Tensor, motion: PlanarMotion) -> Tensor:
+        """Return (P,): metres between the straight way to the target and the nearest thing seen in it, at most 0.6."""
+        height = points[..., 2] + self.camera.height_m
+        solid = valid & (height > ROBOT_LOW_M) & (height < ROBOT_HIGH_M)
+        way = motion.shift[:, None]
+        along = (points[..., :2] * way).sum(-1) / ((way**2).sum(-1) + 1e-3)
+        gap = points[..., :2] - along.clamp(0, 1)[..., None] * way
+        distance = torch.where(solid, gap.square().sum(-1), torch.full_like(height, 0.36))
+        return distance.amin(-1).clamp(max=0.36).sqrt()

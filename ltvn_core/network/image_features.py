@@ -1,0 +1,107 @@
+"""What a network keeps of one image, and how that becomes one row of numbers and back.
+
+Owns the layout of the feature rows of `PairNetwork`, and what holds for the rows of every network. Does not know how
+features are made or compared.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol, Self, TypeVar
+
+import torch
+from torch import Tensor
+
+from ltvn_core.network.architecture import PairArchitecture
+
+
+class EncodedImages(Protocol):
+    """What every network keeps of B images: a named tuple of tensors whose first axis is the image."""
+
+    def __iter__(self) -> Iterator[Tensor]:
+        """Yield the tensors in the order in which a row holds them."""
+        ...
+
+    @classmethod
+    def _make(cls, iterable: Sequence[Tensor]) -> Self: ...
+
+    def take(self, rows: Tensor) -> Self:
+        """Return the features of the given images (N,)."""
+        ...
+
+
+FeaturesT = TypeVar("FeaturesT", bound=EncodedImages)
+
+
+class ImageFeatures(NamedTuple):
+    """Features of B images with T tokens each; points are x forward, y left, z up of the camera, metres."""
+
+    descriptors: Tensor
+    """(B, T, D) unit vectors, matched between images."""
+    unmatched: Tensor
+    """(B, T) how readily a token says that it has no match."""
+    saliency: Tensor
+    """(B, T) logit of how far a token's match is to be trusted."""
+    values: Tensor
+    """(B, T, V) what a token tells its match."""
+    points: Tensor
+    """(B, T, 3) where the token's surface point is; all zero where depth is missing."""
+    depth: Tensor
+    """(B, G) metres on a coarse grid; 0 where depth is missing."""
+    place_query: Tensor
+    """(B, P) unit vector: where could one go from here."""
+    place_key: Tensor
+    """(B, P) unit vector: from where could one come here."""
+
+    def take(self, rows: Tensor) -> "ImageFeatures":
+        """Return the features of the given images (N,)."""
+        return ImageFeatures(*(part[rows] for part in self))
+
+
+def pack(features: EncodedImages) -> Tensor:
+    """Return (B, F) half-precision rows."""
+    return torch.cat([part.flatten(1).half() for part in features], dim=1)
+
+
+def to_float32(features: FeaturesT) -> FeaturesT:
+    """Return the features in single precision."""
+    return features._make([part.float() for part in features])
+
+
+def join(parts: Sequence[FeaturesT]) -> FeaturesT:
+    """Return the features of all images of several parts, at least one."""
+    return parts[0]._make([torch.cat(column) for column in zip(*parts, strict=True)])
+
+
+def unpack(rows: Tensor, architecture: PairArchitecture) -> ImageFeatures:
+    """Return the features held in (B, F) rows, as float32."""
+    parts = torch.split(rows, _lengths(architecture), dim=1)
+    shapes = _shapes(architecture)
+    return ImageFeatures(*(part.float().reshape(len(rows), *shape) for part, shape in zip(parts, shapes, strict=True)))
+
+
+def row_length(architecture: PairArchitecture) -> int:
+    """Return F, the numbers per image."""
+    return sum(_lengths(architecture))
+
+
+def place_columns(architecture: PairArchitecture) -> tuple[slice, slice]:
+    """Return the columns of the place query and of the place key within a row."""
+    end, width = row_length(architecture), architecture.place
+    return slice(end - 2 * width, end - width), slice(end - width, end)
+
+
+def _shapes(architecture: PairArchitecture) -> tuple[tuple[int, ...], ...]:
+    tokens, size = architecture.token_count, architecture
+    return (
+        (tokens, size.descriptor),
+        (tokens,),
+        (tokens,),
+        (tokens, size.value),
+        (tokens, 3),
+        (size.depth_count,),
+        (size.place,),
+        (size.place,),
+    )
+
+
+def _lengths(architecture: PairArchitecture) -> list[int]:
+    return [int(torch.Size(shape).numel()) for shape in _shapes(architecture)]

@@ -1,0 +1,99 @@
+"""What training minimises: Eq. 1 of the paper, and two auxiliary terms of ours that make the matching learn fast.
+
+Owns the terms. Their weights come from `ltvn_core.network.optimization.training_loop.TrainingPlan`.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ltvn_core.network.alignment import PlanarMotion
+from ltvn_core.network.image_features import ImageFeatures
+from ltvn_core.network.pair_head import TokenMatching
+
+_OPPOSITE_COS = -0.17
+"""Views turned by more than about 100 degrees share no surface: what comes near in space is the wall's other side."""
+
+
+def pair_loss(
+    logit: Tensor, pose: Tensor, reachable: Tensor, waypoints: Tensor, *, alpha: float, beta: float
+) -> Tensor:
+    """Return Eq. 1, the mean over P pairs of L_r + r (alpha L_p + beta L_theta).
+
+    L_r is the binary cross-entropy of the logit (P,) against r (P,), L_p the Euclidean norm (not squared) of the error
+    in (dx, dy), and L_theta = |sin - sin^| + |cos - cos^|. Pose (P, 4) is dx, dy, sin, cos; waypoints are (P, 3).
+    """
+    cross_entropy = functional.binary_cross_entropy_with_logits(logit, reachable, reduction="none")
+    position = torch.sqrt((pose[:, :2] - waypoints[:, :2]).square().sum(1) + 1e-9)
+    turn = waypoints[:, 2]
+    angle = (pose[:, 2] - torch.sin(turn)).abs() + (pose[:, 3] - torch.cos(turn)).abs()
+    return (cross_entropy + reachable * (alpha * position + beta * angle)).mean()
+
+
+class TokenCorrespondence(NamedTuple):
+    """Which tokens of P pairs truly show the same surface."""
+
+    pair: Tensor
+    """(M,) rows of the matched token pairs,"""
+    source: Tensor
+    """(M,) their source tokens,"""
+    target: Tensor
+    """(M,) and target tokens."""
+    unmatched_source: Tensor
+    """(P, T) source tokens that have no counterpart."""
+    unmatched_target: Tensor
+    """(P, T) target tokens that have none."""
+
+
+@torch.no_grad()
+def true_correspondence(
+    source: ImageFeatures, target: ImageFeatures, waypoints: Tensor, same_scene: Tensor
+) -> TokenCorrespondence:
+    """Find, from the true waypoints (P, 3), the tokens that are each other's nearest and near enough in space.
+
+    Tokens in between (near, but not the nearest) are neither matched nor lonely.
+    """
+    cos, sin = torch.cos(waypoints[:, 2]), torch.sin(waypoints[:, 2])
+    there = PlanarMotion(waypoints[:, :2], cos, sin).apply(target.points)
+    apart = torch.cdist(source.points, there)
+    blind = (source.points[..., 0] <= 0)[..., None] | (target.points[..., 0] <= 0)[:, None]
+    foreign = ~same_scene | (cos < _OPPOSITE_COS)
+    apart = apart.masked_fill(blind | foreign[:, None, None], 1e3)
+    nearest_target, nearest_source = apart.min(2), apart.min(1)
+    tolerance_source, tolerance_target = (0.05 + 0.07 * side.points[..., 0] for side in (source, target))
+    tokens = torch.arange(apart.shape[1], device=apart.device)
+    mutual = torch.gather(nearest_source.indices, 1, nearest_target.indices) == tokens
+    pair, token = torch.nonzero(mutual & (nearest_target.values < tolerance_source), as_tuple=True)
+    return TokenCorrespondence(
+        pair,
+        token,
+        nearest_target.indices[pair, token],
+        nearest_target.values > 2 * tolerance_source,
+        nearest_source.values > 2 * tolerance_target,
+    )
+
+
+def matching_loss(matching: TokenMatching, true: TokenCorrespondence) -> Tensor:
+    """Return the mean negative log-likelihood of matches and of "no match" (auxiliary, ours)."""
+    at = (true.pair, true.source, true.target)
+    rows, columns = matching.row_total[at[0], at[1]], matching.column_total[at[0], at[2]]
+    matched = (rows.log() + columns.log()) / 2 - matching.strength[at].clamp(min=1e-30).log()
+    unmatched = torch.cat(
+        [
+            (matching.row_total / matching.row_unmatched)[true.unmatched_source].log(),
+            (matching.column_total / matching.column_unmatched)[true.unmatched_target].log(),
+        ]
+    )
+    return matched.sum() / max(len(matched), 1) + unmatched.sum() / max(len(unmatched), 1)
+
+
+def place_loss(logits: Tensor, labels: Tensor) -> Tensor:
+    """Return the cross-entropy of the cheap place scores (B, B) where labels are 0 or 1; nan is unknown (auxiliary)."""
+    known = torch.isfinite(labels)
+    positive = known & (labels > 0.5)
+    negative = known & (labels < 0.5)
+    gain = functional.softplus(-logits[positive]).mean() if positive.any() else logits.sum() * 0
+    loss = functional.softplus(logits[negative]).mean() if negative.any() else logits.sum() * 0
+    return gain + loss

@@ -1,0 +1,114 @@
+"""The numbers by which a network is judged. Pure numpy on predictions and truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+from ltvn_core.geometry import distance, wrap_angle
+from ltvn_core.types import Waypoint
+
+
+@dataclass(frozen=True, slots=True)
+class PairMetrics:
+    """Quality on labelled pairs."""
+
+    pairs: int
+    """Labelled pairs."""
+    auc: float
+    """Area under the curve of true against false positives."""
+    ece: float
+    """Expected calibration error of reachability, in ten bins."""
+    position_median_m: float
+    """Median position error of reachable pairs."""
+    position_p90_m: float
+    """Its 90th percentile."""
+    position_median_1_to_1_5_m: float
+    """Median position error of reachable pairs 1 to 1.5 m apart."""
+    yaw_median_deg: float
+    """Median yaw error of reachable pairs."""
+    yaw_p90_deg: float
+    """Its 90th percentile."""
+    distance_sigma: float
+    """Standard deviation of d(predicted) - d(true) on reachable pairs."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveMetrics:
+    """Quality on all ordered image pairs of drives."""
+
+    far_pairs: int
+    """Pairs that are far apart, turned away or behind a wall."""
+    near_pairs: int
+    """Pairs that are near, ahead and free."""
+    threshold_at_tpr60: float
+    """Reachability that 60 % of the near pairs exceed."""
+    far_fpr_at_tpr60: float
+    """Share of the far pairs that exceed it: wormholes."""
+    far_fpr_at_half: float
+    """Share of the far pairs that a cut of 0.5 lets through,"""
+    near_tpr_at_half: float
+    """and of the near pairs."""
+
+
+def pair_metrics(
+    reachability: NDArray[np.float64],
+    waypoints: Waypoint,
+    reachable: NDArray[np.bool_],
+    true_waypoints: Waypoint,
+) -> PairMetrics:
+    """Judge predictions (N,), (N, 3) on labelled pairs."""
+    off, true = waypoints[reachable], true_waypoints[reachable]
+    position = np.hypot(*(off - true)[:, :2].T)
+    yaw = np.degrees(np.abs(wrap_angle(off[:, 2] - true[:, 2])))
+    middle = (np.hypot(*true[:, :2].T) >= 1.0) & (np.hypot(*true[:, :2].T) <= 1.5)
+    return PairMetrics(
+        pairs=len(reachable),
+        auc=auc(reachability, reachable),
+        ece=calibration_error(reachability, reachable),
+        position_median_m=quantile(position, 0.5),
+        position_p90_m=quantile(position, 0.9),
+        position_median_1_to_1_5_m=quantile(position[middle], 0.5),
+        yaw_median_deg=quantile(yaw, 0.5),
+        yaw_p90_deg=quantile(yaw, 0.9),
+        distance_sigma=float((distance(off) - distance(true)).std()) if len(off) else float("nan"),
+    )
+
+
+def drive_metrics(near: NDArray[np.float64], far: NDArray[np.float64]) -> DriveMetrics:
+    """Judge the reachabilities of near and of far pairs."""
+    threshold = quantile(near, 0.4)
+    return DriveMetrics(
+        far_pairs=len(far),
+        near_pairs=len(near),
+        threshold_at_tpr60=threshold,
+        far_fpr_at_tpr60=share(far >= threshold),
+        far_fpr_at_half=share(far > 0.5),
+        near_tpr_at_half=share(near > 0.5),
+    )
+
+
+def auc(scores: NDArray[np.float64], positive: NDArray[np.bool_]) -> float:
+    """Return the probability that a positive scores above a negative; nan if one kind is missing."""
+    positives, negatives = int(positive.sum()), int((~positive).sum())
+    if positives == 0 or negatives == 0:
+        return float("nan")
+    return float((rankdata(scores)[positive].sum() - positives * (positives + 1) / 2) / (positives * negatives))
+
+
+def calibration_error(probability: NDArray[np.float64], positive: NDArray[np.bool_], bins: int = 10) -> float:
+    """Return the mean gap between predicted and true share over bins of the prediction, weighted by their size."""
+    index = np.minimum((probability * bins).astype(int), bins - 1)
+    gaps = np.bincount(index, probability - positive, minlength=bins)
+    return float(np.abs(gaps).sum() / max(len(probability), 1))
+
+
+def share(chosen: NDArray[np.bool_]) -> float:
+    """Return the share that is true, nan of nothing."""
+    return float(chosen.mean()) if len(chosen) else float("nan")
+
+
+def quantile(numbers: NDArray[np.float64], part: float) -> float:
+    """Return a quantile, nan of nothing."""
+    return float(np.quantile(numbers, part)) if len(numbers) else float("nan")

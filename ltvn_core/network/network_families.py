@@ -1,0 +1,43 @@
+"""Which networks there are: from the name of a family to its sizes and its modules.
+
+Owns the list. Adding a family means a description in `architecture`, a `Network`, and one line here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture, StackedArchitecture
+from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.stacked_network import StackedNetwork
+
+_ARCHITECTURES: dict[str, type[AnyArchitecture]] = {
+    each().name: each for each in (PairArchitecture, StackedArchitecture)
+}
+
+NETWORK_FAMILIES = tuple(_ARCHITECTURES)
+"""The names of all families."""
+
+
+def build_network(size: AnyArchitecture) -> AnyNetwork:
+    """Return a new network, its weights drawn by torch's generator."""
+    return PairNetwork(size) if isinstance(size, PairArchitecture) else StackedNetwork(size)
+
+
+def default_architecture(family: str) -> AnyArchitecture:
+    """Return the sizes that a family has unless told otherwise. Raises WeightsError for a family nobody knows."""
+    if family not in _ARCHITECTURES:
+        raise WeightsError(f"made for the architecture {family!r}; this version knows {', '.join(NETWORK_FAMILIES)}.")
+    return _ARCHITECTURES[family]()
+
+
+def read_architecture(description: Mapping[str, Any]) -> AnyArchitecture:
+    """Return the sizes written as a mapping. Raises WeightsError if the family is unknown or a size is missing."""
+    kind = type(default_architecture(str(description.get("name"))))
+    try:
+        sizes: dict[str, Any] = {each.name: int(description[each.name]) for each in fields(kind) if each.name != "name"}
+    except (KeyError, TypeError, ValueError) as error:
+        raise WeightsError(f"the description of the architecture is damaged ({error}).") from error
+    return kind(**sizes)

@@ -1,0 +1,1 @@
+"""Training and fine-tuning loops: batches, one step, hard-negative mining, calibration of r."""

@@ -1,0 +1,109 @@
+"""Several processes that learn together: the same weights, different batches, one shared gradient.
+
+On several graphics cards each process has one of its own. On a few cores, processes of one thread each are steadier
+than one process of several threads, which waits at every layer for whichever thread another program has displaced. Owns
+the start of the processes and what they share.
+"""
+
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import timedelta
+from multiprocessing.queues import SimpleQueue
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeVar
+
+import torch
+from torch import distributed, multiprocessing, nn
+from torch.nn.parallel import DistributedDataParallel
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.network.device import CPU, choose_device, gpu_count
+
+Result = TypeVar("Result")
+
+_TIMEOUT = timedelta(minutes=30)
+"""A process may validate for so long while the others wait."""
+
+
+@dataclass(frozen=True, slots=True)
+class DistributedContext:
+    """One process's place among those that learn together."""
+
+    rank: int = 0
+    """Number of this process; process 0 leads: it validates, saves and reports."""
+    size: int = 1
+    """Number of processes."""
+    device: torch.device = CPU
+    """Where this process learns."""
+
+    @property
+    def is_leader(self) -> bool:
+        """Tell whether this process leads."""
+        return self.rank == 0
+
+    def synchronize_gradients(self, step: nn.Module) -> nn.Module:
+        """Return a step whose backward pass averages the gradients of all processes.
+
+        Each process keeps the statistics of batch normalisation of its own batches; the leader's are saved.
+        """
+        return DistributedDataParallel(step, broadcast_buffers=False)
+
+    def broadcast_from_leader(self, number: float) -> float:
+        """Return the leader's number."""
+        if self.size == 1:
+            return number
+        shared = torch.tensor(number, dtype=torch.float64, device=self.device)
+        distributed.broadcast(shared, 0)
+        return float(shared)
+
+
+SINGLE_PROCESS = DistributedContext()
+
+
+def run_distributed(work: Callable[[DistributedContext], Result], processes: int) -> Result:
+    """Run `work` in several new processes at once and return the leader's result; an error in one ends all.
+
+    `work` must be picklable; each process loads its own data. With one process it runs right here.
+    """
+    if processes == 1:
+        return work(DistributedContext(device=choose_device()))
+    context = multiprocessing.get_context("spawn")
+    results: SimpleQueue = context.SimpleQueue()
+    with TemporaryDirectory(prefix="ltvn-team-") as folder:
+        arguments = (work, processes, Path(folder) / "meeting", results)
+        try:
+            multiprocessing.spawn(_worker_main, arguments, nprocs=processes)  # type: ignore[attr-defined]
+        except multiprocessing.ProcessRaisedException:  # type: ignore[attr-defined]
+            reason = None if results.empty() else results.get()
+            if isinstance(reason, LtvnError):
+                raise reason from None  # A clear error needs no trace of all processes.
+            raise
+    return results.get()
+
+
+def _worker_main(
+    rank: int,
+    work: Callable[[DistributedContext], Result],
+    processes: int,
+    meeting: Path,
+    results: "SimpleQueue[Result | LtvnError]",
+) -> None:
+    # Torch interrupts members whose leader has died. A shell's background jobs would not hear it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    torch.set_num_threads(1)
+    device = choose_device(rank)
+    backend = "nccl" if gpu_count() else "gloo"
+    distributed.init_process_group(
+        backend, init_method=meeting.as_uri(), rank=rank, world_size=processes, timeout=_TIMEOUT
+    )
+    try:
+        result = work(DistributedContext(rank, processes, device))
+        if rank == 0:
+            results.put(result)
+    except LtvnError as error:
+        results.put(error)
+        raise
+    finally:
+        distributed.destroy_process_group()

@@ -1,0 +1,260 @@
+"""Fine-tuning from trained weights to those that know the robot's own place: when to learn, mine, judge and stop.
+
+Owns the course. A step is `ltvn_core.network.optimization.fine_tuning_trainer`, its batches are
+`ltvn_core.network.optimization.mixed_batches`.
+"""
+
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
+from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics
+from ltvn_core.network.optimization.augmentation import Augmentation
+from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
+from ltvn_core.network.optimization.fine_tuning_trainer import FineTuningTrainer
+from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
+from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+from ltvn_core.network.optimization.mixed_batches import LabelledTrajectory, MixedBatchSampler
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision, choose_precision
+from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
+from ltvn_core.network.optimization.trajectory_evaluation import TrajectoryMetrics, evaluate_trajectory
+from ltvn_core.network.predictor import NetworkPredictor
+from ltvn_core.network.training_examples import SceneExamples
+from ltvn_core.network.weights_file import load_weights, weights_fingerprint
+
+log = logging.getLogger(__name__)
+
+_CHECKPOINT_SECONDS = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class FineTuningPlan:
+    """How to fine-tune (all ours)."""
+
+    learning: Hyperparameters = field(
+        default_factory=lambda: Hyperparameters(
+            groups=8, confusions=4, rate=2e-4, warm_up=0.1, average=0.98, augmentation=Augmentation(hue=0.0)
+        )
+    )
+    """What each step does: a tenth of the learning rate of training, and the place's own colours."""
+    minutes: float | None = 3.0
+    """Time to learn for; None learns for `steps`."""
+    steps: int = 200
+    """Steps to learn for where no time is given."""
+    minings: int = 6
+    """How many times to search for confusions, the first time at once."""
+    validation_pairs: int = 1000
+    """Labelled pairs of each simulated validation scene to judge by, and twice as many of the drive,"""
+    validation_far: int = 5000
+    """and far pairs of each drive, the own one too."""
+    judge: bool = True
+    """Judge the weights before and after; False saves that time where many are made and nobody reads the figures."""
+
+
+@dataclass(frozen=True, eq=False)
+class FineTuningData:
+    """What weights are fine-tuned and judged on."""
+
+    drive: LabelledTrajectory
+    """The robot's own drive."""
+    scenes: Sequence[SceneExamples]
+    """Simulated scenes that keep the network from unlearning."""
+    validation: Sequence[SceneExamples]
+    """Simulated scenes to judge and to calibrate by."""
+    drives: Sequence[LabelledDrive] = ()
+    """Simulated drives to count wormholes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class FineTuningMetrics:
+    """How good weights are: at their own place and in simulation."""
+
+    own: TrajectoryMetrics
+    simulated: PairMetrics
+    simulated_drives: DriveMetrics | None
+
+
+@dataclass(frozen=True, slots=True)
+class FineTuningProgress:
+    """Where fine-tuning stands."""
+
+    share: float
+    """In [0, 1]."""
+    steps: int
+    loss: float
+    """Eq. 1, smoothed; nan before the first step."""
+    doing: str
+    """What is being done, for a person."""
+
+
+@dataclass(frozen=True)
+class FineTuningResult:
+    """What fine-tuning ends with."""
+
+    network: AnyNetwork
+    """Averaged and calibrated."""
+    parent: str
+    """Fingerprint of the weights it started from."""
+    before: FineTuningMetrics | None
+    """None where nobody asked to judge."""
+    after: FineTuningMetrics | None
+    steps: int
+    pairs: int
+    """Pairs compared."""
+    seconds: float
+
+
+def run_fine_tuning(
+    data: FineTuningData,
+    start: Path,
+    plan: FineTuningPlan,
+    folder: Path,
+    *,
+    on_progress: Callable[[FineTuningProgress], None] | None = None,
+    cancelled: Event | None = None,
+) -> FineTuningResult | None:
+    """Fine-tune weights on a drive; return None if it was cancelled, in which case a checkpoint waits in `folder`.
+
+    A checkpoint of the same run is resumed. The starting weights are read and never written. `on_progress` is called
+    in this thread, after every step. Raises WeightsError for weights that cannot be read, a checkpoint of another run
+    and a full disk.
+    """
+    fine_tuning_run = _FineTuningRun(data, start, plan, folder, on_progress or _ignore_progress, cancelled or Event())
+    return fine_tuning_run.run()
+
+
+def trajectory_fingerprint(drive: LabelledTrajectory) -> str:
+    """Return 12 hexadecimal digits that name a drive and its labels."""
+    found = hashlib.sha256(drive.name.encode())
+    for part in (drive.poses, drive.sources, drive.targets, drive.reachable):
+        found.update(np.ascontiguousarray(part).tobytes())
+    return found.hexdigest()[:12]
+
+
+class _FineTuningRun:
+    """The state of one fine-tuning."""
+
+    def __init__(
+        self,
+        data: FineTuningData,
+        start: Path,
+        plan: FineTuningPlan,
+        folder: Path,
+        on_progress: Callable[[FineTuningProgress], None],
+        cancelled: Event,
+    ) -> None:
+        self.data, self.plan, self.on_progress, self.cancelled = data, plan, on_progress, cancelled
+        self.start, self.parent = load_weights(start), weights_fingerprint(start)
+        _require_same_run(folder / "run.json", {"parent": self.parent, "drive": trajectory_fingerprint(data.drive)})
+        self.sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
+        self.trainer = FineTuningTrainer(plan.learning, self.start)
+        self.checkpoint = folder / "checkpoint.safetensors"
+        self.elapsed_s = restore_checkpoint(self.trainer, self.checkpoint) if self.checkpoint.exists() else 0.0
+        self.loss = float("nan")
+
+    def run(self) -> FineTuningResult | None:
+        before = self._judge(self.start, "before")
+        try:
+            finished = self._learn()
+        finally:
+            self._save()
+        if not finished:
+            return None
+        self._report("calibrating")
+        network = self.trainer.average
+        calibrate_after_fine_tuning(network, self.data.drive, self.data.validation)
+        after = self._judge(network, "after")
+        return FineTuningResult(
+            network, self.parent, before, after, self.trainer.steps, self.trainer.pairs, self.elapsed_s
+        )
+
+    def _learn(self) -> bool:
+        """Learn to the end and return True, or False if somebody cancelled."""
+        precision = choose_precision(self.trainer.network)
+        start, saved, mined = time.monotonic() - self.elapsed_s, time.monotonic(), -1
+        while (share := self._share()) < 1:
+            if self.cancelled.is_set():
+                return False
+            if (due := int(share * self.plan.minings)) > mined and self.plan.minings:
+                self._mine(precision)
+                mined = due
+            loss = self.trainer.step(self.sampler, precision, share).loss
+            self.elapsed_s = time.monotonic() - start
+            self.loss = loss if np.isnan(self.loss) else 0.95 * self.loss + 0.05 * loss
+            self._report("learning")
+            if time.monotonic() - saved > _CHECKPOINT_SECONDS:
+                self._save()
+                saved = time.monotonic()
+        return True
+
+    def _share(self) -> float:
+        if self.plan.minutes is None:
+            return min(self.trainer.steps / self.plan.steps, 1.0)
+        return min(self.elapsed_s / (60 * self.plan.minutes), 1.0)
+
+    def _mine(self, precision: MixedPrecision) -> None:
+        """Search the drive, and one simulated scene, for far pairs that are called reachable."""
+        rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, 2])
+        drive, network, number = self.data.drive, self.trainer.average, self.sampler.drive_number
+        rows = np.sort(rng.permutation(self.sampler.learnable)[:800])
+        found = hard_negatives_among(network, precision, drive, number, rows, drive.far(rows, rows), rng)[:300]
+        if self.data.scenes:
+            other = int(rng.integers(len(self.data.scenes)))
+            scene = self.data.scenes[other]
+            found += mine_hard_negatives(network, precision, scene, other, self.plan.learning.far, rng, images=500)[
+                :100
+            ]
+        self.trainer.confusions = found
+        log.info("step %d: mined %d confusions", self.trainer.steps, len(found))
+
+    def _judge(self, network: AnyNetwork, when: str) -> FineTuningMetrics | None:
+        if not self.plan.judge:
+            return None
+        self._report(f"judging the weights {when}")
+        predictor, plan = NetworkPredictor(network, "in fine-tuning"), self.plan
+        rng = np.random.default_rng(0)
+        return FineTuningMetrics(
+            evaluate_trajectory(
+                predictor, self.data.drive, rng, near=2 * plan.validation_pairs, far=plan.validation_far
+            ),
+            evaluate_pairs(predictor, self.data.validation, rng, limit=plan.validation_pairs),
+            evaluate_drives(predictor, self.data.drives, rng, limit=plan.validation_far) if self.data.drives else None,
+        )
+
+    def _save(self) -> None:
+        save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
+
+    def _report(self, doing: str) -> None:
+        self.on_progress(FineTuningProgress(self._share(), self.trainer.steps, self.loss, doing))
+
+
+def _require_same_run(path: Path, run: dict[str, str]) -> None:
+    """Raise WeightsError if a folder holds a run from other weights or on another drive."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            path.write_text(json.dumps(run), encoding="utf-8")
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise WeightsError(
+            f"{path}: cannot be read or written ({error}); free some space, or delete {path.parent} to begin anew."
+        ) from error
+    if found != run:
+        raise WeightsError(
+            f"{path.parent}: holds an unfinished fine-tuning of weights {found.get('parent')} on {found.get('drive')}, "
+            f"not of {run['parent']} on {run['drive']}; finish that one, name another output, or delete the folder."
+        )
+
+
+def _ignore_progress(progress: FineTuningProgress) -> None:
+    """Nobody wants to know."""

@@ -1,0 +1,116 @@
+"""Finds what the network confuses: far pairs of training images that it calls reachable.
+
+Owns the search. The confusions go back into training as hard negatives.
+"""
+
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.network.base_network import BaseNetwork
+from ltvn_core.network.device import device_of, to_tensor
+from ltvn_core.network.image_features import FeaturesT, join
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision
+from ltvn_core.network.predictor import images_to_tensors
+from ltvn_core.network.training_examples import HardNegative, SceneExamples
+from ltvn_core.types import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class FarCriterion:
+    """Pairs that are negatives whatever stands between them (ours; safely beyond the limits of reachability)."""
+
+    distance_m: float = 3.0
+    """Farther apart than this,"""
+    yaw_rad: float = radians(92)
+    """or turned by more than this."""
+
+    def pairs(self, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
+        """Return (S, T): which of sources (S, 3) and targets (T, 3) are far from each other."""
+        shift = sources[:, None, :2] - targets[None, :, :2]
+        turn = np.abs(wrap_angle(sources[:, None, 2] - targets[None, :, 2]))
+        return (np.hypot(shift[..., 0], shift[..., 1]) > self.distance_m) | (turn > self.yaw_rad)
+
+
+def mine_hard_negatives(
+    network: BaseNetwork[FeaturesT],
+    precision: MixedPrecision,
+    scene: SceneExamples,
+    scene_number: int,
+    far: FarCriterion,
+    rng: np.random.Generator,
+    *,
+    images: int = 1000,
+    candidates: int = 1000,
+    above: float = 0.03,
+) -> list[HardNegative]:
+    """Return the far pairs among some images of a scene that the network calls reachable, worst first.
+
+    Only the `candidates` pairs with the best rough scores are compared in full; ties are broken at random.
+    """
+    rows = rng.choice(len(scene.poses), min(images, len(scene.poses)), replace=False)
+    apart = far.pairs(scene.poses[rows], scene.poses[rows])
+    return hard_negatives_among(
+        network, precision, scene, scene_number, rows, apart, rng, candidates=candidates, above=above
+    )
+
+
+@torch.no_grad()
+def hard_negatives_among(
+    network: BaseNetwork[FeaturesT],
+    precision: MixedPrecision,
+    scene: SceneExamples,
+    scene_number: int,
+    rows: NDArray[np.intp],
+    apart: NDArray[np.bool_],
+    rng: np.random.Generator,
+    *,
+    candidates: int = 1000,
+    above: float = 0.03,
+) -> list[HardNegative]:
+    """Return those of some images' far pairs that the network calls reachable, worst first; `apart` is (N, N)."""
+    features = _encode(network, precision, scene, rows)
+    scores = network.rough_logits(features)
+    scores[to_tensor(~apart, scores.device)] = -torch.inf
+    shuffled = to_tensor(rng.permutation(scores.numel()), scores.device)
+    best = shuffled[scores.flatten()[shuffled].topk(min(candidates, int(apart.sum()))).indices]
+    sources, targets = best // len(rows), best % len(rows)
+    logits = torch.cat(
+        [
+            precision.compare(network, features.take(i), features.take(j)).logit
+            for i, j in zip(sources.split(256), targets.split(256), strict=True)
+        ]
+    )
+    reachability = network.reachability(logits)
+    order = torch.argsort(reachability, descending=True)
+    order = order[reachability[order] > above]
+    return [HardNegative(scene_number, int(rows[sources[k]]), int(rows[targets[k]])) for k in order.tolist()]
+
+
+def _encode(
+    network: BaseNetwork[FeaturesT], precision: MixedPrecision, scene: SceneExamples, rows: NDArray[np.intp]
+) -> FeaturesT:
+    parts: list[FeaturesT] = []
+    for part in np.array_split(rows, max(len(rows) // 128, 1)):
+        rgb, depth = images_to_tensors(scene.rgb[part], scene.depth_mm[part] / np.float32(1000), device_of(network))
+        parts.append(precision.encode(network, rgb, depth))
+    return join(parts)
+
+
+def sample_hardest(
+    scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator, hardness: float = 1.5
+) -> tuple[Tensor, Tensor]:
+    """Return rows and columns of the `count` highest scores (B, B) among the allowed, shaken so that they vary.
+
+    With a hardness of 0 all the allowed have the same chance.
+    """
+    chance = torch.rand(scores.shape, generator=generator, device=scores.device)
+    noise = -torch.log(-torch.log(chance.clamp(1e-9, 1 - 1e-7)))
+    shaken = (hardness * scores + noise).masked_fill(~allowed, -torch.inf)
+    best = shaken.flatten().topk(min(count, int(allowed.sum()))).indices
+    return best // scores.shape[1], best % scores.shape[1]

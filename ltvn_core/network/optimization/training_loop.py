@@ -1,0 +1,307 @@
+"""Training from first step to saved weights: when to learn, mine, validate, keep and stop.
+
+Owns the course. One step is `ltvn_core.network.optimization.trainer`; data come in as `SceneExamples` and
+`LabelledDrive`s.
+"""
+
+import json
+import logging
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.network.allocator import retain_freed_memory
+from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
+from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
+from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics
+from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
+from ltvn_core.network.optimization.distributed import SINGLE_PROCESS, DistributedContext, run_distributed
+from ltvn_core.network.optimization.fine_tuning_trainer import FineTuningTrainer
+from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
+from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision, choose_precision
+from ltvn_core.network.optimization.reachability_calibration import calibrate_reachability
+from ltvn_core.network.optimization.tensorboard_log import TensorBoardLog
+from ltvn_core.network.optimization.trainer import StepLosses, Trainer, learning_rate_schedule
+from ltvn_core.network.predictor import NetworkPredictor
+from ltvn_core.network.training_examples import BatchSampler, SceneExamples
+from ltvn_core.network.weights_file import load_weights, save_weights
+
+log = logging.getLogger(__name__)
+
+_CHECKPOINT_SECONDS = 60.0
+
+_SCALARS_EVERY = 20
+"""Steps between points of the curves."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingPlan:
+    """How long to train and how often to look (all ours)."""
+
+    learning: Hyperparameters = field(default_factory=Hyperparameters)
+    """What each step does."""
+    architecture: AnyArchitecture = field(default_factory=PairArchitecture)
+    """The network to train."""
+    minutes: float | None = 45.0
+    """Time to train for; None trains for `steps`."""
+    steps: int = 6000
+    """Steps to train for where no time is given."""
+    validations: int = 7
+    """How many times to validate, evenly over training; the best weights are kept."""
+    minings: int = 14
+    """How many times to search for confusions, evenly over training after its first tenth."""
+    mined_scenes: int = 4
+    """Training scenes that each process searches each time."""
+    patience: int = 4
+    """Stop after this many validations in a row without a better one."""
+    validation_pairs: int = 2500
+    """Labelled pairs of each validation scene to look at during training,"""
+    validation_far: int = 12000
+    """and far pairs of each drive."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValidationMetrics:
+    """Figures of one validation."""
+
+    steps: int
+    pairs: PairMetrics
+    drives: DriveMetrics | None
+
+    @property
+    def score(self) -> float:
+        """Return what the best weights have the most of: few wormholes first, then ranking and pose."""
+        wormholes = 0.0 if self.drives is None else -math.log10(self.drives.far_fpr_at_tpr60 + 1e-5)
+        return wormholes + 20 * (self.pairs.auc or 0) - 5 * self.pairs.position_median_m
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingResult:
+    """What training ends with."""
+
+    weights: Path
+    """The best weights, calibrated."""
+    best: ValidationMetrics | None
+    """Their figures on validation, before calibration; only the leading process knows them."""
+    steps: int
+    """Steps in all."""
+    pairs: int
+    """Pairs compared, about: all processes draw nearly the same number."""
+    seconds: float
+    """Time in all."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """What a network is trained and judged on."""
+
+    scenes: Sequence[SceneExamples]
+    """To learn from."""
+    validation: Sequence[SceneExamples]
+    """To choose the best weights and the calibration by."""
+    drives: Sequence[LabelledDrive] = ()
+    """To count wormholes on, in scenes that are not learned from."""
+
+
+def train(
+    data: TrainingData,
+    plan: TrainingPlan,
+    folder: Path,
+    distributed_context: DistributedContext = SINGLE_PROCESS,
+    *,
+    start: Path | None = None,
+) -> TrainingResult:
+    """Train, keep the best weights on the validation data in `folder`, and return their path.
+
+    Begins at random, or at trained weights (`start`, without a graphics card), whose architecture then counts. A
+    checkpoint in the folder is resumed. Raises WeightsError if that is of another plan, or if `start` cannot be read.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    retain_freed_memory()
+    return _TrainingRun(data, plan, folder, distributed_context, start).run()
+
+
+def train_distributed(
+    load: Callable[[], TrainingData], plan: TrainingPlan, folder: Path, *, processes: int
+) -> TrainingResult:
+    """Train in several processes, each of which loads the data itself; `load` must be picklable."""
+    return run_distributed(partial(_train_worker, load, plan, folder), processes)
+
+
+def _train_worker(
+    load: Callable[[], TrainingData], plan: TrainingPlan, folder: Path, distributed_context: DistributedContext
+) -> TrainingResult:
+    if distributed_context.size > 1:
+        logging.basicConfig(
+            level=logging.INFO if distributed_context.is_leader else logging.WARNING, format="%(asctime)s %(message)s"
+        )
+    return train(load(), plan, folder, distributed_context)
+
+
+class _TrainingRun:
+    """The state of one training."""
+
+    def __init__(
+        self,
+        data: TrainingData,
+        plan: TrainingPlan,
+        folder: Path,
+        distributed_context: DistributedContext,
+        start: Path | None,
+    ) -> None:
+        self.data, self.plan, self.folder, self.distributed_context = data, plan, folder, distributed_context
+        self.sampler = BatchSampler(data.scenes, evened=plan.learning.evened)
+        self.trainer = _create_trainer(plan, distributed_context, start)
+        self.checkpoint, self.best_path = folder / "checkpoint.safetensors", folder / "best.safetensors"
+        self.elapsed_s = restore_checkpoint(self.trainer, self.checkpoint) if self.checkpoint.exists() else 0.0
+        self.best = _read_best(folder)
+        self.validations_without_improvement = 0
+        self.scalars = TensorBoardLog(folder / "tensorboard") if distributed_context.is_leader else None
+
+    def run(self) -> TrainingResult:
+        precision = choose_precision(self.trainer.network)
+        start, saved = time.monotonic() - self.elapsed_s, time.monotonic()
+        bar = tqdm(
+            total=100.0,
+            initial=round(100 * self.progress(), 1),
+            desc="training",
+            bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}",
+            disable=not self.distributed_context.is_leader,
+            mininterval=1.0,
+        )
+        mean = math.nan
+        while (before := self.progress()) < 1 and self.distributed_context.broadcast_from_leader(
+            self.validations_without_improvement
+        ) < self.plan.patience:
+            report = self.trainer.step(self.sampler, precision, before, self.distributed_context)
+            self.elapsed_s = self.distributed_context.broadcast_from_leader(time.monotonic() - start)
+            mean = report.loss if math.isnan(mean) else 0.98 * mean + 0.02 * report.loss
+            bar.set_postfix(step=self.trainer.steps, loss=f"{mean:.3f}", refresh=False)
+            bar.update(100 * min(self.progress(), 1) - bar.n)
+            self._plot(report)
+            self._validate_or_mine(before, precision)
+            if self.distributed_context.is_leader and time.monotonic() - saved > _CHECKPOINT_SECONDS:
+                save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
+                saved = time.monotonic()
+        bar.close()
+        return self._finish()
+
+    def progress(self) -> float:
+        """Return the share of training that is done."""
+        if self.plan.minutes is None:
+            return self.trainer.steps / self.plan.steps
+        return self.elapsed_s / (60 * self.plan.minutes)
+
+    def _plot(self, report: StepLosses) -> None:
+        if self.scalars is None or self.trainer.steps % _SCALARS_EVERY:
+            return
+        rate = self.plan.learning.rate * learning_rate_schedule(self.progress(), self.plan.learning.warm_up)
+        self.scalars.add(
+            self.trainer.steps,
+            training__loss=report.loss,
+            training__total=report.total,
+            training__rate=rate,
+            training__pairs_per_s=self.trainer.pairs / max(self.elapsed_s, 1e-3),
+            training__confusions=len(self.trainer.confusions),
+        )
+
+    def _validate_or_mine(self, before: float, precision: MixedPrecision) -> None:
+        """Validate and mine where it is time to; while the leader validates, the others mine."""
+        validating = _due(before, self.progress(), self.plan.validations, begin=0.0)
+        mining = _due(before, self.progress(), self.plan.minings, begin=0.1)
+        if validating and self.distributed_context.is_leader:
+            self._validate()
+        elif mining or (validating and self.plan.minings > 0 and self.progress() > 0.1):
+            self._mine(precision)
+
+    def _mine(self, precision: MixedPrecision) -> None:
+        rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, self.distributed_context.rank, 1])
+        scenes = self.data.scenes
+        for number in rng.choice(len(scenes), min(self.plan.mined_scenes, len(scenes)), replace=False):
+            scene, kept = scenes[int(number)], [c for c in self.trainer.confusions if c.scene != number]
+            found = mine_hard_negatives(
+                self.trainer.average, precision, scene, int(number), self.plan.learning.far, rng
+            )
+            self.trainer.confusions = kept + found[:200]
+        log.info("mined %d confusions", len(self.trainer.confusions))
+
+    def _validate(self) -> None:
+        """Judge the averaged weights and keep them if they are the best so far."""
+        predictor = NetworkPredictor(self.trainer.average, "in training")
+        rng = np.random.default_rng(0)
+        found = ValidationMetrics(
+            self.trainer.steps,
+            evaluate_pairs(predictor, self.data.validation, rng, limit=self.plan.validation_pairs),
+            evaluate_drives(predictor, self.data.drives, rng, limit=self.plan.validation_far)
+            if self.data.drives
+            else None,
+        )
+        log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
+        self._log_validation(found)
+        if self.scalars is not None:
+            self.scalars.add_metrics(found.steps, "pairs", asdict(found.pairs))
+            self.scalars.add_metrics(found.steps, "drives", asdict(found.drives) if found.drives else {})
+        if self.best is None or found.score > self.best.score:
+            self.best, self.validations_without_improvement = found, 0
+            save_weights(self.trainer.average, self.best_path)
+        else:
+            self.validations_without_improvement += 1
+
+    def _log_validation(self, found: ValidationMetrics) -> None:
+        """Add figures to the folder's list, and keep them apart if they are the best so far."""
+        line = json.dumps({"seconds": round(self.elapsed_s), "score": found.score, **asdict(found)})
+        try:
+            with (self.folder / "validation.jsonl").open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+            if self.best is None or found.score > self.best.score:
+                (self.folder / "best.json").write_text(json.dumps(asdict(found)), encoding="utf-8")
+        except OSError as error:
+            raise WeightsError(
+                f"{self.folder}: figures could not be written ({error}); free some space and run again, which goes on "
+                "from the last checkpoint."
+            ) from error
+
+    def _finish(self) -> TrainingResult:
+        weights = self.folder / "weights.safetensors"
+        if self.scalars is not None:
+            self.scalars.close()
+        if self.distributed_context.is_leader:
+            save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
+            if self.best is None or self.best.steps != self.trainer.steps:
+                self._validate()
+            network = load_weights(self.best_path)
+            calibrate_reachability(network, [(scene, np.arange(len(scene.sources))) for scene in self.data.validation])
+            save_weights(network, weights)
+        return TrainingResult(weights, self.best, self.trainer.steps, self.trainer.pairs, self.elapsed_s)
+
+
+def _create_trainer(plan: TrainingPlan, distributed_context: DistributedContext, start: Path | None) -> Trainer:
+    if start is not None:
+        return FineTuningTrainer(plan.learning, load_weights(start))
+    return Trainer(plan.learning, plan.architecture, distributed_context.device)
+
+
+def _due(before: float, after: float, times: int, *, begin: float) -> bool:
+    """Tell whether one of `times` evenly spaced moments after `begin` lies in (before, after]."""
+    if times == 0:
+        return False
+    spacing = (1 - begin) / times
+    return math.floor((after - begin) / spacing) > math.floor((before - begin) / spacing) and after >= begin + 1e-9
+
+
+def _read_best(folder: Path) -> ValidationMetrics | None:
+    """Return the figures of the best weights of an interrupted training."""
+    try:
+        found = json.loads((folder / "best.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    drives = DriveMetrics(**found["drives"]) if found["drives"] else None
+    return ValidationMetrics(found["steps"], PairMetrics(**found["pairs"]), drives)

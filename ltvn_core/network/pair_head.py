@@ -1,0 +1,167 @@
+"""The pair half of the network: two images' features become reachability and waypoint.
+
+Tokens are matched both ways, the matches are aligned rigidly on the floor, the matching is done again with what the
+alignment says about space, and everything that came of it (matched mass, residuals, agreement of the depth images)
+goes into the last layers. Owns these layers; loss and calibration live elsewhere.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from ltvn_core.network.alignment import PlanarMotion, align
+from ltvn_core.network.architecture import PairArchitecture
+from ltvn_core.network.geometric_verification import MEASURE_COUNT, GeometricVerification
+from ltvn_core.network.image_features import ImageFeatures
+
+
+class TokenMatching(NamedTuple):
+    """A soft assignment between T source and T target tokens, with "no match" on both sides.
+
+    Unit vectors bound the scores, so their exponentials are kept as they are, without the usual detour by logarithms.
+    """
+
+    strength: Tensor
+    """(P, T, T): exponential of how well two tokens match, at most 1."""
+    row_total: Tensor
+    """(P, T): sum over targets and "no match"."""
+    column_total: Tensor
+    """(P, T): sum over sources and "no match"."""
+    row_unmatched: Tensor
+    """(P, T): strength of "no match" for source tokens."""
+    column_unmatched: Tensor
+    """(P, T): strength of "no match" for target tokens."""
+
+    def mutual(self) -> Tensor:
+        """Return (P, T, T): probability that both tokens choose each other."""
+        return (self.strength / self.row_total[..., None]) * (self.strength / self.column_total[:, None])
+
+
+class PairOutput(NamedTuple):
+    """What the head says of P pairs."""
+
+    logit: Tensor
+    """(P,) of reachability."""
+    pose: Tensor
+    """(P, 4): dx, dy, sin, cos; sine and cosine are not normalised."""
+    matching: TokenMatching | None = None
+    """The first matching, which knows nothing of space yet; training supervises it. None where nothing is matched."""
+
+
+class PairHead(nn.Module):
+    """Compares source and target features."""
+
+    def __init__(self, size: PairArchitecture) -> None:
+        super().__init__()
+        self.sharpness = nn.Parameter(torch.tensor(12.0))
+        self.closeness = nn.Parameter(torch.tensor(0.5))
+        self.verify = GeometricVerification(size)
+        inputs = 2 * size.value + 3 + 3 + 2
+        self.token = nn.Sequential(
+            nn.Linear(inputs, size.hidden), nn.ReLU(), nn.Linear(size.hidden, size.hidden), nn.ReLU()
+        )
+        self.attend = nn.Linear(size.hidden, 1)
+        summary = 2 * size.hidden + 2 * 4 + 4 + MEASURE_COUNT
+        self.last = nn.Sequential(nn.Linear(summary, 128), nn.ReLU(), nn.Linear(128, 64), nn.ReLU(), nn.Linear(64, 6))
+
+    def forward(self, source: ImageFeatures, target: ImageFeatures) -> PairOutput:
+        """Compare P sources with P targets."""
+        first = self.match(source, target)
+        matched, mass = gather(first.mutual(), target)
+        rough = align(source.points, matched[..., :3], self.weights(source, mass))
+        second = self.match_in_space(first, source, target, rough.detach())
+        matched_again, mass_again = gather(second.mutual(), target)
+        motion = align(source.points, matched_again[..., :3], self.weights(source, mass_again))
+        tokens, residual = self.tokens(source, matched_again, mass, mass_again, motion)
+        fits = self.verify(source.depth, target.depth, motion.detach())
+        summary = torch.cat(
+            [
+                self.pool(tokens),
+                rough.numbers(),
+                motion.numbers(),
+                mass.mean(-1, keepdim=True),
+                mass_again.mean(-1, keepdim=True),
+                weighted_mean(residual, self.weights(source, mass_again)),
+                weighted_mean(residual, mass),
+                fits,
+            ],
+            dim=-1,
+        )
+        logit, gate, *_ = (numbers := self.last(summary).float()).unbind(-1)
+        trust = torch.sigmoid(gate + 1)[:, None]
+        return PairOutput(logit, trust * motion.numbers() + (1 - trust) * numbers[:, 2:], first)
+
+    def match(self, source: ImageFeatures, target: ImageFeatures) -> TokenMatching:
+        """Match descriptors; each side may also decline."""
+        scores = (source.descriptors * self.sharpness) @ target.descriptors.transpose(1, 2)
+        strength = torch.exp(scores - self.sharpness.abs())
+        declined = (torch.exp(side.unmatched - self.sharpness.abs()) for side in (source, target))
+        return normalize_matching(strength, *declined)
+
+    def match_in_space(
+        self, first: TokenMatching, source: ImageFeatures, target: ImageFeatures, motion: PlanarMotion
+    ) -> TokenMatching:
+        """Match again, weaker for pairs of tokens that the motion leaves apart.
+
+        The tolerance grows with distance, as a token covers more surface there.
+        """
+        there = motion.apply(target.points)
+        squares = (
+            source.points.square().sum(-1)[..., None]
+            + there.square().sum(-1)[:, None]
+            - 2 * source.points @ there.transpose(1, 2)
+        )
+        strictness = self.closeness.abs() / spread(source)
+        near = torch.exp(-strictness[..., None] * squares.clamp(min=0))
+        return normalize_matching(first.strength * near, first.row_unmatched, first.column_unmatched)
+
+    def weights(self, source: ImageFeatures, mass: Tensor) -> Tensor:
+        """Return (P, T): how much each source token counts in the alignment."""
+        seen = (source.points[..., 0] > 0).to(mass.dtype)
+        return mass * torch.sigmoid(source.saliency) * seen / spread(source)
+
+    def tokens(
+        self, source: ImageFeatures, matched: Tensor, mass: Tensor, mass_again: Tensor, motion: PlanarMotion
+    ) -> tuple[Tensor, Tensor]:
+        """Return per-token hidden values (P, T, H) and the distance that each match is left apart (P, T)."""
+        apart = motion.apply(matched[..., :3]) - source.points
+        known = [
+            source.values.float(),
+            matched[..., 3:],
+            source.points / 5,
+            torch.tanh(apart),
+            mass[..., None],
+            mass_again[..., None],
+        ]
+        return self.token(torch.cat(known, dim=-1)), torch.tanh(apart.norm(dim=-1))
+
+    def pool(self, tokens: Tensor) -> Tensor:
+        """Return (P, 2 H): attended and plain mean over tokens."""
+        share = self.attend(tokens).float().softmax(1)
+        return torch.cat([(share * tokens).sum(1), tokens.mean(1)], dim=-1)
+
+
+def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched: Tensor) -> TokenMatching:
+    """Return the matching in which strengths (P, T, T) compete with each side's "no match" (P, T)."""
+    rows, columns = strength.sum(2) + row_unmatched, strength.sum(1) + column_unmatched
+    return TokenMatching(strength, rows, columns, row_unmatched, column_unmatched)
+
+
+def gather(mutual: Tensor, target: ImageFeatures) -> tuple[Tensor, Tensor]:
+    """Return each source token's mean match (P, T, 3 + V) and how much of the match has depth (P, T)."""
+    seen = (target.points[..., :1] > 0).to(mutual.dtype)
+    known = torch.cat([seen, target.points, target.values.float() * seen], dim=-1)
+    total = mutual @ known
+    mass = total[..., 0]
+    return total[..., 1:] / (total[..., :1] + 1e-3), mass
+
+
+def spread(source: ImageFeatures) -> Tensor:
+    """Return (P, T): the square of a token's uncertainty in metres, which grows with its distance."""
+    return (0.2 + 0.1 * source.points[..., 0]).square()
+
+
+def weighted_mean(numbers: Tensor, weights: Tensor) -> Tensor:
+    """Return (P, 1)."""
+    return ((numbers * weights).sum(-1) / (weights.sum(-1) + 1e-3))[:, None]

@@ -1,0 +1,160 @@
+"""The network as the rest of the program sees it: numpy in, numpy out, deterministic, bounded memory.
+
+Owns batching, validation and the prefilter for one source against many targets. Implements `types.Predictor`.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ltvn_core.errors import ImageError
+from ltvn_core.network.allocator import retain_freed_memory
+from ltvn_core.network.architecture import AnyArchitecture
+from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.device import CPU, device_of, to_tensor
+from ltvn_core.network.image_features import pack as pack_features
+from ltvn_core.network.prefilter import PrefilterScores
+from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, load_weights, weights_fingerprint
+from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Features, Observation, Prediction
+
+PREFILTER_FROM = 200
+"""A single source with at least this many targets is compared in full with the most similar ones alone."""
+
+PREFILTER_KEEP = 96
+"""So many of the targets are compared in full."""
+
+_IMAGES_AT_ONCE = 64
+_PAIRS_AT_ONCE = 256
+_MAX_THREADS = 4
+"""More threads do not make batches of this size faster. At most half of the cores are taken: threads wait for each
+other at every layer, so that any other busy program would slow them down many times."""
+
+
+class NetworkPredictor:
+    """f(o_i, o_j) -> (r, dx, dy, dtheta) from weights."""
+
+    def __init__(self, network: AnyNetwork, fingerprint: str, *, prefilter_from: int | None = PREFILTER_FROM) -> None:
+        """Take a trained network; `prefilter_from` None compares every pair in full."""
+        self._network = network.eval()
+        self._device = device_of(network)
+        self._fingerprint = fingerprint
+        self._prefilter_from = prefilter_from
+
+    @property
+    def fingerprint(self) -> str:
+        """Name the weights."""
+        return self._fingerprint
+
+    @property
+    def architecture(self) -> AnyArchitecture:
+        """Return the sizes of the network."""
+        return self._network.size
+
+    def encode(self, observations: Sequence[Observation]) -> Features:
+        """Return (N, F) float16 features. Raises ImageError for observations of another size than 96 x 72."""
+        parts = [np.empty((0, self._network.row_length), np.float16)]
+        for first in range(0, len(observations), _IMAGES_AT_ONCE):
+            parts.append(self._encode(observations[first : first + _IMAGES_AT_ONCE]))
+        return np.concatenate(parts)
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        """Compare sources (N, F) or (1, F) with targets (N, F).
+
+        One source against many targets (200 or more, unless switched off or the network has no quick look at pairs)
+        compares in full only the 96 that resemble it most. The others get a rough reachability, at most the lowest
+        found in full, and a waypoint of zeros, which says nothing.
+        """
+        self._check(sources, targets)
+        alone = len(sources) == 1 and len(targets) > 1
+        if alone and self._prefilter_from is not None and len(targets) >= self._prefilter_from:
+            prefilter_scores = self._prefilter_scores(sources, targets)
+            return (
+                self._predict(sources, targets)
+                if prefilter_scores is None
+                else self._predict_filtered(sources, targets, prefilter_scores)
+            )
+        return self._predict(sources, targets)
+
+    @torch.inference_mode()
+    def _encode(self, observations: Sequence[Observation]) -> NDArray[np.float16]:
+        rgb, depth = images_to_tensors(
+            np.stack([_checked(each).rgb for each in observations]),
+            np.stack([each.depth for each in observations]),
+            self._device,
+        )
+        return pack_features(self._network.encode(rgb, depth)).cpu().numpy()
+
+    @torch.inference_mode()
+    def _predict(self, sources: Features, targets: Features) -> Prediction:
+        reachability, waypoints = [np.empty(0)], [np.empty((0, 3))]
+        for first in range(0, len(targets), _PAIRS_AT_ONCE):
+            part = slice(first, first + _PAIRS_AT_ONCE)
+            rows = targets[part]
+            there = self._network.unpack(self._tensor(rows))
+            here = self._network.unpack(self._tensor(sources if len(sources) == 1 else sources[part]))
+            if len(sources) == 1:
+                here = here.take(torch.zeros(len(rows), dtype=torch.long, device=self._device))
+            output = self._network.compare(here, there)
+            reachability.append(self._network.reachability(output.logit).double().cpu().numpy())
+            waypoints.append(pose_to_waypoints(output.pose))
+        return Prediction(np.concatenate(reachability), np.concatenate(waypoints))
+
+    @torch.inference_mode()
+    def _prefilter_scores(self, source: Features, targets: Features) -> PrefilterScores | None:
+        return self._network.prefilter_scores(self._tensor(source), self._tensor(targets))
+
+    @torch.inference_mode()
+    def _predict_filtered(self, source: Features, targets: Features, prefilter_scores: PrefilterScores) -> Prediction:
+        best = np.sort(prefilter_scores.similarity.topk(PREFILTER_KEEP).indices.cpu().numpy())
+        full = self._predict(source, targets[best])
+        reachability = np.minimum(torch.sigmoid(prefilter_scores.logit).double().cpu().numpy(), full.reachability.min())
+        waypoints = np.zeros((len(targets), 3))
+        reachability[best], waypoints[best] = full
+        return Prediction(reachability, waypoints)
+
+    def _tensor(self, rows: Features) -> Tensor:
+        return to_tensor(rows, self._device)
+
+    def _check(self, sources: Features, targets: Features) -> None:
+        width = self._network.row_length
+        if sources.ndim != 2 or targets.ndim != 2 or sources.shape[1] != width or targets.shape[1] != width:
+            raise ValueError(f"Features must be (N, {width}), got {sources.shape} and {targets.shape}.")
+        if len(sources) not in (1, len(targets)):
+            raise ValueError(f"{len(sources)} sources cannot meet {len(targets)} targets one to one.")
+
+
+def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PREFILTER_FROM) -> NetworkPredictor:
+    """Return the predictor of a weights file, of the shipped one if `path` is None. Raises WeightsError."""
+    path = path or SHIPPED_WEIGHTS
+    network = load_weights(path)
+    retain_freed_memory()
+    torch.set_num_threads(max(1, min(torch.get_num_threads(), (os.cpu_count() or 1) // 2, _MAX_THREADS)))
+    return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from)
+
+
+def images_to_tensors(
+    rgb: NDArray[np.uint8], depth_m: NDArray[np.floating], device: torch.device = CPU
+) -> tuple[Tensor, Tensor]:
+    """Return rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres from arrays (B, H, W, 3) and (B, H, W)."""
+    return to_tensor(rgb, device).permute(0, 3, 1, 2).float() / 255, to_tensor(depth_m, device).float()
+
+
+def pose_to_waypoints(pose: Tensor) -> NDArray[np.float64]:
+    """Return waypoints (P, 3) from network poses (P, 4): dx, dy, sin, cos."""
+    x, y, sin, cos = pose.double().cpu().unbind(-1)
+    return torch.stack([x, y, torch.atan2(sin, cos)], dim=-1).numpy()
+
+
+def _checked(observation: Observation) -> Observation:
+    expected = (IMAGE_HEIGHT, IMAGE_WIDTH)
+    if observation.rgb.shape != (*expected, 3) or observation.depth.shape != expected:
+        raise ImageError(
+            f"Image {observation.step} is {observation.rgb.shape[:2]} with depth {observation.depth.shape}; the "
+            f"network takes {expected} (rows, columns). Let it in through ltvn_core.intake.observation, which resizes."
+        )
+    return observation

@@ -1,0 +1,137 @@
+"""Weights on disk: one safetensors file and a card beside it that says where they come from.
+
+Owns the file format and the fingerprint. Never unpickles anything.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.network.architecture import AnyArchitecture
+from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.network_families import build_network, read_architecture
+
+SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "ltvn.safetensors"
+"""The weights that come with the package,"""
+
+SHIPPED_STACKED_WEIGHTS = SHIPPED_WEIGHTS.with_name("stacked.safetensors")
+"""and those of the plain network, for comparison only."""
+
+SHIPPED_BASELINE_WEIGHTS = {name: SHIPPED_WEIGHTS.with_name(f"{name}.safetensors") for name in ("sptm", "ving")}
+"""Weights that learned the labels of the rivals SPTM and ViNG, see `ltvn baseline`."""
+
+SCHEMA = "ltvn-weights-1"
+"""Name of the file format; another one is refused."""
+
+
+def save_weights(network: AnyNetwork, path: Path, card: Mapping[str, Any] | None = None) -> str:
+    """Write weights, and their card where there is one, and return the fingerprint; an old file stays until then."""
+    partial = path.with_suffix(".partial")
+    # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
+    metadata = {"ltvn": json.dumps({"schema": SCHEMA, **asdict(network.size)})}
+    state = {name: value.detach().cpu().contiguous() for name, value in network.state_dict().items()}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_file(state, partial, metadata)
+        os.replace(partial, path)
+    except (OSError, SafetensorError) as error:
+        with suppress(OSError):
+            partial.unlink()
+        raise WeightsError(f"{path}: the weights could not be written ({error}); free some space.") from error
+    fingerprint = weights_fingerprint(path)
+    if card is not None:
+        text = json.dumps({"fingerprint": fingerprint, **card}, indent=2)
+        card_path(path).write_text(text + "\n", encoding="utf-8")
+    return fingerprint
+
+
+def load_weights(path: Path) -> AnyNetwork:
+    """Rebuild a network. Raises WeightsError for files that are missing, cut, foreign or of an unknown family."""
+    if not path.is_file():
+        raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
+    try:
+        with safe_open(path, framework="pt") as file:
+            size = _architecture(file.metadata() or {}, path)
+        state = load_file(path)
+    except (OSError, SafetensorError) as error:
+        raise WeightsError(
+            f"{path}: not a whole safetensors file ({error}); fetch or train the weights again."
+        ) from error
+    network = build_network(size)
+    try:
+        network.load_state_dict(state)
+    except RuntimeError as error:
+        raise WeightsError(f"{path}: the weights do not fit the architecture they name; {error}") from error
+    if not all(torch.isfinite(value).all() for value in state.values()):
+        raise WeightsError(f"{path}: the weights hold numbers that are not finite; train them again.")
+    return network.eval()
+
+
+def weights_fingerprint(path: Path) -> str:
+    """Return the first 12 hexadecimal digits of the file's SHA-256."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+
+
+def card_path(path: Path) -> Path:
+    """Return where the card of weights lies."""
+    return path.with_suffix(".card.json")
+
+
+def read_card(path: Path) -> dict[str, Any]:
+    """Return the card of weights, empty where there is none. Raises WeightsError if it cannot be read as JSON."""
+    try:
+        return json.loads(card_path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise WeightsError(f"{card_path(path)}: not a readable card ({error}).") from error
+
+
+def matching_card(path: Path) -> dict[str, Any]:
+    """Return the card of weights, empty where the one that lies beside them belongs to others. Raises WeightsError."""
+    card = read_card(path)
+    return card if path.is_file() and card.get("fingerprint") == weights_fingerprint(path) else {}
+
+
+def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
+    """Write one part of the card of weights, leaving all others, and return where the card lies.
+
+    Raises WeightsError if there are no weights, if the card belongs to other ones, or if it cannot be written.
+    """
+    if not path.is_file():
+        raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
+    card, fingerprint, target = read_card(path), weights_fingerprint(path), card_path(path)
+    if card.setdefault("fingerprint", fingerprint) != fingerprint:
+        raise WeightsError(f"{target}: belongs to {card['fingerprint']}, not to the weights beside it ({fingerprint}).")
+    partial = target.with_suffix(".partial")
+    try:
+        partial.write_text(json.dumps({**card, section: content}, indent=2) + "\n", encoding="utf-8")
+        os.replace(partial, target)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink()
+        raise WeightsError(f"{target}: the card could not be written ({error}); free some space.") from error
+    return target
+
+
+def _architecture(metadata: Mapping[str, str], path: Path) -> AnyArchitecture:
+    try:
+        found = json.loads(metadata["ltvn"])
+    except (KeyError, ValueError):
+        found = {}
+    if found.get("schema") != SCHEMA:
+        raise WeightsError(f"{path}: holds {found.get('schema', 'something else')!r}, not {SCHEMA!r}.")
+    try:
+        return read_architecture(found)
+    except WeightsError as error:
+        raise WeightsError(f"{path}: {error}") from error

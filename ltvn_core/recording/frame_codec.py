@@ -1,0 +1,70 @@
+"""One frame as it lies in a recording: compressed pictures with exact numbers and checksums.
+
+Owns compressing, decompressing and the checksum. Does not know where frames are stored.
+"""
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core import preprocessing
+from ltvn_core.recording import image_codec
+from ltvn_core.types import FrameId, Observation, Pose
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EncodedFrame:
+    """An observation whose pictures are still compressed; owns all its arrays."""
+
+    step: FrameId
+    stamp: float
+    odometry: Pose
+    exact_pose: Pose | None
+    rgb: bytes
+    """A JPEG."""
+    depth: bytes
+    """A 16-bit PNG in millimetres."""
+
+    @property
+    def drawn_pose(self) -> Pose:
+        """(3,): where the viewer shows it; the exact pose where there is one."""
+        return self.odometry if self.exact_pose is None else self.exact_pose
+
+    @property
+    def rgb_checksum(self) -> int:
+        """CRC-32 over the picture and everything that stands in its row."""
+        exact = b"" if self.exact_pose is None else self.exact_pose.tobytes()
+        numbers = np.array([self.step, self.stamp], np.float64).tobytes() + self.odometry.tobytes() + exact
+        return zlib.crc32(self.rgb, zlib.crc32(numbers))
+
+    @property
+    def depth_checksum(self) -> int:
+        """CRC-32 over the depth image and its step."""
+        return zlib.crc32(self.depth, zlib.crc32(np.int64(self.step).tobytes()))
+
+
+def encode_frame(observation: Observation) -> EncodedFrame:
+    """Compress an observation; nothing of it is shared with the result."""
+    exact = observation.exact_pose
+    return EncodedFrame(
+        step=int(observation.step),
+        stamp=float(observation.stamp),
+        odometry=np.array(observation.odometry, np.float64),
+        exact_pose=None if exact is None else np.array(exact, np.float64),
+        rgb=image_codec.encode_rgb(observation.rgb),
+        depth=image_codec.encode_depth(observation.depth),
+    )
+
+
+def decode_frame(frame: EncodedFrame, source: str) -> Observation:
+    """Decompress a frame and pass it through the door for images; `source` names the file in errors."""
+    return preprocessing.preprocess_observation(
+        image_codec.decode_rgb(frame.rgb),
+        image_codec.decode_depth(frame.depth),
+        frame.odometry,
+        stamp=frame.stamp,
+        step=frame.step,
+        exact_pose=frame.exact_pose,
+        source=f"{source}, frame {frame.step}",
+    )

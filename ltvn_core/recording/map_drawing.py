@@ -1,0 +1,124 @@
+"""What robot and map look like in the Rerun viewer: pure functions from frames and graphs to drawn rows.
+
+Owns shapes and colours. Writes nothing itself, and nothing is read back from here except the columns of the graph,
+which stand in the same rows so that a clicked instance names its node or edge. Events are drawn in `event_drawing`.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from ltvn_core.graph.deltas import Edge, Node
+from ltvn_core.recording import schema
+from ltvn_core.recording.arrow_columns import ArchetypeColumns, number_column
+from ltvn_core.recording.drawn_poses import DrawnPoses
+from ltvn_core.recording.image_codec import MILLIMETRES_PER_METRE
+from ltvn_core.types import Intrinsics, Pose
+
+GRAPH_HEIGHT_M = 0.05
+"""The graph floats a little above the floor."""
+_DEPTH_RANGE_MM = (0.0, 8000.0)
+_SURE, _DOUBTFUL = np.array([0, 158, 115.0]), np.array([213, 94, 0.0])
+_NODE_COLOUR, _TRAIL_COLOUR, _GREY, _WHITE = [86, 140, 233], [120, 120, 130], [150, 150, 150], [255, 255, 255]
+
+
+class DrawnEntity(NamedTuple):
+    """One row for the viewer."""
+
+    entity: str
+    values: Sequence[rr.AsComponents]
+
+
+def static_entities(intrinsics: Intrinsics, scene_glb: bytes | None) -> list[DrawnEntity]:
+    """Draw what holds at all times: axes, scene, robot, camera, and the names of the curves."""
+    body = rr.Boxes3D(centers=[[0, 0, 0.2]], half_sizes=[[0.17, 0.17, 0.2]], colors=[[90, 90, 100]], fill_mode="Solid")
+    parts = [
+        DrawnEntity(schema.WORLD, [rr.ViewCoordinates.RIGHT_HAND_Z_UP]),
+        DrawnEntity(schema.BODY, [body]),
+        DrawnEntity(f"{schema.BODY}/nose", [_arrow(0.42, _WHITE)]),
+        DrawnEntity(f"{schema.ODOMETRY}/arrow", [_arrow(GRAPH_HEIGHT_M, _GREY)]),
+        DrawnEntity(schema.TRAIL, [rr.Points3D.from_fields(radii=0.015, colors=[_TRAIL_COLOUR])]),
+        DrawnEntity(schema.CAMERA, [_pinhole(intrinsics), rr.Transform3D(translation=[0, 0, intrinsics.height_m])]),
+        DrawnEntity(schema.RGB, [rr.EncodedImage.from_fields(media_type="image/jpeg")]),
+        DrawnEntity(schema.DEPTH, [_depth_format()]),
+        DrawnEntity(schema.GRAPH_SIZE, [rr.SeriesLines(names=["nodes", "edges"], interpolation_mode="StepAfter")]),
+        DrawnEntity(schema.MARGIN, [rr.SeriesLines(names=["margin of the localisation"])]),
+    ]
+    if scene_glb is not None:
+        parts.append(DrawnEntity(schema.SCENE, [rr.Asset3D(contents=scene_glb, media_type="model/gltf-binary")]))
+    return parts
+
+
+def draw_robot(drawn_pose: Pose, odometry: Pose) -> list[DrawnEntity]:
+    """Draw the robot at its place, a grey arrow where odometry believes it is, and a dot of its trail."""
+    dot = rr.Points3D.from_fields(positions=[[float(drawn_pose[0]), float(drawn_pose[1]), GRAPH_HEIGHT_M / 2]])
+    return [
+        DrawnEntity(schema.ROBOT, [_transform(drawn_pose)]),
+        DrawnEntity(schema.ODOMETRY, [_transform(odometry)]),
+        DrawnEntity(schema.TRAIL, [dot]),
+    ]
+
+
+def draw_graph(nodes: Sequence[Node], edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[DrawnEntity]:
+    """Draw the whole map; `drawn_poses` must know every node."""
+    ids = [node.id for node in nodes]
+    points = rr.Points3D(drawn_poses.points(ids, GRAPH_HEIGHT_M), radii=0.07, colors=[_NODE_COLOUR])
+    return [
+        DrawnEntity(
+            schema.NODES, [points, ArchetypeColumns(schema.NODE_ROW, {"node_id": number_column(ids, np.int32)})]
+        ),
+        DrawnEntity(schema.EDGES, _edges(edges, drawn_poses)),
+        DrawnEntity(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
+    ]
+
+
+def belief_colours(p: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return (N, 3) colours from doubtful (orange) to sure (green), told apart by the colour-blind as well."""
+    return (_DOUBTFUL + p[:, None] * (_SURE - _DOUBTFUL)).astype(np.uint8)
+
+
+def _edges(edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:
+    sources, targets = [edge.source for edge in edges], [edge.target for edge in edges]
+    beliefs = np.array([(e.belief.p, e.belief.mu, e.belief.sigma2) for e in edges], np.float32).reshape(-1, 3)
+    strips = np.stack(
+        [drawn_poses.points(sources, GRAPH_HEIGHT_M), drawn_poses.points(targets, GRAPH_HEIGHT_M)], axis=1
+    )
+    ends = {"source": number_column(sources, np.int32), "target": number_column(targets, np.int32)}
+    belief = {name: number_column(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
+    return [
+        rr.LineStrips3D(strips, radii=0.02, colors=belief_colours(beliefs[:, 0])),
+        ArchetypeColumns(schema.EDGE_ROW, ends | belief),
+    ]
+
+
+def _depth_format() -> rr.EncodedDepthImage:
+    # Drawn as a picture only; the depth in 3D would hide the map behind a cloud of points.
+    return rr.EncodedDepthImage.from_fields(
+        media_type="image/png", meter=MILLIMETRES_PER_METRE, depth_range=_DEPTH_RANGE_MM
+    )
+
+
+def _arrow(height_m: float, colour: list[int]) -> rr.Arrows3D:
+    return rr.Arrows3D(origins=[[0, 0, height_m]], vectors=[[0.35, 0, 0]], radii=0.02, colors=[colour])
+
+
+def _transform(pose: Pose) -> rr.Transform3D:
+    half_yaw = float(pose[2]) / 2
+    # A fresh list: Rerun reads a handed-in array only when it flushes.
+    return rr.Transform3D(
+        translation=[float(pose[0]), float(pose[1]), 0.0],
+        quaternion=rr.Quaternion(xyzw=[0.0, 0.0, float(np.sin(half_yaw)), float(np.cos(half_yaw))]),
+    )
+
+
+def _pinhole(intrinsics: Intrinsics) -> rr.Pinhole:
+    return rr.Pinhole(
+        focal_length=intrinsics.focal_px,
+        width=intrinsics.width,
+        height=intrinsics.height,
+        camera_xyz=rr.ViewCoordinates.FLU,
+        image_plane_distance=0.4,
+    )

@@ -1,0 +1,101 @@
+"""Maps in files: a map is a recording that holds the frames of its nodes and its reserve, and the deltas that make it.
+
+Owns saving, loading and the check of the weights. Building is elsewhere.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ltvn_core.errors import MapError
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.recording.atomic_files import atomic_output
+from ltvn_core.recording.frame_codec import EncodedFrame
+from ltvn_core.recording.metadata import RecordingMetadata
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.types import FrameId, Intrinsics, Observation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedMap:
+    """A map out of a file."""
+
+    graph: TopologicalGraph
+    observations: Mapping[FrameId, Observation]
+    """Images of all nodes and of the reserve."""
+    meta: RecordingMetadata
+
+
+def save_map(
+    path: Path | str,
+    graph: TopologicalGraph,
+    observations: Iterable[Observation],
+    *,
+    scene: str,
+    fingerprint: str,
+    config: Mapping[str, Any],
+    intrinsics: Intrinsics | None = None,
+    scene_glb: bytes | None = None,
+    origin: Path | None = None,
+) -> None:
+    """Write a map to a new file, which appears only when it is whole.
+
+    Takes the images of all nodes and of the reserve; others are left out. Those that the file `origin` holds are copied
+    as they lie there, because pictures lose a little each time they are compressed.
+    Raises MapError when an image is missing, RecordingError when the file exists or cannot be written.
+    """
+    wanted = _frames_of(graph)
+    kept = {observation.step: observation for observation in observations if observation.step in wanted}
+    _require_images(wanted, kept.keys(), "The map cannot be saved")
+    with (
+        atomic_output(Path(path)) as part,
+        RecordingWriter(
+            part, scene=scene, config=config, fingerprint=fingerprint, intrinsics=intrinsics, scene_glb=scene_glb
+        ) as writer,
+    ):
+        for frame in _stored_frames(origin, wanted) if origin is not None else ():
+            writer.write_encoded_frame(frame)
+        writer.map(graph, (kept[frame] for frame in sorted(kept)))
+
+
+def load_map(path: Path | str) -> LoadedMap:
+    """Read the map at the end of a map file or of any recording in which one was built or used.
+
+    Raises RecordingError for a file that is no whole recording, MapError when it holds no map.
+    """
+    recording = Recording.open(path)
+    graph = recording.final_graph()
+    if not graph.nodes:
+        raise MapError(f"{path} holds {len(recording.frames)} frames but no map; run `ltvn build {path}` to make one.")
+    wanted = _frames_of(graph)
+    _require_images(wanted, recording.frames, str(path))
+    return LoadedMap(graph, {frame: recording.observation(frame) for frame in sorted(wanted)}, recording.meta)
+
+
+def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
+    """Raise MapError when a map was made with other weights than those in use."""
+    if meta.fingerprint != fingerprint:
+        raise MapError(
+            f"This map was made with the weights {meta.fingerprint!r}, those in use are {fingerprint!r}; their "
+            "distances do not compare. Use the old weights, or run `ltvn build` on the recording again."
+        )
+
+
+def _frames_of(graph: TopologicalGraph) -> frozenset[FrameId]:
+    return frozenset(graph.nodes) | frozenset(graph.reserve)
+
+
+def _stored_frames(origin: Path, wanted: frozenset[FrameId]) -> Iterator[EncodedFrame]:
+    recording = Recording.open(origin)
+    return (recording.stored_frame(frame).frame for frame in recording.frames if frame in wanted)
+
+
+def _require_images(wanted: frozenset[FrameId], held: Iterable[FrameId], what: str) -> None:
+    missing = sorted(wanted.difference(held))
+    if missing:
+        raise MapError(
+            f"{what}: {len(missing)} of {len(wanted)} images are missing, the first is frame {missing[0]}. Build the "
+            "map again from the recording with `ltvn build`."
+        )

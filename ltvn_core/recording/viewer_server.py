@@ -1,0 +1,173 @@
+"""Serves one recording with Rerun's web viewer to this machine only.
+
+Listens on 127.0.0.1, answers only under a random path and for its own Host, and forbids the page to talk to anybody
+else. Owns the page and the server; the viewer itself comes from `viewer_assets`.
+"""
+
+import http.server
+import json
+import logging
+import secrets
+import shutil
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from http import HTTPStatus
+from pathlib import Path
+from typing import NamedTuple
+
+from ltvn_core.errors import ServerError
+from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.live_server import live_address, port_of
+from ltvn_core.recording.rrd_contents import require_rrd
+from ltvn_core.recording.viewer_assets import viewer_assets
+
+_LOG = logging.getLogger(__name__)
+_POLICY = (
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; connect-src 'self'; "
+    "img-src 'self' data: blob:; worker-src 'self' blob:; font-src 'self' data:; base-uri 'none'; "
+    "frame-ancestors 'none'; form-action 'none'"
+)
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>LTVN recording</title>
+<style>
+  html, body { margin: 0; height: 100%; background: #18191c; color: #ccc; font: 16px sans-serif; overflow: hidden }
+  canvas { display: block; width: 100vw; height: 100vh }
+  #wait { position: absolute; inset: 0; display: grid; place-items: center }
+</style></head>
+<body><div id="wait">Loading the viewer; the first time takes some seconds.</div><canvas id="viewer"></canvas>
+<script src="re_viewer.js"></script><script src="page.js"></script></body></html>
+"""
+# WebHandle is what Rerun's own npm package wraps; it belongs to this one version of the wheel.
+_SCRIPT = """
+(async () => {
+  const wait = document.getElementById('wait');
+  try {
+    await wasm_bindgen({module_or_path: 're_viewer_bg.wasm'});
+    const handle = new wasm_bindgen.WebHandle({
+      url: [LIVE_ADDRESS ?? new URL('recording.rrd', location.href).href],
+      hide_welcome_screen: true, enable_history: false, notebook: false, persist: false, theme: 'dark',
+      panel_state_overrides: {top: 'Hidden', blueprint: 'Collapsed', selection: 'Collapsed', time: 'Collapsed'},
+      on_viewer_event: text => { if (JSON.parse(text).type === 'recording_open') document.body.dataset.open = 'yes' },
+    });
+    await handle.start(document.getElementById('viewer'));
+    wait.remove();
+  } catch (error) {
+    wait.textContent = 'The viewer could not start: ' + error + '. It needs WebGL 2 or WebGPU.';
+  }
+})();
+"""
+
+
+class _Response(NamedTuple):
+    kind: str
+    content: Path | bytes
+    gzipped: bool = False
+
+
+class ServedViewer(NamedTuple):
+    """A running viewer."""
+
+    url: str
+    """Where the page is; holds the secret."""
+    ended: threading.Event
+
+    def wait(self) -> None:
+        """Wait until somebody interrupts the program."""
+        self.ended.wait()
+
+
+@contextmanager
+def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
+    """Serve a recording in the Rerun web viewer on 127.0.0.1 while the block runs; port 0 takes a free one.
+
+    In place of a file, `path` may be the address of a recording that is being written, see `recording.live`. Raises
+    RecordingError for a file that is none, and ServerError when the port is taken.
+    """
+    live = port_of(str(path))
+    if live is None:
+        path = Path(path)
+        require_rrd(path)
+        if not rrd_framing.is_finished(path):
+            _LOG.warning("%s is cut or unfinished; the viewer shows what is whole.", path)
+    token = secrets.token_urlsafe(16)
+    source = Path(path) if live is None else live
+    server = _bound(port, _responses(source, token), _policy(source))
+    address = f"127.0.0.1:{server.server_address[1]}"
+    thread = threading.Thread(target=server.serve_forever, name="recording-viewer", daemon=True)
+    thread.start()
+    ended = threading.Event()
+    try:
+        yield ServedViewer(f"http://{address}/{token}/", ended)
+    finally:
+        ended.set()
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+def _policy(source: Path | int) -> str:
+    """Let the page talk to its own server, and to the one live recording that it shows."""
+    live = f" http://127.0.0.1:{source}" if isinstance(source, int) else ""
+    return _POLICY.replace("connect-src 'self'", f"connect-src 'self'{live}")
+
+
+def _responses(source: Path | int, token: str) -> Mapping[str, _Response]:
+    assets = viewer_assets()
+    address = json.dumps(live_address(source) if isinstance(source, int) else None)
+    responses = {
+        f"/{token}/": _Response("text/html; charset=utf-8", _PAGE.encode()),
+        f"/{token}/page.js": _Response("text/javascript", _SCRIPT.replace("LIVE_ADDRESS", address).encode()),
+        f"/{token}/re_viewer.js": _Response("text/javascript", assets.script, gzipped=True),
+        f"/{token}/re_viewer_bg.wasm": _Response("application/wasm", assets.module, gzipped=True),
+    }
+    if isinstance(source, Path):
+        responses[f"/{token}/recording.rrd"] = _Response("application/octet-stream", source)
+    return responses
+
+
+def _bound(port: int, responses: Mapping[str, _Response], policy: str) -> http.server.ThreadingHTTPServer:
+    try:
+        return http.server.ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, responses, policy))
+    except (OSError, OverflowError) as error:
+        raise ServerError(f"Port {port} on 127.0.0.1 cannot be used ({error}); name another, or 0 for any.") from error
+
+
+class _Handler(http.server.BaseHTTPRequestHandler):
+    def __init__(self, responses: Mapping[str, _Response], policy: str, *args: object) -> None:
+        self._responses, self._policy = responses, policy
+        super().__init__(*args)  # pyright: ignore[reportArgumentType]
+
+    def do_GET(self) -> None:
+        """Answer one of the few known paths."""
+        port = self.connection.getsockname()[1]
+        if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            self.send_error(HTTPStatus.FORBIDDEN, "This server answers only on this machine.")
+        elif (response := self._responses.get(self.path)) is None:
+            self.send_error(HTTPStatus.NOT_FOUND)
+        else:
+            self._send(response)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Stay quiet; paths hold the secret."""
+
+    def _send(self, response: _Response) -> None:
+        content = response.content
+        size = len(content) if isinstance(content, bytes) else content.stat().st_size
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", response.kind)
+        self.send_header("Content-Length", str(size))
+        if response.gzipped:
+            self.send_header("Content-Encoding", "gzip")
+        self.send_header("Content-Security-Policy", self._policy)
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        if isinstance(content, bytes):
+            self.wfile.write(content)
+        else:
+            with content.open("rb") as file:
+                shutil.copyfileobj(file, self.wfile)

@@ -1,0 +1,85 @@
+"""The evaluation as blocks of a Markdown page: its tables, and links to its pictures.
+
+Owns the names of the blocks. What is written between them by hand stays as it is.
+"""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.results import EvaluationResults
+from ltvn_core.reports.evaluation_figures import figures_of
+from ltvn_core.reports.evaluation_style import ReportFigure
+from ltvn_core.reports.evaluation_tables import (
+    NO_RESULTS,
+    cause_table,
+    lifelong_table,
+    main_table,
+    margin_table,
+    run_table,
+    size_table,
+)
+from ltvn_core.reports.figure_style import FigurePalette, documentation_style, save_png
+from ltvn_core.reports.lifelong_groups import group_lifelong
+from ltvn_core.reports.network_tables import fill_blocks
+from ltvn_core.reports.result_rows import rows_of
+
+FIGURE_KINDS = ("success", "sizes", "causes", "floors", "lifelong", "calibration")
+"""Kinds of pictures; each has a block `KIND-pictures`."""
+
+
+def fill_results_page(
+    results: EvaluationResults, palette: FigurePalette, *, page: Path, images: Path, section: str = ""
+) -> tuple[Path, ...]:
+    """Write tables into a page and draw the pictures that it asks for; returns the pictures.
+
+    A page need not have all blocks. With a section, blocks and pictures are called `SECTION-NAME`.
+    Raises OptionError for a page that is missing or has none of the blocks.
+    """
+    prefix, text = f"{section}-" if section else "", _read(page)
+    wanted = [kind for kind in FIGURE_KINDS if _mark(f"{prefix}{kind}-pictures") in text]
+    with documentation_style(palette):
+        drawn = [figure for figure in figures_of(results, palette) if figure.kind in wanted]
+        files = [(figure, save_png(figure.draw(), images / f"{prefix}{figure.name}.png")) for figure in drawn]
+    blocks = markdown_tables(results) | {f"{kind}-pictures": _links(files, kind, page) for kind in wanted}
+    named = {f"{prefix}{name}": block for name, block in blocks.items()}
+    here = {name: block for name, block in named.items() if _mark(name) in text}
+    if not here:
+        raise OptionError(f"{page} has none of the lines {', '.join(map(_mark, named))}; put in those that you want.")
+    fill_blocks(page, here)
+    return tuple(path for _, path in files)
+
+
+def markdown_tables(results: EvaluationResults) -> dict[str, str]:
+    """Return the tables of a page by name, in Markdown."""
+    rows, lifelong_groups = rows_of(results.trials), group_lifelong(results.lifelong)
+    tables = {
+        "main": main_table(rows),
+        "margins": margin_table(rows),
+        "sizes": size_table(rows),
+        "causes": cause_table(rows),
+        "lifelong": lifelong_table(lifelong_groups),
+        "runs": run_table(results),
+    }
+    return {name: table.markdown() for name, table in tables.items()}
+
+
+def _links(files: Iterable[tuple[ReportFigure, Path]], kind: str, page: Path) -> str:
+    links = [
+        f"![{figure.title}]({Path(os.path.relpath(path, page.parent)).as_posix()})\n\n{figure.caption}"
+        for figure, path in files
+        if figure.kind == kind
+    ]
+    return "\n\n".join(links) or NO_RESULTS
+
+
+def _mark(name: str) -> str:
+    return f"<!-- {name}: begin -->"
+
+
+def _read(page: Path) -> str:
+    try:
+        return page.read_text(encoding="utf-8")
+    except OSError as error:
+        raise OptionError(f"{page}: cannot be filled in ({error.strerror}); name another --page.") from error

@@ -1,0 +1,101 @@
+"""All pictures of one report. Owns which there are, their names and the words below them."""
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from itertools import chain
+
+from ltvn_core.evaluation.results import EvaluationResults
+from ltvn_core.reports.evaluation_style import ReportFigure, slug
+from ltvn_core.reports.figure_style import FigurePalette
+from ltvn_core.reports.lifelong_figures import edge_calibration_figure, lifelong_figure
+from ltvn_core.reports.lifelong_groups import LifelongGroup, group_lifelong
+from ltvn_core.reports.map_figures import MapPanel, map_figure
+from ltvn_core.reports.method_figures import cause_figure, size_figure, success
+from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, scene_name, scenes_of
+
+
+def figures_of(results: EvaluationResults, palette: FigurePalette) -> tuple[ReportFigure, ...]:
+    """Return all pictures that the results allow, not yet drawn."""
+    rows, lifelong_groups = rows_of(results.trials), group_lifelong(results.lifelong)
+    return tuple(
+        chain(_row_figures(rows, palette), _map_figures(rows, palette), _lifelong_figures(lifelong_groups, palette))
+    )
+
+
+def _row_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[ReportFigure]:
+    whole = [row for row in rows if not row.setup.ablated and not row.setup.queries]
+    parts = [row for row in rows if not row.setup.queries and row.setup.scene in _ablated_scenes(rows)]
+    if whole:
+        caption = "Goals reached, with 95 % intervals."
+        if len({row.setup.finetuned for row in whole}) > 1:
+            caption += " Rings: network as trained. Discs: after fine-tuning on the drive."
+        yield ReportFigure(
+            "success", "success", "Success per scene and method", caption, partial(success, whole, palette)
+        )
+        caption = "Nodes and edges of the maps: mean of the map seeds, and from the smallest to the largest."
+        yield ReportFigure(
+            "sizes", "sizes", "Nodes and edges per scene and method", caption, partial(size_figure, whole, palette)
+        )
+    if parts:
+        caption = "Goals reached when single parts of the method are switched off, with 95 % intervals."
+        yield ReportFigure("success", "ablation", "What each part is worth", caption, partial(success, parts, palette))
+    if whole:
+        over = rows_over_scenes(whole) or whole
+        caption = "Share of the episodes that failed, by the one cause that each failure is put down to."
+        yield ReportFigure(
+            "causes", "causes", "Causes of failure over all scenes", caption, partial(cause_figure, over, palette)
+        )
+
+
+def _map_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[ReportFigure]:
+    """Draw the maps of each scene's first seed."""
+    drawn = [row for row in rows if row.trials[0].floorplan is not None and not row.setup.ablated]
+    for scene in scenes_of(drawn):
+        panels = [
+            MapPanel(f"{row.setup.method}, {row.setup.stage}", row.trials[0])
+            for row in drawn
+            if row.setup.scene == scene
+        ]
+        title = f"Maps of {scene_name(scene)}"
+        caption = (
+            f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: edges that nobody can drive."
+        )
+        yield ReportFigure(
+            "floors", f"floors-{slug(scene_name(scene))}", title, caption, partial(map_figure, panels, palette)
+        )
+
+
+def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigurePalette) -> Iterable[ReportFigure]:
+    for group in lifelong_groups:
+        name = f"{slug(scene_name(group.scene))}-{slug(group.method)}"
+        title = f"{group.method} in {scene_name(group.scene)}"
+        several = len(group.runs) > 1
+        caption = (
+            f"Goals reached with maintenance off, with 95 % interval{'; thin lines are single maps' * several}. "
+            f"Below: edges added and pruned{', means of the runs' * several}; red are those that nobody can drive."
+        )
+        yield ReportFigure("lifelong", f"lifelong-{name}", title, caption, partial(lifelong_figure, group, palette))
+        yield from _before_and_after(group, name, palette)
+    if any(point.calibration for group in lifelong_groups for run in group.runs for point in run.points):
+        caption = "A point on the dashed line means: of edges with this p, just that share can be driven."
+        yield ReportFigure(
+            "calibration",
+            "calibration",
+            "Can p be believed?",
+            caption,
+            partial(edge_calibration_figure, lifelong_groups, palette),
+        )
+
+
+def _before_and_after(group: LifelongGroup, name: str, palette: FigurePalette) -> Iterable[ReportFigure]:
+    first, last = group.runs[0].points[0], group.runs[0].points[-1]
+    if first is last or first.trial.floorplan is None or last.trial.floorplan is None:
+        return
+    panels = [MapPanel(f"after {point.queries:,} queries", point.trial) for point in (first, last)]
+    caption = f"Map seed {group.runs[0].seed}, before and after maintenance. Red crosses: edges that nobody can drive."
+    title = f"The map of {scene_name(group.scene)} before and after"
+    yield ReportFigure("lifelong", f"map-{name}", title, caption, partial(map_figure, panels, palette))
+
+
+def _ablated_scenes(rows: Sequence[ResultRow]) -> set[str]:
+    return {row.setup.scene for row in rows if row.setup.ablated}

@@ -1,0 +1,132 @@
+"""A folder of an evaluation: which results lie in it, and what there is to see of the failed episodes.
+
+Owns finding and checking. What the results mean is elsewhere; drives and recordings are only read.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, load_results
+from ltvn_core.evaluation.trial_plans import TrialFiles
+from ltvn_core.recording.reader import Recording
+from ltvn_core.reports.failure_gallery import FailureRow
+from ltvn_core.reports.failure_moment import moment_s
+from ltvn_core.reports.result_rows import setup_of
+
+TRIALS, LIFELONG = "*.trial.json", "*.lifelong.json"
+_Result = TypeVar("_Result", TrialResult, LifelongResult)
+
+
+@dataclass(frozen=True)
+class FoundResults:
+    """What lies in a folder."""
+
+    results: EvaluationResults
+    failures: tuple[FailureRow, ...]
+    """All failed episodes of the trials, with their recordings and as yet without pictures."""
+
+
+def find_results(folder: Path) -> FoundResults:
+    """Read all results below a folder. Raises OptionError for an empty one, a broken file, or two of the same trial."""
+    if not folder.is_dir():
+        raise OptionError(f"{folder} is no folder; name the one that `ltvn evaluate --folder` wrote to.")
+    trials = _longest((path, _trial(path)) for path in sorted(folder.rglob(TRIALS)))
+    lifelong = _longest((path, _lifelong(path)) for path in sorted(folder.rglob(LIFELONG)))
+    if not trials and not lifelong:
+        raise OptionError(f"{folder} holds no {TRIALS} and no {LIFELONG}; make some with `ltvn evaluate`.")
+    results = EvaluationResults(tuple(trials.values()), tuple(lifelong.values()))
+    return FoundResults(results, tuple(row for path, trial in trials.items() for row in _failures(path, trial)))
+
+
+def with_images(rows: Iterable[FailureRow]) -> tuple[FailureRow, ...]:
+    """Add start and goal image to rows whose drive is known, and the moment to those with a recording.
+
+    What cannot be read is left out: a report of results is worth having without pictures.
+    """
+    return tuple(_illustrated(row) for row in rows)
+
+
+def _trial(path: Path) -> TrialResult:
+    trial = load_results(path, TrialResult)
+    if not trial.episodes:
+        raise OptionError(f"{path} holds no episode; evaluate it again.")
+    if (plan := trial.floorplan) is not None:
+        known = {node for node, *_ in plan.nodes}
+        if not known.issuperset(node for edge in plan.edges for node in edge[:2]):
+            raise OptionError(f"{path} has edges between nodes that it does not know; evaluate it again.")
+        if len({len(row) for row in plan.free}) > 1:
+            raise OptionError(f"{path} has a floor plan with rows of different lengths; evaluate it again.")
+    return trial
+
+
+def _lifelong(path: Path) -> LifelongResult:
+    result = load_results(path, LifelongResult)
+    if not result.points or not all(point.trial.episodes for point in result.points):
+        raise OptionError(f"{path} has no test, or one without episodes; run `ltvn lifelong` again.")
+    return result
+
+
+def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
+    """Keep the longest of several results of one plan, which begin with the same episodes."""
+    kept: dict[object, tuple[Path, _Result]] = {}
+    for path, result in found:
+        before, other = kept.get(key := _key(result), (path, result))
+        if _plan(before) != _plan(path):
+            raise OptionError(f"{before} and {path} are results of the same trial; move one of them away.")
+        kept[key] = (path, result) if _length(result) >= _length(other) else (before, other)
+    return dict(kept.values())
+
+
+def _plan(path: Path) -> tuple[Path, str]:
+    """Return folder and label of a result, whose name ends in how long it is."""
+    return path.parent, re.sub(r"(-(\d+|every))*\.(trial|lifelong)\.json$", "", path.name)
+
+
+def _key(result: TrialResult | LifelongResult) -> object:
+    trial = result.points[0].trial if isinstance(result, LifelongResult) else result
+    return setup_of(trial), trial.seed
+
+
+def _length(result: TrialResult | LifelongResult) -> tuple[int, int]:
+    if isinstance(result, LifelongResult):
+        return len(result.queries), len(result.points[0].trial.episodes)
+    return len(result.episodes), 0
+
+
+def _failures(path: Path, trial: TrialResult) -> Iterator[FailureRow]:
+    folder, label = _plan(path)
+    files = TrialFiles(folder, label, "ltvn")
+    for episode in trial.episodes:
+        if not episode.reached:
+            recording = files.failure(episode.episode)
+            yield FailureRow(trial, episode, drive=files.drive, recording=recording if recording.exists() else None)
+
+
+def _illustrated(row: FailureRow) -> FailureRow:
+    start, goal = (_stored_image(row.drive, frame) for frame in (row.episode.start, row.episode.goal))
+    at = None if row.recording is None else moment_s(row.recording, row.episode.failure)
+    return replace(
+        row, start=row.start or start, goal=row.goal or goal, time_s=at if row.time_s is None else row.time_s
+    )
+
+
+def _stored_image(drive: Path | None, frame: int) -> bytes | None:
+    """Return an image of a drive as it is stored."""
+    recording = None if drive is None else _opened(drive)
+    if recording is None or frame not in recording.frames:
+        return None
+    return recording.stored_frame(frame).frame.rgb
+
+
+@lru_cache(maxsize=2)
+def _opened(drive: Path) -> Recording | None:
+    """Return a drive; None where it is not there or broken. Rows of one drive follow each other."""
+    try:
+        return Recording.open(drive)
+    except LtvnError:
+        return None

@@ -1,0 +1,84 @@
+"""The report as one HTML page that asks nothing of any other machine.
+
+Owns what goes into the page. How it looks is in `templates/`; numbers and pictures come from the other modules.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ltvn_core.evaluation.results import EvaluationResults
+from ltvn_core.reports.evaluation_figures import figures_of
+from ltvn_core.reports.evaluation_style import inline_svg
+from ltvn_core.reports.evaluation_tables import (
+    cause_table,
+    lifelong_table,
+    main_table,
+    margin_table,
+    percent,
+    run_table,
+    size_table,
+)
+from ltvn_core.reports.failure_gallery import FailureRow, data_url
+from ltvn_core.reports.figure_style import FigurePalette, documentation_style
+from ltvn_core.reports.lifelong_groups import group_lifelong
+from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, scenes_of
+
+
+def render_page(
+    results: EvaluationResults, failures: Sequence[FailureRow], palette: FigurePalette, *, folder: Path
+) -> str:
+    """Return the report as HTML that is to lie in `folder`, with these failures for its gallery.
+
+    Raises OptionError for a picture of the gallery that is none.
+    """
+    rows, lifelong_groups = rows_of(results.trials), group_lifelong(results.lifelong)
+    with documentation_style(palette):
+        pictures = [(picture, Markup(inline_svg(picture, palette))) for picture in figures_of(results, palette)]
+    return _template(folder).render(
+        headline=headline(rows),
+        pictures=pictures,
+        main=main_table(rows),
+        margins=margin_table(rows),
+        sizes=size_table(rows),
+        causes=cause_table(rows),
+        lifelong=lifelong_table(lifelong_groups),
+        runs=run_table(results),
+        groups=_grouped(failures),
+        shown=len(failures),
+        failed=sum(not episode.reached for trial in results.trials for episode in trial.episodes),
+    )
+
+
+def headline(rows: Sequence[ResultRow]) -> str:
+    """Return the result in a sentence: the share of each method at its furthest stage, over all scenes."""
+    first = [row for row in rows if not row.setup.ablated]
+    count = len(scenes_of(first))
+    latest = {row.setup.method: row for row in (rows_over_scenes(first) if count > 1 else first)}
+    said = [f"{method} {percent(row.success.mean, 0)}" for method, row in latest.items()]
+    return f"Goals reached in {count} {'scene' if count == 1 else 'scenes'}: {', '.join(said)}." if said else ""
+
+
+def _template(folder: Path) -> Any:
+    world = Environment(
+        loader=PackageLoader("ltvn_core.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    world.filters["data_address"] = data_url
+    world.filters["beside"] = lambda path: quote(os.path.relpath(path, folder))
+    return world.get_template("report.html")
+
+
+def _grouped(rows: Sequence[FailureRow]) -> dict[str, list[FailureRow]]:
+    groups: dict[str, list[FailureRow]] = {}
+    for row in rows:
+        groups.setdefault(f"{row.scene}: {row.heading}", []).append(row)
+    return groups

@@ -1,0 +1,222 @@
+"""The tables of the evaluation, for an HTML page and for Markdown alike.
+
+Owns their columns and how numbers are written. The numbers come in rows and courses.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from math import isnan
+
+from ltvn_core.evaluation.confidence_intervals import Estimate
+from ltvn_core.evaluation.metrics import compare_methods
+from ltvn_core.evaluation.results import EvaluationResults, FailureCause, LifelongResult, TrialResult
+from ltvn_core.reports.lifelong_groups import (
+    LifelongGroup,
+    MaintenanceInterval,
+    calibration_error,
+    calibration_of,
+    maintenance_intervals,
+)
+from ltvn_core.reports.result_rows import ResultRow, rows_over_scenes, scene_name, scenes_of, setup_of
+
+NO_RESULTS = "No results yet."
+
+
+@dataclass(frozen=True, slots=True)
+class ReportTable:
+    """Cells as they are read."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int
+    """How many columns, from the left, hold words; the others hold numbers."""
+
+    def markdown(self) -> str:
+        """Return the table as Markdown, without its caption."""
+        if not self.rows:
+            return NO_RESULTS
+        rule = ["---"] * self.words + ["---:"] * (len(self.head) - self.words)
+        return "\n".join(f"| {' | '.join(map(_plain, line))} |" for line in (self.head, rule, *self.rows))
+
+
+def main_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return what each method reached in each scene, and then over all scenes."""
+    head = ("scene", "method", "network", "goals reached", "SPL", "collisions", "steps", "nodes", "edges", "spurious")
+    body = (
+        (*_named(row), _interval(row.success), *_driving(row), *_size(row), _spurious(row), *_sample(row))
+        for row in chain(rows_over_scenes(rows), rows)
+    )
+    caption = "Goals reached with 95 % interval. SPL, collisions and steps are means over the episodes."
+    return ReportTable(caption, (*head, "episodes", "seeds"), tuple(body), 3)
+
+
+def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return how far the first method is ahead of the others at the same stage, over all scenes."""
+    head = ("method", "against", "network", "goals reached, more", "SPL, more", "of its nodes", "of its edges")
+    whole = [row for row in rows_over_scenes(rows) or _of_one_scene(rows) if not row.setup.ablated]
+    first = {row.setup.stage: row for row in whole if row.setup.method == whole[0].setup.method}
+    body = tuple(
+        _margin(first[row.setup.stage], row)
+        for row in whole
+        if row.setup.stage in first and row is not first[row.setup.stage]
+    )
+    caption = (
+        "Differences with 95 % interval, episode by episode where both methods drove the same ones. "
+        "Nodes and edges: as a share of the other method's."
+    )
+    return ReportTable(caption, head, body, 3)
+
+
+def size_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return how large the maps are, and how whole."""
+    head = ("scene", "method", "network", "images", "nodes", "edges", "spurious edges", "pieces", "goals connected")
+    body = (
+        (
+            *_named(row),
+            *(_count(row.images), *_size(row), _number(row.metrics.spurious_edges, 1)),
+            *(_number(row.metrics.pieces, 1), _number(row.metrics.goals_connected, 1)),
+        )
+        for row in rows
+    )
+    return ReportTable("Means over the map seeds.", head, tuple(body), 3)
+
+
+def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return what share of the episodes failed for each cause."""
+    head = ("scene", "method", "network", "failed", *(cause.value for cause in FailureCause))
+    body = (
+        (
+            *_named(row),
+            percent(1 - row.success.mean),
+            *(percent(row.failed(cause)) for cause in FailureCause),
+        )
+        for row in chain(rows_over_scenes(rows), rows)
+    )
+    return ReportTable("Share of all episodes.", head, tuple(body), 3)
+
+
+def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
+    """Return each course's tests, with what maintenance did since the test before."""
+    head = (
+        "scene",
+        "method",
+        "queries",
+        "goals reached",
+        "SPL",
+        "collisions",
+        "nodes",
+        "edges",
+        "spurious",
+        "gap of p",
+    )
+    body = tuple(line for group in lifelong_groups for line in _lifelong_lines(group))
+    caption = (
+        "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "
+        "The gap of p is its mean calibration error."
+    )
+    return ReportTable(caption, (*head, "added", "pruned (bad)", "seeds"), body, 2)
+
+
+def run_table(results: EvaluationResults) -> ReportTable:
+    """Return the command, version and weights behind each result."""
+    head = ("scene", "method", "network", "seed", "weights", "version", "command")
+    body = [(*_stage_of(trial), str(trial.seed), *_origin(trial)) for trial in results.trials]
+    body += [_lifelong_run(result) for result in results.lifelong if result.points]
+    return ReportTable("What makes each result again.", head, tuple(body), 7)
+
+
+def percent(number: float, digits: int = 1) -> str:
+    """Write a share as percent."""
+    return "–" if isnan(number) else f"{100 * number:.{digits}f} %"
+
+
+def _lifelong_lines(group: LifelongGroup) -> Iterable[tuple[str, ...]]:
+    changes = {interval.until: interval for interval in maintenance_intervals(group)}
+    for row in group.points():
+        tests = [point for run in group.runs for point in run.points if point.queries == row.setup.queries]
+        gap = calibration_error(calibration_of(tests))
+        change = changes.get(row.setup.queries)
+        done = ("–", "–") if change is None else (_count(change.added_edges), _pruned(change))
+        yield (
+            *(scene_name(group.scene), group.method, f"{row.setup.queries:,}", _interval(row.success)),
+            *(*_driving(row)[:2], *_size(row), _spurious(row), _number(gap, 3), *done, _seeds(row)),
+        )
+
+
+def _margin(row: ResultRow, other: ResultRow) -> tuple[str, ...]:
+    found = compare_methods(row.trials, other.trials)
+    points, spl = found.success_rate, found.spl
+    sizes = [(row.metrics.nodes, other.metrics.nodes), (row.metrics.edges, other.metrics.edges)]
+    return (
+        *(row.setup.method, other.setup.method, row.setup.stage),
+        f"{100 * points.mean:+.1f} points ({100 * points.low:+.1f} to {100 * points.high:+.1f})",
+        f"{spl.mean:+.2f} ({spl.low:+.2f} to {spl.high:+.2f})",
+        *(percent(own / theirs, 1) if theirs else "–" for own, theirs in sizes),
+    )
+
+
+def _of_one_scene(rows: Sequence[ResultRow]) -> Sequence[ResultRow]:
+    return rows if len(scenes_of(rows)) == 1 else ()
+
+
+def _pruned(change: MaintenanceInterval) -> str:
+    bad = change.pruned_bad / change.pruned if change.pruned else float("nan")
+    return f"{_count(change.pruned)} ({percent(bad, 0)})"
+
+
+def _named(row: ResultRow) -> tuple[str, str, str]:
+    return scene_name(row.setup.scene), row.setup.method, row.setup.stage
+
+
+def _stage_of(trial: TrialResult) -> tuple[str, str, str]:
+    setup = setup_of(trial)
+    return scene_name(setup.scene), setup.method, setup.stage
+
+
+def _origin(trial: TrialResult) -> tuple[str, str, str]:
+    return trial.fingerprint, trial.version, trial.command
+
+
+def _lifelong_run(result: LifelongResult) -> tuple[str, ...]:
+    trial, queries = result.points[0].trial, f"{len(result.queries):,} queries"
+    return (*_stage_of(trial)[:2], queries, str(result.seed), trial.fingerprint, result.version, result.command)
+
+
+def _driving(row: ResultRow) -> tuple[str, str, str]:
+    found = row.metrics
+    return _number(found.spl.mean), _number(found.collisions_per_episode.mean), _count(found.steps_per_episode.mean)
+
+
+def _size(row: ResultRow) -> tuple[str, str]:
+    return _count(row.metrics.nodes), _count(row.metrics.edges)
+
+
+def _spurious(row: ResultRow) -> str:
+    return percent(row.metrics.spurious_share)
+
+
+def _sample(row: ResultRow) -> tuple[str, str]:
+    return f"{row.metrics.episodes:,}", _seeds(row)
+
+
+def _seeds(row: ResultRow) -> str:
+    return ", ".join(map(str, row.seeds))
+
+
+def _interval(found: Estimate) -> str:
+    return f"{percent(found.mean)} ({100 * found.low:.1f} to {100 * found.high:.1f})"
+
+
+def _number(number: float, digits: int = 2) -> str:
+    return "–" if isnan(number) else f"{number:,.{digits}f}"
+
+
+def _count(number: float) -> str:
+    return f"{number:,.0f}"
+
+
+def _plain(cell: str) -> str:
+    """Return a cell so that Markdown takes nothing in it for its own."""
+    return cell.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|").replace("\n", " ")

@@ -1,0 +1,51 @@
+"""When in the recording of a failed episode things went wrong. Owns that choice; only reads."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.graph.deltas import Cause
+from ltvn_core.navigation.events import AttemptEnded, Collided, GraphChanged, QueryEnded, StampedEvent
+from ltvn_core.recording.reader import Recording
+
+BEFORE_S = 3.0
+"""So long before the moment a person should begin to watch."""
+
+
+def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
+    """Return when to begin to watch, seconds after the recording's beginning; None where it cannot be read.
+
+    For collisions that is shortly before the last one, after a wrong turn before the last attempt that failed, and
+    otherwise before the end.
+    """
+    try:
+        opened = Recording.open(recording)
+        events = opened.events
+    except LtvnError:
+        return None
+    told = [stamped.stamp for stamped in events if _tells(stamped, failure)]
+    ends = [stamped.stamp for stamped in events if isinstance(stamped.event, QueryEnded)]
+    if not told and not ends:
+        return None
+    return max(0.0, (told or ends)[-1] - _beginning_s(opened, events) - BEFORE_S)
+
+
+def _tells(stamped: StampedEvent, failure: FailureCause | None) -> bool:
+    match failure, stamped.event:
+        case FailureCause.COLLISION, Collided():
+            return True
+        case FailureCause.SPURIOUS_EDGE | FailureCause.MISLOCALISED | FailureCause.STEP_LIMIT, AttemptEnded(
+            succeeded=False
+        ):
+            return True
+    return False
+
+
+def _beginning_s(recording: Recording, events: list[StampedEvent]) -> float:
+    """Return when driving began; images of a map that was loaded are older."""
+    first, poses = events[0], recording.poses
+    loaded = isinstance(first.event, GraphChanged) and first.event.delta.cause is Cause.LOAD
+    stamps = poses.stamps[poses.steps > first.step] if loaded else poses.stamps
+    return float(np.min(stamps, initial=np.inf)) if len(stamps) else first.stamp

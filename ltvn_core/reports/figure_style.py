@@ -1,0 +1,92 @@
+"""How pictures of the documentation look, and how they are saved small.
+
+Owns fonts, inks and the file size. The colours come from the page's palette, through `FigurePalette`.
+"""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from PIL import Image
+
+from ltvn_core.errors import OptionError
+
+MAX_BYTES = 150_000
+"""No picture of a page is larger."""
+
+DOTS_PER_INCH = 150
+
+Colour: TypeAlias = tuple[float, float, float]
+"""Red, green, blue in [0, 1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class FigurePalette:
+    """Colours that keep apart for every common kind of colour blindness, on white."""
+
+    first: Colour
+    """The source, and what is measured first."""
+    second: Colour
+    """The target, and what is measured second."""
+    third: Colour
+    """What the network says."""
+    grey: Colour = (0.45, 0.47, 0.5)
+    """What is to be compared with."""
+    text: Colour = (0.13, 0.15, 0.18)
+
+
+@contextmanager
+def documentation_style(palette: FigurePalette) -> Iterator[None]:
+    """Draw in the style of the documentation: white, few lines, text as large as a page's."""
+    settings: dict[str, Any] = {
+        "font.family": "DejaVu Sans",
+        "font.size": 10.5,
+        "axes.titlesize": 11,
+        "axes.titleweight": "bold",
+        "axes.titlelocation": "left",
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": "#e6e8eb",
+        "grid.linewidth": 0.8,
+        "lines.linewidth": 2.0,
+        "legend.frameon": False,
+        "figure.facecolor": "white",
+        "savefig.facecolor": "white",
+        "svg.hashsalt": "ltvn",
+    }
+    settings |= {name: palette.text for name in ("text.color", "axes.labelcolor", "xtick.color", "ytick.color")}
+    with mpl.rc_context(settings):  # type: ignore[arg-type]
+        yield
+
+
+def save_png(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG of at most `MAX_BYTES`, with fewer colours where it must. Raises OptionError."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=DOTS_PER_INCH, format="png", metadata={"Software": None})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(_smaller(buffer.getvalue()))
+    except OSError as error:
+        raise OptionError(f"{path}: the picture could not be written ({error}); choose another --output.") from error
+    return path
+
+
+def _smaller(png: bytes) -> bytes:
+    """Take away colours, and then points, until the picture is small enough."""
+    whole = Image.open(io.BytesIO(png)).convert("RGB")
+    for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
+        if len(png) <= MAX_BYTES:
+            break
+        buffer, size = io.BytesIO(), (round(whole.width * scale), round(whole.height * scale))
+        scaled = whole if scale == 1 else whole.resize(size, Image.Resampling.LANCZOS)
+        scaled.quantize(colours, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+        png = buffer.getvalue()
+    return png

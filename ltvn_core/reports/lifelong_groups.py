@@ -1,0 +1,106 @@
+"""Lifelong results gathered into courses: one for each scene and method, over all its map seeds.
+
+Owns which results belong together, and sums over stretches of queries. Draws and writes nothing.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from ltvn_core.evaluation.results import EdgeCalibrationBin, LifelongPoint, LifelongResult
+from ltvn_core.reports.result_rows import ResultRow, setup_of
+
+
+@dataclass(frozen=True)
+class LifelongGroup:
+    """Queries with maintenance in one scene by one method, each run from a map of its own."""
+
+    scene: str
+    method: str
+    """As a reader knows it."""
+    runs: tuple[LifelongResult, ...]
+    """One for each map seed."""
+
+    def points(self) -> tuple[ResultRow, ...]:
+        """Return the tests in between as rows, by the number of queries before them."""
+        found: dict[int, list[LifelongPoint]] = {}
+        for run in self.runs:
+            for point in run.points:
+                found.setdefault(point.queries, []).append(point)
+        return tuple(
+            ResultRow(setup_of(points[0].trial), tuple(point.trial for point in points))
+            for _, points in sorted(found.items())
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MaintenanceInterval:
+    """What the queries between two tests did to the map, mean of the runs."""
+
+    first: int
+    until: int
+    """Number of queries at the test before and at the one after."""
+    pruned: float
+    pruned_bad: float
+    """Of the pruned edges, those that nobody can drive or the robot could not drive."""
+    added_edges: float
+    added_spurious: float
+    """Of the added edges, those that nobody can drive."""
+
+
+def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ...]:
+    """Gather results into courses, by scene, then method. A result without points is left out."""
+    groups: dict[tuple[str, str], list[LifelongResult]] = {}
+    for result in results:
+        if result.points:
+            groups.setdefault((result.scene, setup_of(result.points[0].trial).method), []).append(result)
+    return tuple(
+        LifelongGroup(scene, method, tuple(sorted(runs, key=lambda run: run.seed)))
+        for (scene, method), runs in sorted(groups.items())
+    )
+
+
+def maintenance_intervals(group: LifelongGroup) -> tuple[MaintenanceInterval, ...]:
+    """Sum up what maintenance did from each test to the next."""
+    tests = sorted({point.queries for run in group.runs for point in run.points})
+    return tuple(_interval(group, first, until) for first, until in pairwise(tests))
+
+
+def end_points(lifelong_groups: Sequence[LifelongGroup], *, last: bool) -> list[LifelongPoint]:
+    """Return the first or the last test of each run."""
+    return [run.points[-1 if last else 0] for group in lifelong_groups for run in group.runs]
+
+
+def calibration_of(points: Iterable[LifelongPoint]) -> tuple[EdgeCalibrationBin, ...]:
+    """Add up the calibration of p over several tests, empty cells left out."""
+    found: dict[tuple[float, float], list[EdgeCalibrationBin]] = {}
+    for point in points:
+        for cell in point.calibration:
+            found.setdefault((cell.low, cell.high), []).append(cell)
+    return tuple(_added_up(cells) for _, cells in sorted(found.items()) if sum(cell.edges for cell in cells))
+
+
+def calibration_error(cells: Sequence[EdgeCalibrationBin]) -> float:
+    """Return the mean gap between p and the share of edges that can be driven; nan without edges."""
+    total = sum(cell.edges for cell in cells)
+    gaps = sum(cell.edges * abs(cell.mean_p - cell.drivable) for cell in cells)
+    return gaps / total if total else float("nan")
+
+
+def _interval(group: LifelongGroup, first: int, until: int) -> MaintenanceInterval:
+    runs = [run for run in group.runs if len(run.queries) >= until]
+    queries = [query for run in runs for query in run.queries[first:until]]
+
+    def mean(name: str) -> float:
+        return sum(getattr(query, name) for query in queries) / max(len(runs), 1)
+
+    return MaintenanceInterval(
+        first, until, mean("pruned"), mean("pruned_bad"), mean("added_edges"), mean("added_spurious")
+    )
+
+
+def _added_up(cells: Sequence[EdgeCalibrationBin]) -> EdgeCalibrationBin:
+    edges = sum(cell.edges for cell in cells)
+    mean_p = sum(cell.edges * cell.mean_p for cell in cells) / edges
+    drivable = sum(cell.edges * cell.drivable for cell in cells) / edges
+    return EdgeCalibrationBin(cells[0].low, cells[0].high, edges, mean_p, drivable)

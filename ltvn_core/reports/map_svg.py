@@ -1,0 +1,133 @@
+"""A map over the floor of its scene as SVG, drawn by hand so that every node and edge keeps its numbers.
+
+Owns the drawing; needs no other library than those of the core. Hovering a part shows its title in any browser.
+"""
+
+import base64
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ltvn_core.evaluation.map_layout import MapLayout
+from ltvn_core.evaluation.results import MapDrawing
+from ltvn_core.graph.deltas import Edge
+
+_MARGIN_M = 0.3
+_NODE_M = 0.05
+_YAW_M = 0.16
+"""How far a node's tick points to where it looks."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapColours:
+    """Colours as a style sheet writes them, for a dark ground."""
+
+    ramp: Sequence[str]
+    """p = 0 to 1 in equal steps."""
+    node: str
+    spurious: str
+    ground: str
+    wall: str = "rgb(74,80,94)"
+    text: str = "rgb(230,233,240)"
+
+
+class _Box(NamedTuple):
+    x_m: float
+    y_m: float
+    width_m: float
+    height_m: float
+
+
+def map_svg(drawn: MapLayout, colours: MapColours) -> str:
+    """Return a figure that needs no other file, in metres, x to the right and y up."""
+    box = _box(drawn.plan)
+    # A picture's y goes down, so everything is drawn with its sign turned.
+    view = f"{box.x_m:.3f} {-(box.y_m + box.height_m):.3f} {box.width_m:.3f} {box.height_m:.3f}"
+    style = (
+        f"text{{font:.25px sans-serif;fill:{colours.text}}}.e{{stroke-width:.025;fill:none}}"
+        f".e:hover,.e.on{{stroke-width:.07}}.n{{fill:{colours.node};stroke:{colours.node};stroke-width:.02}}"
+        f".n:hover,.n.on{{stroke-width:.08}}.s{{stroke:{colours.spurious};stroke-width:.05;stroke-dasharray:.12 .06}}"
+    )
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" id="scene" viewBox="{view}" role="img">',
+        f"<title>{escape(drawn.title)}</title><style>{style}</style>",
+        f'<rect x="{box.x_m:.3f}" y="{-(box.y_m + box.height_m):.3f}" width="{box.width_m:.3f}" '
+        f'height="{box.height_m:.3f}" fill="{colours.ground}"/>',
+        *_floor(drawn.plan, colours),
+        *_edges(drawn, colours),
+        *_nodes(drawn),
+        "</svg>",
+    ]
+    return "\n".join(parts)
+
+
+def _box(plan: MapDrawing) -> _Box:
+    """Return what is to be seen: the floor, or all nodes."""
+    if plan.free:
+        return _Box(*plan.origin, len(plan.free[0]) * plan.resolution_m, len(plan.free) * plan.resolution_m)
+    places = np.array([node[1:3] for node in plan.nodes])
+    low, high = places.min(axis=0) - _MARGIN_M, places.max(axis=0) + _MARGIN_M
+    return _Box(float(low[0]), float(low[1]), *(high - low).tolist())
+
+
+def _floor(plan: MapDrawing, colours: MapColours) -> Iterator[str]:
+    """Draw where no robot fits, as a small picture of one point per cell."""
+    if not plan.free:
+        return
+    taken = np.array([[cell == "#" for cell in row] for row in plan.free[::-1]])
+    red, green, blue = (int(part) for part in colours.wall[4:-1].split(","))
+    pixels = np.zeros((*taken.shape, 4), np.uint8)
+    pixels[taken] = (blue, green, red, 255)
+    data = base64.b64encode(cv2.imencode(".png", pixels)[1].tobytes()).decode()
+    box = _box(plan)
+    yield (
+        f'<image x="{box.x_m:.3f}" y="{-(box.y_m + box.height_m):.3f}" width="{box.width_m:.3f}" '
+        f'height="{box.height_m:.3f}" style="image-rendering:pixelated" href="data:image/png;base64,{data}"/>'
+    )
+
+
+def _edges(drawn: MapLayout, colours: MapColours) -> Iterator[str]:
+    """Draw one line per pair of nodes, in the colour of its less likely direction."""
+    places = {node: (x, -y) for node, x, y, _ in drawn.plan.nodes}
+    spurious = {(source, target) for source, target, _, wrong in drawn.plan.edges if wrong}
+    for pair in dict.fromkeys((min(key), max(key)) for key in drawn.graph.edges):
+        back = pair[1], pair[0]
+        both = [drawn.graph.edges[key] for key in (pair, back) if key in drawn.graph.edges]
+        (x1, y1), (x2, y2) = places[pair[0]], places[pair[1]]
+        colour = _ramp(min(edge.belief.p for edge in both), colours.ramp)
+        wrong = pair in spurious or back in spurious
+        said = "\n".join(_edge_words(edge, (edge.source, edge.target) in spurious) for edge in both)
+        yield (
+            f'<path class="e{" s" if wrong else ""}" d="M{x1:.3f} {y1:.3f}L{x2:.3f} {y2:.3f}" '
+            f'stroke="{colour}"><title>{escape(said)}</title></path>'
+        )
+
+
+def _edge_words(edge: Edge, spurious: bool) -> str:
+    driven = f"driven {edge.attempts} x, {edge.successes} x with success" if edge.attempts else "never driven"
+    words = f"edge {edge.source} to {edge.target}: p {edge.belief.p:.2f}, length {edge.belief.mu:.2f}, {driven}"
+    return words + (", nobody can drive it" if spurious else "") + (", protected" if edge.protected else "")
+
+
+def _nodes(drawn: MapLayout) -> Iterator[str]:
+    graph = drawn.graph
+    for node, x, y, yaw in drawn.plan.nodes:
+        tip = x + _YAW_M * math.cos(yaw), -y - _YAW_M * math.sin(yaw)
+        out, back = len(graph.successors(node)), len(graph.predecessors(node))
+        said = f"node {node} at {x:.2f} m, {y:.2f} m, {math.degrees(yaw):.0f} degrees; {out} edges out, {back} in"
+        yield (
+            f'<g class="n"><path d="M{x:.3f} {-y:.3f}L{tip[0]:.3f} {tip[1]:.3f}"/>'
+            f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{_NODE_M}"/><title>{said}</title></g>'
+        )
+
+
+def _ramp(p: float, ramp: Sequence[str]) -> str:
+    """Mix the colour of a probability."""
+    stops = np.array([[int(part) for part in stop[4:-1].split(",")] for stop in ramp], np.float64)
+    mixed = [np.interp(p, np.linspace(0, 1, len(stops)), channel) for channel in stops.T]
+    return f"rgb({','.join(str(round(float(part))) for part in mixed)})"

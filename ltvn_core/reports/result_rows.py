@@ -1,0 +1,139 @@
+"""Trials gathered into rows: one for each scene, method and stage, over all its map seeds.
+
+Owns which trials belong together, their order and the name of a method for a reader. Draws and writes nothing.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import PurePath
+
+import numpy as np
+
+from ltvn_core.evaluation.confidence_intervals import Estimate
+from ltvn_core.evaluation.metrics import EvaluationMetrics, compute_metrics
+from ltvn_core.evaluation.results import FailureCause, TrialResult
+
+ALL_SCENES = "all scenes"
+"""Stands for the scene in a row over all of them."""
+
+_SYSTEM_LABELS = {"ltvn": "LTVN", "sptm": "SPTM", "ving": "ViNG"}
+_SYSTEM_ORDER = ("LTVN", "SPTM", "ViNG")
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSetup:
+    """What the trials of one row have in common."""
+
+    scene: str
+    method: str
+    """As a reader knows it: `LTVN robust`, `SPTM`, `LTVN robust without pruning`."""
+    finetuned: bool
+    queries: int
+    """With maintenance, before the episodes."""
+    ablated: bool
+    """Whether parts of the method were switched off or exchanged for the truth."""
+
+    @property
+    def stage(self) -> str:
+        """How far the map and the network had got."""
+        tuned = "fine-tuned" if self.finetuned else "as trained"
+        return f"{tuned}, {self.queries:,} queries" if self.queries else tuned
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """All trials of one setup."""
+
+    setup: TrialSetup
+    trials: tuple[TrialResult, ...]
+    """One for each map seed; in a row over all scenes, for each scene and seed."""
+
+    @cached_property
+    def metrics(self) -> EvaluationMetrics:
+        """What the trials come to."""
+        return compute_metrics(self.trials)
+
+    @property
+    def success(self) -> Estimate:
+        """Share of the episodes whose goal was reached."""
+        return self.metrics.success_rate
+
+    @property
+    def images(self) -> float:
+        """Mean number of images of the mapping drives."""
+        return float(np.mean([trial.images for trial in self.trials]))
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Map seeds."""
+        return tuple(sorted({trial.seed for trial in self.trials}))
+
+    def failed(self, cause: FailureCause) -> float:
+        """Return the share of the episodes that failed for a cause."""
+        return self.metrics.failures[cause.value] / self.metrics.episodes
+
+
+def setup_of(trial: TrialResult) -> TrialSetup:
+    """Return what a trial has in common with others of its row."""
+    # Whether the network was fine-tuned is a stage of every method and no part of its name.
+    without = [part for part in trial.without if not part.replace("-", "").startswith("finetun")]
+    name = _SYSTEM_LABELS.get(trial.method, trial.method)
+    if trial.method == "ltvn":
+        name = f"{name} {trial.preset}"
+    elif trial.preset != "robust":
+        name = f"{name}, {trial.preset} navigator"
+    if without:
+        name = f"{name} without {', '.join(without)}"
+    if asked_the_truth := trial.fingerprint == "oracle":
+        name = f"{name} with the oracle"
+    return TrialSetup(trial.scene, name, trial.finetuned, trial.queries, bool(without) or asked_the_truth)
+
+
+def scene_name(scene: str) -> str:
+    """Return a scene's name for a reader: of a file, its last part."""
+    return PurePath(scene).name or scene
+
+
+def order_of(setup: TrialSetup) -> tuple[object, ...]:
+    """Return what rows are sorted by: scene, then method, then stage."""
+    return (setup.scene, *_method_order(setup), setup.finetuned, setup.queries)
+
+
+def rows_of(trials: Iterable[TrialResult]) -> tuple[ResultRow, ...]:
+    """Gather trials into rows, by scene, then method, then stage."""
+    return _gathered(trials, setup_of)
+
+
+def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
+    """Gather rows of the same method and stage over the scenes, leaving out those that miss a scene."""
+    scenes = {row.setup.scene for row in rows}
+    whole = _gathered(
+        (trial for row in rows for trial in row.trials), lambda trial: replace(setup_of(trial), scene=ALL_SCENES)
+    )
+    return tuple(row for row in whole if len(scenes) > 1 and {trial.scene for trial in row.trials} == scenes)
+
+
+def methods_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
+    """Return the methods of rows in their order."""
+    return tuple(dict.fromkeys(row.setup.method for row in sorted(rows, key=lambda row: _method_order(row.setup))))
+
+
+def scenes_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
+    """Return the scenes of rows in their order."""
+    return tuple(dict.fromkeys(row.setup.scene for row in rows))
+
+
+def _gathered(trials: Iterable[TrialResult], key: Callable[[TrialResult], TrialSetup]) -> tuple[ResultRow, ...]:
+    groups: dict[TrialSetup, list[TrialResult]] = {}
+    for trial in trials:
+        groups.setdefault(key(trial), []).append(trial)
+    rows = [ResultRow(setup, tuple(sorted(found, key=lambda trial: trial.seed))) for setup, found in groups.items()]
+    return tuple(sorted(rows, key=lambda row: order_of(row.setup)))
+
+
+def _method_order(setup: TrialSetup) -> tuple[object, ...]:
+    first = setup.method.split()[0].rstrip(",")
+    rank = _SYSTEM_ORDER.index(first) if first in _SYSTEM_ORDER else len(_SYSTEM_ORDER)
+    # Robust before paper, whole methods before those with parts switched off.
+    return rank, setup.ablated, "paper" in setup.method, setup.method

@@ -1,0 +1,1 @@
+"""Procedural apartments, grown from a seed."""

@@ -1,0 +1,282 @@
+"""Where an apartment's rooms, corridors and doorways are, on a 5 cm grid.
+
+Owns the division of a rectangle into rooms that are all connected, and what each room is for. Draws nothing.
+Coordinates are metres; the apartment's inner floor spans (0, 0) to (width, depth); inner walls are 10 cm thick and
+stand astride the rooms' common edges, outer walls stand outside.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import combinations
+
+from ltvn_core.simulation.apartments.seeded_rng import SeededRng
+
+GRID_STEP_M = 0.05
+"""Everything that blocks the floor stands on multiples of this."""
+
+MIN_DOORWAY_M = 0.9
+
+
+class RoomKind(Enum):
+    """What a room is for."""
+
+    HALL = "hall"
+    LIVING = "living room"
+    KITCHEN = "kitchen"
+    DINING = "dining room"
+    BEDROOM = "bedroom"
+    NURSERY = "nursery"
+    STUDY = "study"
+    LIBRARY = "library"
+    BATH = "bathroom"
+    UNNAMED = "part of a foreign scene"
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """A rectangle of floor between the middles of its walls."""
+
+    kind: RoomKind
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def area_m2(self) -> float:
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+    @property
+    def shorter_side_m(self) -> float:
+        return min(self.x1 - self.x0, self.y1 - self.y0)
+
+
+@dataclass(frozen=True, slots=True)
+class Doorway:
+    """A gap in the wall between two rooms."""
+
+    rooms: tuple[int, int]
+    axis: int
+    """0 for a wall along y (x is constant), 1 for a wall along x."""
+    wall: float
+    """Where the wall stands on that axis."""
+    low: float
+    """Where the gap begins along the wall."""
+    high: float
+    """Where it ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPlan:
+    """Rooms that tile a rectangle, and the doorways that join them all."""
+
+    width: float
+    depth: float
+    rooms: tuple[Room, ...]
+    doorways: tuple[Doorway, ...]
+
+
+def generate_floor_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
+    """Divide an apartment of an area (45 to 130 m2) into connected rooms."""
+    width = _snap((area_m2 * rng.uniform(1.1, 1.6)) ** 0.5)
+    depth = _snap(area_m2 / width)
+    for _ in range(40):
+        trial = rng.spawn()
+        layout = trial.choice(_LAYOUTS)(trial, width, depth)
+        rooms = _assign_kinds(trial, layout)
+        doorways = _draw_doorways(trial, rooms)
+        if doorways is not None and min(room.shorter_side_m for room in rooms) >= 1.3:
+            return _mirrored(FloorPlan(width, depth, rooms, doorways), trial)
+    return _row_of_rooms(rng, width, depth)
+
+
+def _snap(metres: float) -> float:
+    return round(round(metres / GRID_STEP_M) * GRID_STEP_M, 6)
+
+
+def _hall(x0: float, y0: float, x1: float, y1: float) -> Room:
+    return Room(RoomKind.HALL, _snap(x0), _snap(y0), _snap(x1), _snap(y1))
+
+
+def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
+    """Halve a block across its longer side until the pieces have about the wished area."""
+    x0, y0, x1, y1 = block.x0, block.y0, block.x1, block.y1
+    longer = max(x1 - x0, y1 - y0)
+    if block.area_m2 < 1.5 * room_area_m2 or longer < 4.2:
+        return [block]
+    cut = rng.uniform(0.4, 0.6) if longer > 5.5 else rng.choice((0.44, 0.5, 0.56))
+    if x1 - x0 > y1 - y0:
+        middle = _snap(x0 + cut * longer)
+        parts = replace(block, x1=middle), replace(block, x0=middle)
+    else:
+        middle = _snap(y0 + cut * longer)
+        parts = replace(block, y1=middle), replace(block, y0=middle)
+    return [room for part in parts for room in _split(rng, part, room_area_m2)]
+
+
+def _spine(rng: SeededRng, width: float, depth: float) -> list[Room]:
+    """A large room at one end and a corridor from it between two rows of rooms."""
+    corridor = rng.uniform_multiple(1.3, 1.6)
+    one_row = depth < 5.4 + corridor
+    low = 0.0 if one_row else _snap((depth - corridor) * rng.uniform(0.42, 0.58))
+    start = _snap(width * rng.uniform(0.34, 0.44))
+    end = _snap(width - 3.2) if width - start > 8.0 and rng.chance(0.6) else width
+    rooms = [_hall(start, low, end, low + corridor)]
+    room_area_m2 = rng.uniform(9, 14)
+    blocks = [_hall(start, low + corridor, end, depth)]
+    if not one_row:
+        blocks.append(_hall(start, 0, end, low))
+    if end < width:
+        rooms.append(_hall(end, 0, width, depth))
+        rooms.extend(_split(rng, rooms.pop(), 18))
+    for block in blocks:
+        rooms.extend(_split(rng, block, room_area_m2))
+    front = _hall(0, 0, start, depth)
+    return rooms + _split(rng, front, rng.uniform(14, 24))
+
+
+def _elbow(rng: SeededRng, width: float, depth: float) -> list[Room]:
+    """A corridor with a corner, and three blocks of rooms around it."""
+    corridor = rng.uniform_multiple(1.3, 1.6)
+    low = _snap(max(2.7, depth * rng.uniform(0.36, 0.46)))
+    high, right = _snap(low + corridor), _snap(width * rng.uniform(0.5, 0.62))
+    left = _snap(right - corridor)
+    room_area_m2 = rng.uniform(10, 15)
+    blocks = [_hall(0, 0, width, low), _hall(0, high, left, depth), _hall(right, low, width, depth)]
+    halls = [_hall(0, low, right, high), _hall(left, high, right, depth)]
+    return halls + [room for block in blocks for room in _split(rng, block, room_area_m2)]
+
+
+def _open(rng: SeededRng, width: float, depth: float) -> list[Room]:
+    """A small entrance hall and rooms that lead into each other."""
+    deep, broad = rng.uniform_multiple(2.0, 3.0), rng.uniform_multiple(1.5, 2.0)
+    at = _snap(width * rng.uniform(0.35, 0.6))
+    blocks = [_hall(0, 0, at, depth), _hall(at, deep, width, depth), _hall(at + broad, 0, width, deep)]
+    room_area_m2 = rng.uniform(12, 18)
+    return [_hall(at, 0, at + broad, deep)] + [room for block in blocks for room in _split(rng, block, room_area_m2)]
+
+
+_LAYOUTS: tuple[Callable[[SeededRng, float, float], list[Room]], ...] = (_spine, _spine, _elbow, _open)
+
+
+def _assign_kinds(rng: SeededRng, layout: list[Room]) -> tuple[Room, ...]:
+    """Make the largest room the living room, a small one the bathroom, and mix the others."""
+    halls = {i for i, room in enumerate(layout) if room.shorter_side_m < 1.75 or (i == 0 and room.area_m2 < 7)}
+    others = sorted((i for i in range(len(layout)) if i not in halls), key=lambda i: -layout[i].area_m2)
+    kinds = {i: RoomKind.HALL for i in halls}
+    if others:
+        kinds[others.pop(0)] = RoomKind.LIVING
+    if others:
+        kinds[others.pop()] = RoomKind.BATH
+    kinds_left = [RoomKind.KITCHEN, RoomKind.BEDROOM]
+    kinds_left += rng.shuffled([RoomKind.STUDY, RoomKind.NURSERY, RoomKind.DINING, RoomKind.BEDROOM, RoomKind.LIBRARY])
+    if len(others) > 6:
+        kinds[others.pop()] = RoomKind.BATH
+    for order, i in enumerate(others):
+        kinds[i] = kinds_left[order % len(kinds_left)]
+    return tuple(replace(room, kind=kinds[i]) for i, room in enumerate(layout))
+
+
+def _draw_doorways(rng: SeededRng, rooms: tuple[Room, ...]) -> tuple[Doorway, ...] | None:
+    """Join all rooms, by way of the corridor where possible, and add some round trips; None if they cannot be."""
+    candidates = [c for a, b in combinations(range(len(rooms)), 2) if (c := _common_wall(rooms, a, b)) is not None]
+    candidates = sorted(rng.shuffled(candidates), key=lambda gap: _preference(rooms, gap))
+    group = list(range(len(rooms)))
+    chosen: list[Doorway] = []
+    for gap in candidates:
+        a, b = (group[i] for i in gap.rooms)
+        if a != b:
+            group = [a if g == b else g for g in group]
+        elif not rng.chance(0.3) or _is_private(rooms, gap):
+            continue
+        chosen.append(_narrowed(rng, rooms, gap))
+    return tuple(chosen) if len(set(group)) == 1 else None
+
+
+def _common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
+    """Return the whole stretch of wall that two rooms share, if a door fits into it."""
+    p, q = rooms[a], rooms[b]
+    for axis, (p_low, p_high, q_low, q_high, along) in enumerate(
+        (
+            (p.x0, p.x1, q.x0, q.x1, (max(p.y0, q.y0), min(p.y1, q.y1))),
+            (p.y0, p.y1, q.y0, q.y1, (max(p.x0, q.x0), min(p.x1, q.x1))),
+        )
+    ):
+        for wall, other in ((p_high, q_low), (p_low, q_high)):
+            if abs(wall - other) < 1e-6 and along[1] - along[0] > MIN_DOORWAY_M + 0.35:
+                return Doorway((a, b), axis, wall, along[0], along[1])
+    return None
+
+
+def _preference(rooms: tuple[Room, ...], gap: Doorway) -> int:
+    kinds = {rooms[i].kind for i in gap.rooms}
+    if kinds == {RoomKind.HALL} or kinds == {RoomKind.LIVING, RoomKind.KITCHEN}:
+        return 0
+    if RoomKind.HALL in kinds:
+        return 1
+    return 3 if RoomKind.BATH in kinds else 2
+
+
+def _is_private(rooms: tuple[Room, ...], gap: Doorway) -> bool:
+    kinds = {rooms[i].kind for i in gap.rooms}
+    return RoomKind.BATH in kinds or kinds == {RoomKind.HALL}
+
+
+_OPEN_PLAN_KINDS = {RoomKind.HALL, RoomKind.LIVING, RoomKind.KITCHEN, RoomKind.DINING, RoomKind.LIBRARY}
+
+
+def _narrowed(rng: SeededRng, rooms: tuple[Room, ...], gap: Doorway) -> Doorway:
+    """Cut a doorway out of the wall that two rooms share."""
+    kinds = {rooms[i].kind for i in gap.rooms}
+    room = gap.high - gap.low - 0.3
+    width = rng.uniform_multiple(MIN_DOORWAY_M, 1.0)
+    if kinds == {RoomKind.HALL}:
+        width = room
+    elif kinds <= _OPEN_PLAN_KINDS and rng.chance(0.6):
+        width = rng.uniform_multiple(1.2, 2.0)
+    width = _snap(min(width, room))
+    low = rng.uniform_multiple(gap.low + 0.15, gap.high - 0.15 - width)
+    return replace(gap, low=_snap(low), high=_snap(low + width))
+
+
+def _mirrored(plan: FloorPlan, rng: SeededRng) -> FloorPlan:
+    """Flip a plan left to right, top to bottom or along its diagonal, as the dice say."""
+    for axis in (0, 1):
+        if rng.chance(0.5):
+            plan = _flipped(plan, axis)
+    return _transposed(plan) if rng.chance(0.5) else plan
+
+
+def _flipped(plan: FloorPlan, axis: int) -> FloorPlan:
+    size = (plan.width, plan.depth)[axis]
+
+    def flip(value: float) -> float:
+        return _snap(size - value)
+
+    def flip_door(door: Doorway) -> Doorway:
+        if door.axis == axis:
+            return replace(door, wall=flip(door.wall))
+        return replace(door, low=flip(door.high), high=flip(door.low))
+
+    if axis == 0:
+        rooms = tuple(replace(room, x0=flip(room.x1), x1=flip(room.x0)) for room in plan.rooms)
+    else:
+        rooms = tuple(replace(room, y0=flip(room.y1), y1=flip(room.y0)) for room in plan.rooms)
+    return replace(plan, rooms=rooms, doorways=tuple(flip_door(door) for door in plan.doorways))
+
+
+def _transposed(plan: FloorPlan) -> FloorPlan:
+    rooms = tuple(Room(room.kind, room.y0, room.x0, room.y1, room.x1) for room in plan.rooms)
+    doorways = tuple(replace(door, axis=1 - door.axis) for door in plan.doorways)
+    return FloorPlan(plan.depth, plan.width, rooms, doorways)
+
+
+def _row_of_rooms(rng: SeededRng, width: float, depth: float) -> FloorPlan:
+    """Lay rooms side by side; always possible."""
+    count = max(2, int(width // 3.2))
+    edges = [_snap(width * i / count) for i in range(count + 1)]
+    layout = [Room(RoomKind.BEDROOM, edges[i], 0.0, edges[i + 1], depth) for i in range(count)]
+    rooms = _assign_kinds(rng, layout)
+    gaps = [_common_wall(rooms, i, i + 1) for i in range(count - 1)]
+    return FloorPlan(width, depth, rooms, tuple(_narrowed(rng, rooms, gap) for gap in gaps if gap is not None))

@@ -1,0 +1,107 @@
+"""Which furniture stands in a room, and where.
+
+Owns the choice and the placing; a piece goes where it fits, keeps doorways clear and leaves free floor in one piece.
+"""
+
+from collections.abc import Sequence
+
+from ltvn_core.simulation.apartments import furniture as f
+from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, Room, RoomKind
+from ltvn_core.simulation.apartments.furniture import FurnitureBuilder, FurnitureKind, FurniturePlacement
+from ltvn_core.simulation.apartments.materials import ApartmentMaterials
+from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, OccupancyGrid
+from ltvn_core.simulation.apartments.room_shell import WallSide
+from ltvn_core.simulation.apartments.seeded_rng import SeededRng
+from ltvn_core.simulation.surface_builder import SurfaceBuilder
+
+_TRIES = 14
+
+FURNITURE_BY_ROOM_KIND: dict[RoomKind, Sequence[FurnitureKind]] = {
+    RoomKind.HALL: (f.CHEST, f.PLANT, f.LAMP),
+    RoomKind.LIVING: (f.SOFA, f.TELEVISION, f.LOW_TABLE, f.SHELF, f.ARMCHAIR, f.PLANT, f.LAMP, f.SHELF, f.CHEST),
+    RoomKind.KITCHEN: (f.COUNTER, f.FRIDGE, f.HIGH_TABLE, f.CHEST, f.PLANT),
+    RoomKind.DINING: (f.HIGH_TABLE, f.CHEST, f.SHELF, f.PLANT, f.LAMP),
+    RoomKind.BEDROOM: (f.BED, f.WARDROBE, f.CHEST, f.LAMP, f.PLANT),
+    RoomKind.NURSERY: (f.BED, f.TOY_CHEST, f.SHELF, f.DESK, f.TOY_CHEST),
+    RoomKind.STUDY: (f.DESK, f.SHELF, f.SHELF, f.ARMCHAIR, f.PLANT),
+    RoomKind.LIBRARY: (f.SHELF, f.SHELF, f.SHELF, f.ARMCHAIR, f.LOW_TABLE, f.LAMP),
+    RoomKind.BATH: (f.BATHTUB, f.TOILET, f.BASIN),
+}
+
+
+class FurniturePlacer:
+    """Fills rooms."""
+
+    def __init__(self, builder: SurfaceBuilder, occupancy: OccupancyGrid, materials: ApartmentMaterials) -> None:
+        self._builder, self._occupancy, self._materials = builder, occupancy, materials
+
+    def place_furniture(self, rng: SeededRng, room: Room, sides: Sequence[WallSide]) -> list[list[tuple[float, float]]]:
+        """Place what fits of the room's wishes; return the stretches of each wall that tall pieces hide."""
+        hidden: list[list[tuple[float, float]]] = [[] for _ in sides]
+        wood, cloth = rng.choice(self._materials.woods), rng.choice(self._materials.cloths)
+        for piece in FURNITURE_BY_ROOM_KIND[room.kind]:
+            width, depth = rng.uniform_multiple(*piece.width), rng.uniform_multiple(*piece.depth)
+            placement, wall, wall_interval = self._place(rng, room, sides, piece, width, depth)
+            if placement is None:
+                continue
+            piece.draw(FurnitureBuilder(self._builder, placement, rng, self._materials, wood, cloth))
+            if piece.tall and wall is not None:
+                hidden[wall].append(wall_interval)
+        return hidden
+
+    def _place(
+        self, rng: SeededRng, room: Room, sides: Sequence[WallSide], piece: FurnitureKind, width: float, depth: float
+    ) -> tuple[FurniturePlacement | None, int | None, tuple[float, float]]:
+        for _ in range(_TRIES):
+            if piece.against_wall:
+                wall = rng.index(len(sides))
+                placement, area = _beside(rng, sides[wall], width, depth)
+            else:
+                wall = None
+                placement, area = _within(rng, room, width, depth)
+            if placement is not None and area is not None and self._occupancy.try_block(area):
+                return placement, wall, _wall_interval(placement, None if wall is None else sides[wall], width)
+        return None, None, (0.0, 0.0)
+
+
+def _beside(
+    rng: SeededRng, side: WallSide, width: float, depth: float
+) -> tuple[FurniturePlacement | None, FloorRectangle | None]:
+    """Find a place with its back to a wall."""
+    inset = 0.05  # The half wall of the neighbouring walls.
+    low_end, high_end = side.low + inset, side.high - inset - width
+    if high_end < low_end:
+        return None, None
+    low = rng.uniform_multiple(low_end, high_end, GRID_STEP_M)
+    near = side.face
+    far = near + side.inward * depth
+    middle, along = (near + far) / 2, low + width / 2
+    a, b = sorted((near, far))
+    if side.axis == 0:
+        turn = (0.0, -1.0) if side.inward > 0 else (0.0, 1.0)
+        return FurniturePlacement(middle, along, turn, width, depth), FloorRectangle(a, low, b, low + width)
+    turn = (1.0, 0.0) if side.inward > 0 else (-1.0, 0.0)
+    return FurniturePlacement(along, middle, turn, width, depth), FloorRectangle(low, a, low + width, b)
+
+
+def _within(
+    rng: SeededRng, room: Room, width: float, depth: float
+) -> tuple[FurniturePlacement | None, FloorRectangle | None]:
+    """Find a place away from the walls."""
+    turned = rng.chance(0.5)
+    across, down = (depth, width) if turned else (width, depth)
+    margin = 0.6
+    if room.x1 - room.x0 < across + 2 * margin or room.y1 - room.y0 < down + 2 * margin:
+        return None, None
+    x0 = rng.uniform_multiple(room.x0 + margin, room.x1 - margin - across, GRID_STEP_M)
+    y0 = rng.uniform_multiple(room.y0 + margin, room.y1 - margin - down, GRID_STEP_M)
+    turn = (0.0, 1.0) if turned else rng.choice(((1.0, 0.0), (-1.0, 0.0)))
+    placement = FurniturePlacement(x0 + across / 2, y0 + down / 2, turn, width, depth)
+    return placement, FloorRectangle(x0, y0, x0 + across, y0 + down)
+
+
+def _wall_interval(placement: FurniturePlacement, side: WallSide | None, width: float) -> tuple[float, float]:
+    if side is None:
+        return 0.0, 0.0
+    along = placement.y if side.axis == 0 else placement.x
+    return along - width / 2, along + width / 2

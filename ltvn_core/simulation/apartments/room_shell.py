@@ -1,0 +1,209 @@
+"""The shell of a room: floor, ceiling, walls with doorways, windows and pictures on them.
+
+Owns what is fixed. Inner walls are drawn by each of their two rooms, half and half, so that each has its own wallpaper.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ltvn_core.simulation.apartments import decals
+from ltvn_core.simulation.apartments.floor_plan import Doorway, FloorPlan, Room, RoomKind
+from ltvn_core.simulation.apartments.materials import ApartmentMaterials, RoomMaterials
+from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, OccupancyGrid
+from ltvn_core.simulation.apartments.seeded_rng import SeededRng
+from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
+
+_HALF_WALL_M = 0.05
+_DOOR_TOP_M = 2.05
+
+
+@dataclass(frozen=True, slots=True)
+class WallSide:
+    """One wall of a room, seen from inside."""
+
+    axis: int
+    """0 for a wall along y, 1 for a wall along x."""
+    at: float
+    """Where the wall's middle stands on that axis."""
+    inward: int
+    """+1 if the room lies on the larger side."""
+    low: float
+    high: float
+    gaps: tuple[tuple[float, float], ...]
+    """Doorways in it, in order."""
+    outer: bool
+
+    @property
+    def face(self) -> float:
+        """Where the wall's surface is on its axis."""
+        return self.at if self.outer else self.at + self.inward * _HALF_WALL_M
+
+    def solid_segments(self) -> Iterator[tuple[float, float]]:
+        """Yield the stretches between doorways."""
+        cursor = self.low
+        for low, high in self.gaps:
+            yield cursor, low
+            cursor = high
+        yield cursor, self.high
+
+
+def wall_sides(plan: FloorPlan, index: int) -> tuple[WallSide, ...]:
+    """Return the four walls of a room."""
+    room = plan.rooms[index]
+    spans = ((0, room.x0, 1, room.y0, room.y1), (0, room.x1, -1, room.y0, room.y1))
+    spans += ((1, room.y0, 1, room.x0, room.x1), (1, room.y1, -1, room.x0, room.x1))
+    return tuple(_wall_side(plan, index, *span) for span in spans)
+
+
+def _wall_side(plan: FloorPlan, index: int, axis: int, at: float, inward: int, low: float, high: float) -> WallSide:
+    size = (plan.width, plan.depth)[axis]
+    doors = [d for d in plan.doorways if index in d.rooms and _lies_on(d, axis, at, low, high)]
+    gaps = tuple(sorted((door.low, door.high) for door in doors))
+    return WallSide(axis, at, inward, low, high, gaps, outer=at < 1e-6 or at > size - 1e-6)
+
+
+def _lies_on(door: Doorway, axis: int, at: float, low: float, high: float) -> bool:
+    return door.axis == axis and abs(door.wall - at) < 1e-6 and low <= door.low and door.high <= high
+
+
+class RoomShell:
+    """Draws the fixed parts of one room."""
+
+    def __init__(
+        self,
+        builder: SurfaceBuilder,
+        occupancy: OccupancyGrid,
+        rng: SeededRng,
+        materials: ApartmentMaterials,
+        height_m: float,
+    ) -> None:
+        self._builder, self._occupancy, self._rng = builder, occupancy, rng
+        self._materials, self._height = materials, height_m
+
+    def draw(self, room: Room, sides: tuple[WallSide, ...], style: RoomMaterials) -> None:
+        """Draw floor, ceiling, lamp and walls."""
+        self._slabs(room, style)
+        accent = self._rng.index(4)
+        for number, side in enumerate(sides):
+            self._wall(side, style.accent if number == accent else style.wall)
+
+    def add_decoration(self, room: Room, side: WallSide, covered: list[tuple[float, float]]) -> None:
+        """Hang a window and pictures where no tall furniture covers the wall."""
+        taken = list(covered)
+        if side.outer and room.kind is not RoomKind.BATH and self._rng.chance(0.8):
+            self._add_window(side, taken)
+        for _ in range(1 + self._rng.index(3)):
+            self._add_painting(side, taken)
+
+    def _slabs(self, room: Room, style: RoomMaterials) -> None:
+        x, y = (room.x0 + room.x1) / 2, (room.y0 + room.y1) / 2
+        size = (room.x1 - room.x0, room.y1 - room.y0, 0.04)
+        self._builder.box(style.floor, (x, y, -0.02), size, tile_m=style.floor_tile_m)
+        self._builder.overhead = True
+        self._builder.box(self._materials.ceiling, (x, y, self._height + 0.02), size, tile_m=2.0)
+        shade = self._rng.choice(self._materials.cloths)
+        self._builder.cylinder(shade, (x, y, self._height - 0.45), 0.22, 0.22, top_radius=0.12)
+        self._builder.overhead = False
+
+    def _wall(self, side: WallSide, texture: TextureIndex) -> None:
+        for low, high in side.solid_segments():
+            self._panel(side, low, high, 0, self._height, texture)
+            self._panel(side, low, high, 0, 0.09, self._materials.trim, proud=0.012)
+            self._block(side, low, high)
+        for low, high in side.gaps:
+            self._panel(side, low, high, _DOOR_TOP_M, self._height, texture)
+            self._panel(side, low - 0.07, low, 0, _DOOR_TOP_M + 0.07, self._materials.trim, proud=0.02)
+            self._panel(side, high, high + 0.07, 0, _DOOR_TOP_M + 0.07, self._materials.trim, proud=0.02)
+            self._panel(side, low, high, _DOOR_TOP_M, _DOOR_TOP_M + 0.07, self._materials.trim, proud=0.02)
+
+    def _panel(
+        self,
+        side: WallSide,
+        low: float,
+        high: float,
+        bottom: float,
+        top: float,
+        texture: TextureIndex,
+        *,
+        proud: float = 0.0,
+    ) -> None:
+        """Add a stretch of wall, `proud` metres thicker than the wall."""
+        if high - low < 1e-3:
+            return
+        back = side.at - side.inward * 2 * _HALF_WALL_M if side.outer else side.at
+        front = side.face + side.inward * proud
+        self._plate(side, (back + front) / 2, abs(front - back), low, high, bottom, top, texture, self._height)
+
+    def _plate(
+        self,
+        side: WallSide,
+        middle: float,
+        thick: float,
+        low: float,
+        high: float,
+        bottom: float,
+        top: float,
+        texture: TextureIndex,
+        tile_m: float | None,
+    ) -> None:
+        along, up = (low + high) / 2, (bottom + top) / 2
+        if side.axis == 0:
+            self._builder.box(texture, (middle, along, up), (thick, high - low, top - bottom), tile_m=tile_m)
+        else:
+            self._builder.box(texture, (along, middle, up), (high - low, thick, top - bottom), tile_m=tile_m)
+
+    def _block(self, side: WallSide, low: float, high: float) -> None:
+        if side.outer or high - low < 1e-3:
+            return
+        near, far = sorted((side.at, side.face))
+        area = FloorRectangle(near, low, far, high) if side.axis == 0 else FloorRectangle(low, near, high, far)
+        self._occupancy.block(area)
+
+    def _add_window(self, side: WallSide, taken: list[tuple[float, float]]) -> None:
+        width = self._rng.uniform(1.0, 2.0)
+        place = self._free_interval(side, width, taken)
+        if place is None:
+            return
+        view = self._builder.texture(decals.window_view(self._rng))
+        self._mount(side, place, 0.85, 2.1, view)
+        if self._rng.chance(0.7):
+            curtain = self._rng.choice(self._materials.cloths)
+            for low in (place[0] - 0.3, place[1]):
+                self._mount(side, (low, low + 0.3), 0.1, 2.3, curtain, thick=0.04)
+
+    def _add_painting(self, side: WallSide, taken: list[tuple[float, float]]) -> None:
+        width = self._rng.uniform(0.4, 1.1)
+        place = self._free_interval(side, width, taken)
+        if place is None:
+            return
+        height, middle = min(width * self._rng.uniform(0.6, 1.2), 1.0), self._rng.uniform(1.15, 1.5)
+        painting = self._builder.texture(decals.painting(self._rng))
+        self._mount(side, place, middle - height / 2, middle + height / 2, painting)
+
+    def _free_interval(
+        self, side: WallSide, width: float, taken: list[tuple[float, float]]
+    ) -> tuple[float, float] | None:
+        """Find room of a width on a wall, away from doorways and what hangs or stands there, and take it."""
+        low_end, high_end = side.low + 0.35, side.high - 0.35 - width
+        for _ in range(6):
+            if high_end <= low_end:
+                return None
+            low = self._rng.uniform(low_end, high_end)
+            busy = [*taken, *((a - 0.1, b + 0.1) for a, b in side.gaps)]
+            if all(low + width + 0.3 < a or low - 0.3 > b for a, b in busy):
+                taken.append((low, low + width))
+                return low, low + width
+        return None
+
+    def _mount(
+        self,
+        side: WallSide,
+        place: tuple[float, float],
+        bottom: float,
+        top: float,
+        texture: TextureIndex,
+        *,
+        thick: float = 0.02,
+    ) -> None:
+        middle = side.face + side.inward * thick / 2
+        self._plate(side, middle, thick, *place, bottom, top, texture, None)

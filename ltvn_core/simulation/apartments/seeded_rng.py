@@ -1,0 +1,55 @@
+"""Random choices that come out the same on every machine.
+
+Owns the few draws that scene generation needs, all made from plain doubles in [0, 1) with exact arithmetic. Neither
+numpy's distributions nor transcendental functions are used here, because their last bit may differ between
+processors and versions, and one bit is enough to grow another apartment.
+"""
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+T = TypeVar("T")
+
+
+class SeededRng:
+    """Draws numbers, items and orders from one generator."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def uniform(self, low: float, high: float) -> float:
+        """Draw a number in [low, high)."""
+        return low + (high - low) * float(self._rng.random())
+
+    def uniform_multiple(self, low: float, high: float, step: float = 0.05) -> float:
+        """Draw a multiple of `step` between low and high; `low` itself, rounded up to a step, if there is none."""
+        first, last = int(np.ceil(low / step - 1e-6)), int(np.floor(high / step + 1e-6))
+        return round((first + self.index(max(last - first, 0) + 1)) * step, 6)
+
+    def index(self, count: int) -> int:
+        """Draw an integer in [0, count)."""
+        return min(int(self._rng.random() * count), count - 1)
+
+    def choice(self, items: Sequence[T]) -> T:
+        """Draw one item."""
+        return items[self.index(len(items))]
+
+    def chance(self, probability: float) -> bool:
+        """Say yes with a probability."""
+        return float(self._rng.random()) < probability
+
+    def shuffled(self, items: Sequence[T]) -> list[T]:
+        """Return the items in a drawn order."""
+        keys = self._rng.random(len(items))
+        return [items[i] for i in np.argsort(keys, kind="stable")]
+
+    def uniform_array(self, *shape: int) -> NDArray[np.float64]:
+        """Draw an array of numbers in [0, 1)."""
+        return self._rng.random(shape)
+
+    def spawn(self) -> "SeededRng":
+        """Start an independent stream, so that one room's draws do not shift the next room's."""
+        return SeededRng(np.random.default_rng(int(self._rng.random() * 2**53)))

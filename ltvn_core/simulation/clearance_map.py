@@ -1,0 +1,192 @@
+"""How far a robot's centre is from the nearest obstacle, and the ways through what is free.
+
+Owns the 2-D grid of a scene's floor: distances, random free poses and shortest paths. Knows obstacles only as blocked
+cells.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from ltvn_core.simulation.boolean_grid import connected_components, distance_transform, nearest_true
+from ltvn_core.types import Pose
+
+PLANNING_CLEARANCE_M = 0.22
+"""Paths and random poses keep the robot's centre this far from obstacles: its radius of 0.18 m and a little more."""
+
+_MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
+"""Rows and columns of the 16 neighbours of a cell, one of each opposite pair. A long move may pass the corner of a cell
+that is not navigable itself, but that costs less than a cell of clearance."""
+
+_SNAP_LIMIT_M = 0.5
+"""A start or goal closer to an obstacle than the planning clearance is moved to the nearest good cell within this."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClearanceMap:
+    """A grid of the floor; rows run along y, columns along x."""
+
+    blocked: NDArray[np.bool_]
+    """(rows, columns) cells that anything up to a table's height stands in; the border is blocked."""
+    origin: NDArray[np.float64]
+    """(2,) x and y of the grid's lower corner in metres."""
+    resolution_m: float = 0.05
+    """Side of a cell."""
+
+    @cached_property
+    def grid(self) -> NDArray[np.float64]:
+        """Metres (rows, columns) from a cell's centre to the nearest obstacle's edge; negative inside obstacles."""
+        outside = distance_transform(~self.blocked)
+        inside = distance_transform(self.blocked)
+        half_cell = np.where(self.blocked, 0.5, -0.5)
+        return (outside - inside + half_cell) * self.resolution_m
+
+    @cached_property
+    def navigable(self) -> NDArray[np.bool_]:
+        """Cells (rows, columns) of the largest connected piece of floor with the planning clearance."""
+        pieces, count = connected_components(self.grid > PLANNING_CLEARANCE_M)
+        if count == 0:
+            return np.zeros_like(self.blocked)
+        sizes = np.bincount(pieces.ravel())
+        sizes[0] = 0
+        return pieces == int(sizes.argmax())
+
+    def at(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Return the metres from points (..., 2) to the nearest obstacle, 0 within one; shape (...)."""
+        x, y = self._grid_coordinates(xy)
+        column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+        right, up = x - column, y - row
+        grid = self.grid
+        low = grid[row, column] * (1 - right) + grid[row, column + 1] * right
+        high = grid[row + 1, column] * (1 - right) + grid[row + 1, column + 1] * right
+        return np.maximum(low * (1 - up) + high * up, 0.0)
+
+    def along(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
+        """Return the least clearance on the straight lines from starts (N, 2) to ends (N, 2); shape (N,)."""
+        starts, ends = (np.asarray(points, np.float64).reshape(-1, 2) for points in (starts, ends))
+        least = np.empty(len(starts))
+        for first in range(0, len(starts), 4096):  # Bounds the memory of a million lines.
+            part = slice(first, first + 4096)
+            least[part] = self._along(starts[part], ends[part])
+        return least
+
+    def sample_poses(
+        self, rng: np.random.Generator, count: int, *, min_clearance_m: float = PLANNING_CLEARANCE_M
+    ) -> Pose:
+        """Draw poses (count, 3) evenly over the navigable floor. Raises ValueError if no floor is that clear."""
+        cells = np.argwhere(self.navigable & (self.grid >= min_clearance_m))
+        if len(cells) == 0:
+            raise ValueError(f"No navigable floor has a clearance of {min_clearance_m} m.")
+        poses = np.empty((0, 3))
+        while len(poses) < count:
+            drawn = cells[rng.integers(len(cells), size=count)][:, ::-1] + rng.random((count, 2))
+            xy = self.origin + drawn * self.resolution_m
+            xy = xy[self.at(xy) >= min_clearance_m]
+            yaw = rng.uniform(-np.pi, np.pi, len(xy))
+            poses = np.concatenate([poses, np.column_stack([xy, yaw])])
+        return poses[:count]
+
+    def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
+        """Return points (M, 2) from start (2,) to goal (2,) that keep away from obstacles where they can, or None."""
+        first, last = (int(self._nodes(point)[0]) for point in (start, goal))
+        if first < 0 or last < 0:
+            return None
+        cost, before = dijkstra(self._clearance_weighted_graph, indices=first, return_predecessors=True)
+        if not np.isfinite(cost[last]):
+            return None
+        nodes = [last]
+        while nodes[-1] != first:
+            nodes.append(int(before[nodes[-1]]))
+        inner = self._centres[nodes[::-1]][1:-1]
+        return np.vstack([np.asarray(start, np.float64)[:2], inner, np.asarray(goal, np.float64)[:2]])
+
+    def path_lengths(self, start: ArrayLike, goals: ArrayLike, *, limit_m: float = np.inf) -> NDArray[np.float64]:
+        """Return the metres of the shortest ways from start (2,) to goals (N, 2); inf beyond `limit_m` or if none.
+
+        Exact where the straight line is free, else along the grid's 16 directions (at most 3 % too long).
+        """
+        start = np.asarray(start, np.float64).reshape(-1)[:2]
+        goals = np.asarray(goals, np.float64).reshape(-1, 2)
+        lengths = np.sqrt(((goals - start) ** 2).sum(1))
+        hidden = (lengths <= limit_m) & (self.along(np.broadcast_to(start, goals.shape), goals) <= PLANNING_CLEARANCE_M)
+        if hidden.any():
+            lengths[hidden] = np.maximum(lengths[hidden], self._grid_lengths(start, goals[hidden], limit_m))
+        return np.where(lengths <= limit_m, lengths, np.inf)
+
+    def _grid_lengths(self, start: NDArray, goals: NDArray, limit_m: float) -> NDArray[np.float64]:
+        first, last = int(self._nodes(start)[0]), self._nodes(goals)
+        if first < 0:
+            return np.full(len(goals), np.inf)
+        lengths = dijkstra(self._graph, indices=first, limit=limit_m)
+        return np.where(last >= 0, lengths[last], np.inf)
+
+    def _along(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        longest = float(np.sqrt(((ends - starts) ** 2).sum(1)).max(initial=0.0))
+        parts = np.linspace(0, 1, 2 + int(longest / (self.resolution_m / 2)))[:, None, None]
+        return self.at(starts * (1 - parts) + ends * parts).min(0)
+
+    def _grid_coordinates(self, xy: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return columns and rows counted between cell centres, kept inside the blocked border."""
+        rows, columns = self.blocked.shape
+        cells = (np.asarray(xy, np.float64)[..., :2] - self.origin) / self.resolution_m - 0.5
+        return np.clip(cells[..., 0], 0, columns - 1.001), np.clip(cells[..., 1], 0, rows - 1.001)
+
+    def _nodes(self, xy: ArrayLike) -> NDArray[np.intp]:
+        """Return the graph nodes (N,) at or near points (N, 2), -1 where none is near."""
+        points = np.asarray(xy, np.float64).reshape(-1, np.shape(xy)[-1])[:, :2]
+        x, y = self._grid_coordinates(points)
+        row, column = np.rint(y).astype(np.intp), np.rint(x).astype(np.intp)
+        near_row, near_column = self._nearest_navigable
+        node = self._numbers[near_row[row, column], near_column[row, column]]
+        away = np.sqrt(((self._centres[node] - points) ** 2).sum(1)) if len(self._centres) else np.inf
+        return np.where(away <= _SNAP_LIMIT_M, node, -1)
+
+    @cached_property
+    def _nearest_navigable(self) -> NDArray[np.intp]:
+        """(2, rows, columns): row and column of the navigable cell nearest to each cell."""
+        return nearest_true(self.navigable)
+
+    @cached_property
+    def _numbers(self) -> NDArray[np.intp]:
+        numbers = np.full(self.blocked.shape, -1, np.intp)
+        numbers[self.navigable] = np.arange(np.count_nonzero(self.navigable))
+        return numbers
+
+    @cached_property
+    def _centres(self) -> NDArray[np.float64]:
+        cells = np.argwhere(self.navigable)[:, ::-1]
+        return self.origin + (cells + 0.5) * self.resolution_m
+
+    @cached_property
+    def _graph(self) -> csr_array:
+        numbers, count = self._numbers, len(self._centres)
+        sources, targets, metres = [], [], []
+        for down, right in _MOVES:
+            source, target = _shifted(numbers, down, right)
+            linked = (source >= 0) & (target >= 0)
+            sources.append(source[linked])
+            targets.append(target[linked])
+            metres.append(np.full(int(linked.sum()), np.sqrt(down * down + right * right) * self.resolution_m))
+        source, target, metre = (np.concatenate(parts) for parts in (sources, targets, metres))
+        ends = (np.concatenate([source, target]), np.concatenate([target, source]))
+        return coo_array((np.concatenate([metre, metre]), ends), (count, count)).tocsr()
+
+    @cached_property
+    def _clearance_weighted_graph(self) -> csr_array:
+        """The same ways, dearer near obstacles."""
+        graph = self._graph.tocoo()
+        cost_factor = 1 + 3 * np.exp(-(self.grid[self.navigable] - PLANNING_CLEARANCE_M) / 0.12)
+        cost = graph.data * (cost_factor[graph.row] + cost_factor[graph.col]) / 2
+        return coo_array((cost, (graph.row, graph.col)), graph.shape).tocsr()
+
+
+def _shifted(cells: NDArray, down: int, right: int) -> tuple[NDArray, NDArray]:
+    """Return two views of a grid (rows, columns) so that equal places are `down` rows and `right` columns apart."""
+    rows, columns = cells.shape
+    if right >= 0:
+        return cells[: rows - down, : columns - right], cells[down:, right:]
+    return cells[: rows - down, -right:], cells[down:, :right]

@@ -1,0 +1,48 @@
+"""Surfaces as a binary glTF, for drawing them elsewhere."""
+
+import io
+from typing import cast
+
+import numpy as np
+import trimesh
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+from trimesh.visual.texture import TextureVisuals
+
+from ltvn_core.simulation.rendering.texture_sizes import shrink_to_budget
+from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.types import Rgb
+
+MAX_EXPORTED_TEXELS = 8_000_000
+"""All textures of a drawing together; a foreign scene with more is drawn more coarsely than the camera sees it."""
+
+
+def to_glb(surfaces: Surfaces) -> bytes:
+    """Return a glTF with one mesh per texture, z up, textures as JPEG."""
+    scene = trimesh.Scene()
+    used = np.unique(surfaces.face_texture)
+    for texture, image in zip(
+        used, shrink_to_budget([surfaces.textures[k] for k in used], MAX_EXPORTED_TEXELS), strict=True
+    ):
+        part = _part(surfaces.only(surfaces.face_texture == texture), image)
+        scene.add_geometry(part, geom_name=f"part{texture}")
+    return cast(bytes, scene.export(file_type="glb"))
+
+
+def _part(surfaces: Surfaces, image: Rgb) -> trimesh.Trimesh:
+    corners = surfaces.vertices[surfaces.faces].reshape(-1, 3)
+    material = PBRMaterial(
+        baseColorTexture=_compressed(image),
+        metallicFactor=0.0,
+        roughnessFactor=1.0,
+        doubleSided=True,
+    )
+    visual = TextureVisuals(uv=surfaces.corner_uv.reshape(-1, 2), material=material)
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
+
+
+def _compressed(texture: Rgb) -> Image.Image:
+    """Let the picture go through JPEG, so that the glTF holds it small."""
+    buffer = io.BytesIO()
+    Image.fromarray(texture).save(buffer, "JPEG", quality=85)
+    return Image.open(buffer)

@@ -1,0 +1,1 @@
+"""Scenes from mesh files that other people made, Gibson folders among them."""

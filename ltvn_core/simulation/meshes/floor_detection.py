@@ -1,0 +1,169 @@
+"""Where a robot can drive in a foreign mesh: the height of the floor and the free cells on it.
+
+Owns the choice among storeys, tables and roofs, and what counts as indoors.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import SceneError
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.scene import OBSTACLE_HEIGHT_M
+from ltvn_core.simulation.triangle_rasterization import Mask, RasterGrid, Triangles, clip_to_heights
+
+CELL_M = 0.05
+_FINE = 2
+"""Triangles are drawn on cells so many times as fine."""
+
+_STEP_M = 0.06
+"""What is lower is a rug or a threshold, or the noise of a scan."""
+_HOLLOW_M = 0.1
+"""So far below its height the floor may lie."""
+_CEILING_M = 1.8
+_HOLE_M = 0.5
+"""Half the width of a hole in a ceiling that does not make a place outdoors."""
+_ROOFED_SHARE = 0.3
+"""With less of the free floor under a ceiling, the mesh has none and walls decide what is indoors."""
+_LEVEL = 0.9
+"""Upward part of the normal of what one can stand on."""
+_CANDIDATES = 6
+_LEAST_FLOOR_M2 = 1.0
+_START_CLEARANCE_M = 0.4
+"""Somewhere there must be room to turn."""
+
+KnownFloor = Callable[[NDArray[np.float64], NDArray[np.float64]], Mask]
+"""Says for x (columns,) and y (rows,) in metres which cells (rows, columns) are known to be free floor."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoreyFloor:
+    """The floor of one storey."""
+
+    height_m: float
+    """In the mesh's own frame."""
+    clearance: ClearanceMap
+    tall: Mask
+    """(rows, columns) of the clearance map's grid: cells of walls and of what stands there as high."""
+    area_m2: float
+    """Of the floor indoors, with what stands on it."""
+
+    @property
+    def navigable_m2(self) -> float:
+        """Area of where the robot's centre can be."""
+        if not (self.clearance.navigable & (self.clearance.grid > _START_CLEARANCE_M)).any():
+            return 0.0
+        return float(np.count_nonzero(self.clearance.navigable)) * CELL_M**2
+
+
+def detect_floor(
+    triangles: Triangles, mesh: str, height_m: float | None, known: KnownFloor | None = None
+) -> StoreyFloor:
+    """Return the lowest storey with about the most room, or that at `height_m`. Raises SceneError if none is wide.
+
+    `known` replaces what the mesh says of where there is floor.
+    """
+    candidates = _level_heights(triangles) if height_m is None else [height_m]
+    floors = [_survey(triangles, height, known) for height in candidates]
+    most = max((floor.navigable_m2 for floor in floors), default=0.0)
+    if most < _LEAST_FLOOR_M2:
+        tried = ", ".join(f"{height:.2f} m" for height in candidates) or "no height, nothing in it is level"
+        raise SceneError(
+            f"{mesh} has no floor that is wide enough for the robot (looked at {tried}; it needs "
+            f"{_LEAST_FLOOR_M2:g} m2 indoors). Say which way is up or where the floor is in the JSON file beside it, "
+            'for instance {"up": "z", "floor_height": 0.0}, and look for holes in the floor.'
+        )
+    return next(floor for floor in floors if floor.navigable_m2 > most / 2)
+
+
+def _level_heights(triangles: Triangles) -> list[float]:
+    """Return the heights with the most level area, from low to high."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    doubled = np.linalg.norm(normal, axis=1)
+    level = np.abs(normal[:, 2]) > _LEVEL * doubled
+    height, area = triangles[level][:, :, 2].mean(axis=1), doubled[level] / 2
+    found: list[float] = []
+    while len(found) < _CANDIDATES and area.sum() > _LEAST_FLOOR_M2:
+        slab = np.floor(height / 0.05).astype(np.int64)
+        _, number = np.unique(slab, return_inverse=True)
+        best = np.average(height[number == np.bincount(number, weights=area).argmax()])
+        near = np.abs(height - best) < 0.08
+        if area[near].sum() < _LEAST_FLOOR_M2:
+            break
+        found.append(_weighted_median(height[near], area[near]))
+        height, area = height[~near], area[~near]
+    return sorted(found)
+
+
+def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(share, share[-1] / 2)])
+
+
+def _survey(triangles: Triangles, height_m: float, known: KnownFloor | None) -> StoreyFloor:
+    """Look what is level, in the way, beside and above at a height."""
+    lifted = triangles - (0, 0, height_m)
+    grid = _grid(lifted)
+    ground = clip_to_heights(lifted, -_HOLLOW_M, _STEP_M)
+    normal = np.cross(ground[:, 1] - ground[:, 0], ground[:, 2] - ground[:, 0])
+    level = np.abs(normal[:, 2]) > _LEVEL * np.linalg.norm(normal, axis=1)
+    low, tall, above = (
+        _coarse(grid.cover(clip_to_heights(lifted, *heights)))
+        for heights in ((_STEP_M, OBSTACLE_HEIGHT_M), (1.4, _CEILING_M), (_CEILING_M, np.inf))
+    )
+    if known is None:
+        floor = _closed(_coarse(grid.cover(ground[level])), 0.1)
+        floor &= _indoors(floor & ~low, low | tall, above)
+    else:
+        y, x = (grid.origin[1 - axis] + (np.arange(cells) + 0.5) * CELL_M for axis, cells in enumerate(low.shape))
+        floor = known(x, y)
+    return _cropped(height_m, floor, low, _closed(tall, 0.3) & _closed(low, 0.3), grid.origin)
+
+
+def _grid(lifted: Triangles) -> RasterGrid:
+    """Lay a grid over everything between knee and head, where walls are."""
+    near = clip_to_heights(lifted, -_HOLLOW_M, _CEILING_M)
+    corners = near.reshape(-1, 3)[:, :2] if len(near) else np.zeros((1, 2))
+    origin = np.floor(corners.min(axis=0) / CELL_M - 4) * CELL_M
+    columns, rows = (np.ceil((corners.max(axis=0) - origin) / CELL_M).astype(int) + 4) * _FINE
+    return RasterGrid(origin, (int(rows), int(columns)), CELL_M / _FINE)
+
+
+def _coarse(fine: Mask) -> Mask:
+    rows, columns = fine.shape
+    return np.asarray(fine.reshape(rows // _FINE, _FINE, columns // _FINE, _FINE).any(axis=(1, 3)))
+
+
+def _closed(cells: Mask, radius_m: float) -> Mask:
+    """Fill gaps up to twice a radius wide."""
+    size = 2 * round(radius_m / CELL_M) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    padded = np.pad(cells.astype(np.uint8), size)  # A closing must not see the end of the world.
+    return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[size:-size, size:-size].astype(bool)
+
+
+def _indoors(free: Mask, walls: Mask, above: Mask) -> Mask:
+    """Mark what lies under a ceiling; where the mesh has none, what has walls on three of four sides."""
+    if np.count_nonzero(free & above) >= _ROOFED_SHARE * np.count_nonzero(free):
+        return _closed(above, _HOLE_M)
+    sides = [np.logical_or.accumulate(walls, axis) for axis in (0, 1)]
+    sides += [np.flip(np.logical_or.accumulate(np.flip(walls, axis), axis), axis) for axis in (0, 1)]
+    return np.sum(sides, axis=0) >= 3
+
+
+def _cropped(height_m: float, floor: Mask, low: Mask, tall: Mask, origin: NDArray[np.float64]) -> StoreyFloor:
+    """Cut the grids to the free floor and a blocked border."""
+    free = floor & ~low
+    if not free.any():
+        return StoreyFloor(height_m, ClearanceMap(np.ones((3, 3), bool), origin), np.zeros((3, 3), bool), 0.0)
+    rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+    first = np.maximum([rows[0] - 4, columns[0] - 4], 0)
+    part = np.s_[first[0] : rows[-1] + 5, first[1] : columns[-1] + 5]
+    blocked = np.pad(~free[part], 1, constant_values=True)
+    corner = origin + (first[::-1] - 1) * CELL_M
+    area = float(np.count_nonzero(floor)) * CELL_M**2
+    return StoreyFloor(height_m, ClearanceMap(blocked, corner, CELL_M), np.pad(tall[part], 1), area)

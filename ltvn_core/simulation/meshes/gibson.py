@@ -1,0 +1,68 @@
+"""The folder of a Gibson space: a mesh that is z-up, the heights of its floors, and maps of where one can drive.
+
+Owns names and conventions of those files. Maps have 1 cm per pixel, the world's origin in their middle, x along columns
+and y along rows; white is free.
+"""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import SceneError
+
+MESH_FILE = "mesh_z_up.obj"
+_PIXELS_PER_METRE = 100
+
+
+def find_mesh(folder: Path) -> Path:
+    """Return the folder's mesh. Raises SceneError if it is not laid out like a Gibson space."""
+    if not (folder / MESH_FILE).is_file():
+        raise SceneError(
+            f"{folder} holds no {MESH_FILE}, so it is no scene in Gibson layout. Give a folder with {MESH_FILE} (and, if "
+            "there "
+            "are, floors.txt and floor_trav_0.png), or the mesh file itself."
+        )
+    return folder / MESH_FILE
+
+
+def floor_heights(folder: Path) -> list[float] | None:
+    """Return the heights of `floors.txt` from low to high, None without the file. Raises SceneError for other text."""
+    path = folder / "floors.txt"
+    if not path.is_file():
+        return None
+    try:
+        heights = sorted(float(word) for word in path.read_text().split())
+    except (OSError, ValueError) as error:
+        raise SceneError(
+            f"{path} must hold one height in metres per line ({error}). Mend it or take it away."
+        ) from error
+    if not heights or not np.all(np.isfinite(heights)):
+        raise SceneError(f"{path} holds no heights. Write one height in metres per line, or take it away.")
+    return heights
+
+
+class TraversabilityMap:
+    """The map of one floor."""
+
+    def __init__(self, path: Path) -> None:
+        """Read `floor_trav_N.png`. Raises SceneError if it is no picture."""
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            raise SceneError(f"{path} is no picture. Put the map of the floor there again, or take it away.")
+        self._free = image >= 128
+
+    def __call__(self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return (rows, columns): which places at x (columns,) and y (rows,) are free; none outside the map."""
+        rows, columns = self._free.shape
+        column = np.floor(x_m * _PIXELS_PER_METRE + columns / 2).astype(np.intp)
+        row = np.floor(y_m * _PIXELS_PER_METRE + rows / 2).astype(np.intp)
+        inside = ((row >= 0) & (row < rows))[:, None] & ((column >= 0) & (column < columns))
+        return self._free[np.ix_(row.clip(0, rows - 1), column.clip(0, columns - 1))] & inside
+
+
+def traversable_map(folder: Path, number: int) -> TraversabilityMap | None:
+    """Return the map of a floor, counted from 0 at the lowest; None without the file."""
+    path = folder / f"floor_trav_{number}.png"
+    return TraversabilityMap(path) if path.is_file() else None

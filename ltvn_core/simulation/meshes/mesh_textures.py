@@ -1,0 +1,177 @@
+"""The colours of foreign meshes as textures: pictures, plain materials, and colours of vertices or faces.
+
+Owns sizes of textures, the palette for vertex colours, and what glTF means by a colour factor.
+"""
+
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from PIL import Image
+
+from ltvn_core.simulation.rendering.texture_sizes import resize_to_power_of_two, shrink_to_budget
+from ltvn_core.types import Rgb
+
+MAX_TEXELS = 24_000_000
+"""All textures together; the largest are halved until they fit, because each texel costs the camera 16 bytes."""
+
+GREY = (200, 200, 200)
+"""Where the file names no colour."""
+
+_SMOOTH_STEP = 20
+"""A face whose corners differ by more, in one channel, is divided, because a palette paints each face in one colour."""
+_DIVISIONS = 5
+
+
+class TexturedTriangles(NamedTuple):
+    """Triangles with what they wear."""
+
+    triangles: NDArray[np.float64]
+    """(F, 3, 3), in the mesh's own frame."""
+    corner_uv: NDArray[np.float32]
+    """(F, 3, 2)."""
+    face_texture: NDArray[np.int32]
+    """(F,)."""
+
+
+class TextureCollector:
+    """Collects the textures of a file's meshes, each picture once."""
+
+    def __init__(self, *, linear_factors: bool) -> None:
+        """`linear_factors` says that material colours are linear light, as glTF has them, and not what one sees."""
+        self._linear = linear_factors
+        self._images: list[Rgb] = []
+        self._known: dict[Any, int] = {}
+        self._alive: list[Image.Image] = []  # Pictures are told apart by id, so none may be freed on the way.
+
+    def paint(self, mesh: trimesh.Trimesh) -> TexturedTriangles:
+        """Say what each face of a mesh wears."""
+        visual: Any = mesh.visual
+        if visual.kind in ("vertex", "face"):
+            return self._texture_from_palette(mesh)
+        uv = _usable_uv(mesh) if visual.kind == "texture" else None
+        material = getattr(visual, "material", None)
+        corner_uv = np.zeros((len(mesh.faces), 3, 2), np.float32) if uv is None else uv[mesh.faces].astype(np.float32)
+        texture = self._texture_of(material, with_image=uv is not None)
+        return TexturedTriangles(mesh.vertices[mesh.faces], corner_uv, np.full(len(mesh.faces), texture, np.int32))
+
+    def textures(self) -> tuple[Rgb, ...]:
+        """Return all pictures, with sides that are powers of two."""
+        return tuple(shrink_to_budget([resize_to_power_of_two(image) for image in self._images], MAX_TEXELS))
+
+    def _texture_of(self, material: Any, *, with_image: bool) -> int:
+        image, factor = _image_of(material), _factor_of(material)
+        if image is None or not with_image:
+            colour = self._seen_colour(factor) if factor is not None else GREY
+            return self._add(colour, np.array([[colour]], np.uint8))
+        key = (id(image), None if factor is None else tuple(factor))
+        if key not in self._known:
+            self._alive.append(image)
+            texels = _opaque(image)
+            self._add(key, texels if factor is None else self._tinted(texels, factor))
+        return self._known[key]
+
+    def _add(self, key: Any, image: Rgb) -> int:
+        if key not in self._known:
+            self._known[key] = len(self._images)
+            self._images.append(image)
+        return self._known[key]
+
+    def _seen_colour(self, factor: NDArray[np.uint8]) -> tuple[int, ...]:
+        return tuple(int(value) for value in (_encoded(factor / 255) if self._linear else factor))
+
+    def _tinted(self, texels: Rgb, factor: NDArray[np.uint8]) -> Rgb:
+        if (factor == 255).all():
+            return texels
+        levels = np.arange(256) / 255
+        if self._linear:
+            table = np.stack([_encoded(_decoded(levels) * share) for share in factor / 255], axis=-1)
+        else:
+            table = np.stack([np.rint(255 * levels * share).astype(np.uint8) for share in factor / 255], axis=-1)
+        return np.asarray(cv2.LUT(texels, table[None]), np.uint8)
+
+    def _texture_from_palette(self, mesh: trimesh.Trimesh) -> TexturedTriangles:
+        """Let each face point at one texel: no neighbour bleeds in, because a face without extent is not blurred."""
+        triangles, colours = _divided(mesh)
+        red, green, blue = np.clip((colours.mean(1) / 255 * _STEPS).round().astype(int), 0, _STEPS).T
+        column, row = red % 8 * 32 + blue, red // 8 * 64 + green
+        uv = np.column_stack([(column + 0.5) / 256, 1 - (row + 0.5) / 256]).astype(np.float32)
+        texture = self._add("palette", _palette())
+        return TexturedTriangles(
+            triangles, np.repeat(uv[:, None], 3, axis=1), np.full(len(triangles), texture, np.int32)
+        )
+
+
+_STEPS = np.array([31, 63, 31])
+"""A palette holds so many steps of red, green and blue."""
+
+
+def _palette() -> Rgb:
+    row, column = np.mgrid[:256, :256]
+    red, green, blue = row // 64 * 8 + column // 32, row % 64, column % 32
+    return np.rint(np.stack([red, green, blue], -1) * 255 / _STEPS).astype(np.uint8)
+
+
+def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return triangles (F, 3, 3) and corner colours (F, 3, 3), divided where the colour changes across a face."""
+    visual: Any = mesh.visual
+    if visual.kind == "face":
+        colours = np.asarray(visual.face_colors)[:, :3].astype(float)
+        return mesh.vertices[mesh.faces], np.repeat(colours[:, None], 3, axis=1)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    colours = np.asarray(visual.vertex_colors)[:, :3].astype(float)
+    for _ in range(_DIVISIONS):
+        coarse = np.flatnonzero(np.ptp(colours[faces], axis=1).max(axis=1) > _SMOOTH_STEP)
+        if len(coarse) == 0 or len(coarse) > 200_000:
+            break  # A scan has small faces already.
+        divided: Any = trimesh.remesh.subdivide(vertices, faces, coarse, {"colour": colours})
+        vertices, faces, colours = divided[0], divided[1], divided[2]["colour"]
+    return vertices[faces], colours[faces]
+
+
+def _usable_uv(mesh: trimesh.Trimesh) -> NDArray[np.float64] | None:
+    uv = getattr(mesh.visual, "uv", None)
+    if uv is None or len(uv) != len(mesh.vertices):
+        return None
+    return np.nan_to_num(np.asarray(uv, np.float64)[:, :2], posinf=0.0, neginf=0.0)
+
+
+def _image_of(material: Any) -> Image.Image | None:
+    for name in ("baseColorTexture", "image"):
+        image = getattr(material, name, None)
+        if isinstance(image, Image.Image):
+            return image
+    return None
+
+
+def _factor_of(material: Any) -> NDArray[np.uint8] | None:
+    """Return the material's colour (3,), None where it names none; OBJ files with a picture often say black or grey."""
+    factor = getattr(material, "baseColorFactor", None)
+    if factor is None and _image_of(material) is None:
+        factor = getattr(material, "diffuse", None)
+    if factor is None:
+        return None
+    factor = np.asarray(factor)
+    scale = 255 if factor.dtype.kind == "f" and factor.max(initial=0) <= 1 else 1
+    return np.clip(np.rint(factor[:3] * scale), 0, 255).astype(np.uint8)
+
+
+def _opaque(image: Image.Image) -> Rgb:
+    """Lay what is transparent over grey, because under it files hold any colour."""
+    if image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info:
+        behind = Image.new("RGBA", image.size, (*GREY, 255))
+        image = Image.alpha_composite(behind, image.convert("RGBA"))
+    return np.asarray(image.convert("RGB"))
+
+
+def _encoded(light: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Turn linear light in [0, 1] into sRGB bytes."""
+    curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
+    return np.clip(np.rint(255 * curve), 0, 255).astype(np.uint8)
+
+
+def _decoded(levels: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Turn sRGB levels in [0, 1] into linear light."""
+    return np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)

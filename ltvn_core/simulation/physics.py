@@ -1,0 +1,146 @@
+"""The physical world: PyBullet, one round body among the scene's triangles, and what it touches.
+
+Owns the body's true pose. Motion is planar: the body has no freedom to rise, roll or pitch, so it can neither climb nor
+fall over. It is a cylinder with the footprint of the base, reaching from just above the floor, where rugs and
+thresholds lie, to just above the height of a table, so that it meets what it could not drive under with its camera up.
+Owns no motors, no lease and no time.
+"""
+
+import importlib
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import SceneError
+from ltvn_core.types import Pose
+
+TICKS_PER_SECOND = 240
+TICK_S = 1 / TICKS_PER_SECOND
+
+BODY_RADIUS_M = 0.178
+BODY_BOTTOM_M = 0.05
+BODY_TOP_M = 0.8
+
+_FRICTION = 0.3
+"""Between body and walls: the robot slides along a wall that it meets at a flat angle, and stands before one that it
+meets head on."""
+
+_CONTACT_GAP_M = 0.002
+_FACES_PER_BODY = 40_000
+"""PyBullet bounds the size of one mesh, so that a large scene becomes several bodies."""
+
+
+class PhysicsWorld:
+    """Moves the robot's body through a scene."""
+
+    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer], start: Pose) -> None:
+        """Put a body at `start` (3,) among triangles with vertices (V, 3) in metres, z up, floor at 0, faces (F, 3)."""
+        self._bullet = _bullet()
+        self._client = self._bullet.connect(self._bullet.DIRECT)
+        self._bullet.setTimeStep(TICK_S, physicsClientId=self._client)
+        self._bullet.setGravity(0, 0, 0, physicsClientId=self._client)
+        for part in _parts(faces[_within_reach(vertices, faces)]):
+            self._add_obstacle(vertices, part)
+        self._body = self._add_body()
+        self.place(start)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the body is, (3,) in the world frame."""
+        return np.array([self.x_m, self.y_m, math.remainder(self.yaw_rad, 2 * math.pi)])
+
+    @property
+    def in_contact(self) -> bool:
+        """Say whether the body touches an obstacle now."""
+        # Bullet also lists pairs that are merely close, with a positive distance.
+        contacts = self._bullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
+        return any(contact[8] < _CONTACT_GAP_M for contact in contacts)
+
+    def place(self, pose: Pose) -> None:
+        """Put the body at `pose` (3,)."""
+        self.x_m, self.y_m, self.yaw_rad = (float(value) for value in pose)
+        self._set_position()
+        self._bullet.resetBaseVelocity(self._body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
+        self._bullet.performCollisionDetection(physicsClientId=self._client)
+
+    def tick(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Let the wheels turn for one tick; obstacles take away what they do not allow."""
+        turn = angular_rad_s * TICK_S
+        heading = self.yaw_rad + turn / 2
+        velocity = (linear_m_s * math.cos(heading), linear_m_s * math.sin(heading), 0.0)
+        self._bullet.resetBaseVelocity(self._body, velocity, (0, 0, 0), physicsClientId=self._client)
+        self._bullet.stepSimulation(physicsClientId=self._client)
+        (self.x_m, self.y_m, z_m), _ = self._bullet.getBasePositionAndOrientation(
+            self._body, physicsClientId=self._client
+        )
+        self.yaw_rad += turn  # A round body turns on the spot whatever it touches, so its heading needs no physics.
+        if abs(z_m - _BODY_MIDDLE_M) > 1e-5:
+            self._set_position()
+
+    def close(self) -> None:
+        """Free the memory; closing twice is fine."""
+        if self._client >= 0:
+            self._bullet.disconnect(self._client)
+            self._client = -1
+
+    def _set_position(self) -> None:
+        self._bullet.resetBasePositionAndOrientation(
+            self._body, (self.x_m, self.y_m, _BODY_MIDDLE_M), (0, 0, 0, 1), physicsClientId=self._client
+        )
+
+    def _add_obstacle(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+        used, local = np.unique(faces, return_inverse=True)
+        shape = self._bullet.createCollisionShape(
+            self._bullet.GEOM_MESH,
+            vertices=vertices[used].tolist(),
+            indices=local.ravel().tolist(),
+            flags=self._bullet.GEOM_FORCE_CONCAVE_TRIMESH,
+            physicsClientId=self._client,
+        )
+        body = self._bullet.createMultiBody(0, shape, physicsClientId=self._client)
+        self._bullet.changeDynamics(body, -1, lateralFriction=_FRICTION, physicsClientId=self._client)
+
+    def _add_body(self) -> int:
+        shape = self._bullet.createCollisionShape(
+            self._bullet.GEOM_CYLINDER,
+            radius=BODY_RADIUS_M,
+            height=BODY_TOP_M - BODY_BOTTOM_M,
+            physicsClientId=self._client,
+        )
+        body = self._bullet.createMultiBody(1.0, shape, physicsClientId=self._client)
+        self._bullet.changeDynamics(
+            body,
+            -1,
+            lateralFriction=1.0,
+            linearDamping=0,
+            angularDamping=0,
+            localInertiaDiagonal=(0, 0, 0),  # Bullet reads zero as infinite: no contact makes the body roll or pitch.
+            activationState=self._bullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=self._client,
+        )
+        return body
+
+
+_BODY_MIDDLE_M = (BODY_TOP_M + BODY_BOTTOM_M) / 2
+
+
+def _bullet() -> Any:
+    try:
+        return importlib.import_module("pybullet")
+    except ImportError as missing:
+        raise SceneError(
+            "Driving in simulation needs PyBullet, which has wheels for Linux x86-64 and Python 3.11 only. Install "
+            "the package there; replaying, maps and analysis work without it."
+        ) from missing
+
+
+def _within_reach(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Return (F,): which triangles share a height with the body; floors and ceilings only cost time."""
+    heights = vertices[faces, 2]
+    return (heights.max(axis=1) > BODY_BOTTOM_M) & (heights.min(axis=1) < BODY_TOP_M)
+
+
+def _parts(faces: NDArray[np.integer]) -> list[NDArray[np.integer]]:
+    return [faces[first : first + _FACES_PER_BODY] for first in range(0, len(faces), _FACES_PER_BODY)]

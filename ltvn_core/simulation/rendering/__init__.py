@@ -1,0 +1,1 @@
+"""RGB-D rendering: ray casting, texture table, shading."""

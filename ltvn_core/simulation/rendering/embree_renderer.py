@@ -1,0 +1,174 @@
+"""The robot's RGB-D camera: rays find what each pixel sees, a table of texels colours it.
+
+Owns rays, shading, smoothing of edges and the choice of renderer. Knows surfaces, not rooms or robots.
+"""
+
+import logging
+import time
+from functools import lru_cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import SceneError
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.rendering.ray_casting import RayCaster, RayHits
+from ltvn_core.simulation.rendering.shading import Shader
+from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.types import Depth, Intrinsics, Pose, Renderer, Rgb
+
+MAX_DEPTH_M = 10.0
+"""The depth camera sees no farther."""
+
+log = logging.getLogger(__name__)
+
+_TIMED_IMAGES = 10
+_BLANK_SPREAD = 2.0
+"""Standard deviation of a picture's bytes below which there is nothing to see in it."""
+
+
+class _Rays(NamedTuple):
+    """Directions (N,) in the camera's frame; the forward part is 1, so the length along a ray is a depth."""
+
+    left: NDArray[np.float32]
+    up: NDArray[np.float32]
+
+
+class EmbreeRenderer:
+    """Casts a ray through every pixel's centre, and `supersampling` squared more where surfaces meet."""
+
+    name = "Embree"
+
+    def __init__(self, surfaces: Surfaces, *, supersampling: int = 2) -> None:
+        """Prepare surfaces; 1 as `supersampling` leaves edges jagged. Raises ImportError where Embree is missing."""
+        self._caster = RayCaster(surfaces.vertices, surfaces.faces)
+        self._shader = Shader(surfaces)
+        self._supersampling = supersampling
+
+    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
+        """Return rgb (H, W, 3) and depth (H, W): metres along the axis at the pixel's centre, 0 beyond 10 m."""
+        rays = _pixel_rays(intrinsics.width, intrinsics.height, intrinsics.focal_px)
+        hits, colours = self._trace(pose, intrinsics, rays, 1 / intrinsics.focal_px)
+        if self._supersampling > 1:
+            surface = self._shader.surface_of(hits.face).reshape(intrinsics.height, intrinsics.width)
+            self._antialias(colours, np.flatnonzero(_surface_boundaries(surface)), pose, intrinsics)
+        shape = (intrinsics.height, intrinsics.width)
+        rgb = np.rint(colours).astype(np.uint8).reshape(*shape, 3)
+        return rgb, np.where((hits.face >= 0) & (hits.t <= MAX_DEPTH_M), hits.t, np.float32(0)).reshape(shape)
+
+    def _antialias(self, colours: NDArray[np.float32], pixels: NDArray[np.intp], pose: Pose, lens: Intrinsics) -> None:
+        """Replace the colours of some pixels by the mean over a lattice of rays within each."""
+        centre = _pixel_rays(lens.width, lens.height, lens.focal_px)
+        n = self._supersampling
+        steps = ((np.arange(n, dtype=np.float32) + 0.5) / n - 0.5) / np.float32(lens.focal_px)
+        left = (centre.left[pixels] + steps[:, None, None] + np.zeros((1, n, 1), np.float32)).reshape(-1)
+        up = (centre.up[pixels] + steps[None, :, None] + np.zeros((n, 1, 1), np.float32)).reshape(-1)
+        rays = _Rays(left.astype(np.float32, copy=False), up.astype(np.float32, copy=False))
+        _, fine = self._trace(pose, lens, rays, 1 / (n * lens.focal_px))
+        colours[pixels] = fine.reshape(n * n, -1, 3).mean(0)
+
+    def _trace(self, pose: Pose, lens: Intrinsics, rays: _Rays, spread: float) -> tuple[RayHits, NDArray[np.float32]]:
+        directions = _turned(rays, float(pose[2]), lens.pitch_rad)
+        origins = np.empty_like(directions)
+        origins[:] = (pose[0], pose[1], lens.height_m)
+        hits = self._caster.cast(origins, directions)
+        return hits, self._shader.colours(hits, directions, spread)
+
+
+@lru_cache(maxsize=8)
+def _pixel_rays(width: int, height: int, focal_px: float) -> _Rays:
+    left, up = _offsets(width, focal_px), _offsets(height, focal_px)
+    return _Rays(np.tile(left, height), np.repeat(up, width))
+
+
+def _offsets(pixels: int, focal_px: float) -> NDArray[np.float32]:
+    offsets = (pixels / 2 - 0.5 - np.arange(pixels, dtype=np.float32)) / np.float32(focal_px)
+    return offsets.astype(np.float32, copy=False)
+
+
+def _turned(rays: _Rays, yaw_rad: float, pitch_rad: float) -> NDArray[np.float32]:
+    """Return directions (N, 3) in the world; element by element, a matrix product would wake BLAS threads."""
+    cos, sin = np.float32(np.cos(yaw_rad)), np.float32(np.sin(yaw_rad))
+    rise, level = np.float32(np.sin(pitch_rad)), np.float32(np.cos(pitch_rad))
+    ahead = level - rise * rays.up
+    directions = np.empty((len(rays.left), 3), np.float32)
+    np.subtract(cos * ahead, sin * rays.left, out=directions[:, 0])
+    np.add(sin * ahead, cos * rays.left, out=directions[:, 1])
+    np.add(rise, level * rays.up, out=directions[:, 2])
+    return directions
+
+
+def _surface_boundaries(surface: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Mark pixels (H, W) that show another surface than one of their four neighbours."""
+    edges = np.zeros(surface.shape, bool)
+    across, down = surface[:, 1:] != surface[:, :-1], surface[1:] != surface[:-1]
+    edges[:, 1:] |= across
+    edges[:, :-1] |= across
+    edges[1:] |= down
+    edges[:-1] |= down
+    return edges
+
+
+class RenderableScene(Protocol):
+    """All that a camera needs of a scene."""
+
+    @property
+    def name(self) -> str:
+        """Name of the scene, for messages."""
+        ...
+
+    @property
+    def surfaces(self) -> Surfaces:
+        """What there is to see."""
+        ...
+
+    @property
+    def clearance(self) -> ClearanceMap:
+        """Where one can stand and look."""
+        ...
+
+
+def open_renderer(scene: RenderableScene) -> Renderer:
+    """Return the best renderer that works here: Embree, else PyBullet's TinyRenderer.
+
+    Says which one and how fast it is. Raises SceneError when its first picture is blank or neither works.
+    """
+    camera = _first_that_works(scene)
+    pose = scene.clearance.sample_poses(np.random.default_rng(0), 1)[0]
+    _check_first_image(camera, pose, scene.name)
+    start = time.perf_counter()
+    for _ in range(_TIMED_IMAGES):
+        camera.render(pose, Intrinsics())
+    rate = _TIMED_IMAGES / (time.perf_counter() - start)
+    log.info("Camera: %s, %.0f frames of 96 x 72 per second.", camera.name, rate)
+    return camera
+
+
+class _NamedRenderer(Renderer, Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+def _first_that_works(scene: RenderableScene) -> _NamedRenderer:
+    try:
+        return EmbreeRenderer(scene.surfaces)
+    except ImportError as missing:
+        log.warning("Embree is missing (%s); PyBullet renders instead, more slowly.", missing)
+    try:
+        from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
+    except ImportError as missing:
+        raise SceneError(
+            f"Scene {scene.name} cannot be rendered: neither embreex nor pybullet is installed ({missing}). Run "
+            "`pip install embreex`."
+        ) from missing
+    return PyBulletRenderer(scene.surfaces)
+
+
+def _check_first_image(camera: _NamedRenderer, pose: Pose, name: str) -> None:
+    rgb, depth = camera.render(pose, Intrinsics())
+    if not depth.any() or rgb.std() < _BLANK_SPREAD:
+        raise SceneError(
+            f"The first picture of scene {name} by {camera.name} is blank. Check that the scene has surfaces around "
+            f"x {pose[0]:.1f} m, y {pose[1]:.1f} m, or reinstall embreex."
+        )

@@ -1,0 +1,75 @@
+"""PyBullet's software renderer behind the camera protocol, for machines without Embree.
+
+Owns one physics client that holds nothing but what can be seen. Colours are one per texture: good enough to go on
+working, not to compare weights.
+"""
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from ltvn_core.simulation.rendering.embree_renderer import MAX_DEPTH_M
+from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.types import Depth, Intrinsics, Pose, Rgb
+
+_NEAR_M = 0.02
+_CORNERS_AT_ONCE = 30_000
+"""PyBullet refuses meshes with more than about 130,000 vertices; a multiple of three."""
+_FAR_M = 2 * MAX_DEPTH_M
+
+
+class PyBulletRenderer:
+    """Renders with TinyRenderer. Implements `ltvn_core.types.Camera`."""
+
+    name = "TinyRenderer"
+
+    def __init__(self, surfaces: Surfaces) -> None:
+        self._client = pybullet.connect(pybullet.DIRECT)
+        for texture in np.unique(surfaces.face_texture):
+            part = surfaces.only(surfaces.face_texture == texture)
+            corners = part.vertices[part.faces].reshape(-1, 3)
+            for first in range(0, len(corners), _CORNERS_AT_ONCE):
+                self._add(corners[first : first + _CORNERS_AT_ONCE], surfaces.textures[texture])
+
+    def close(self) -> None:
+        """Free the renderer; closing twice is fine."""
+        if self._client >= 0:
+            pybullet.disconnect(self._client)
+        self._client = -1
+
+    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
+        """Return rgb (H, W, 3) and depth (H, W) in metres, 0 beyond 10 m."""
+        eye = (pose[0], pose[1], intrinsics.height_m)
+        rise = intrinsics.height_m + np.tan(intrinsics.pitch_rad)
+        ahead = (pose[0] + np.cos(pose[2]), pose[1] + np.sin(pose[2]), rise)
+        view = pybullet.computeViewMatrix(eye, ahead, (0, 0, 1))
+        lens = _projection(intrinsics)
+        size = intrinsics.width, intrinsics.height
+        *_, rgba, buffer, _ = pybullet.getCameraImage(
+            *size, view, lens, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self._client
+        )
+        shape = intrinsics.height, intrinsics.width
+        rgb = np.asarray(rgba, np.uint8).reshape(*shape, 4)[..., :3].copy()
+        depth = _FAR_M * _NEAR_M / (_FAR_M - (_FAR_M - _NEAR_M) * np.asarray(buffer, np.float32).reshape(shape))
+        return rgb, np.where(depth <= MAX_DEPTH_M, depth, 0).astype(np.float32)
+
+    def _add(self, corners: NDArray[np.float32], texture: Rgb) -> None:
+        """Show triangles (3 N, 3) from both sides in their texture's mean colour."""
+        order = np.arange(len(corners)).reshape(-1, 3)
+        both_sides = np.concatenate([order, order[:, ::-1]]).ravel()
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=corners.tolist(),
+            indices=both_sides.tolist(),
+            rgbaColor=(*(texture.reshape(-1, 3).mean(0) / 255), 1),
+            physicsClientId=self._client,
+        )
+        pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
+
+
+def _projection(intrinsics: Intrinsics) -> list[float]:
+    """Return the projection matrix, off by half a pixel: TinyRenderer looks through the corners of pixels."""
+    pixel = _NEAR_M / intrinsics.focal_px
+    right, top = intrinsics.width / 2 * pixel, intrinsics.height / 2 * pixel
+    edges = (-right + pixel / 2, right + pixel / 2, -top + pixel / 2, top + pixel / 2)
+    return pybullet.computeProjectionMatrix(*edges, _NEAR_M, _FAR_M)

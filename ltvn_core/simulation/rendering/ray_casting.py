@@ -1,0 +1,37 @@
+"""Straight rays against triangles. The only module that knows Embree."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class RayHits(NamedTuple):
+    """Where N rays met their first triangle."""
+
+    face: NDArray[np.int32]
+    """(N,) index of the triangle, -1 for none."""
+    t: NDArray[np.float32]
+    """(N,) length along the ray in units of its direction vector; meaningless without a hit."""
+    u: NDArray[np.float32]
+    """(N,) barycentric weight of the triangle's second corner."""
+    v: NDArray[np.float32]
+    """(N,) barycentric weight of the triangle's third corner."""
+
+
+class RayCaster:
+    """Finds the first triangle along each ray; its cost hardly depends on the number of triangles."""
+
+    def __init__(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
+        """Index vertices (V, 3) and faces (F, 3). Raises ImportError where Embree has no wheel."""
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._scene = EmbreeScene()
+        # The scene does not keep its mesh alive, so it is kept here.
+        self._mesh = TriangleMesh(self._scene, np.ascontiguousarray(vertices, np.float32), faces.astype(np.int32))
+
+    def cast(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayHits:
+        """Cast rays from origins (N, 3) along directions (N, 3), which need not have unit length."""
+        found = self._scene.run(origins, directions, output=True)
+        return RayHits(found["primID"], found["tfar"], found["u"], found["v"])

@@ -1,0 +1,46 @@
+"""What a scene is, wherever it comes from.
+
+Owns the one type; `scenes` finds scenes by name or by file.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.simulation.apartments.floor_plan import Room
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
+from ltvn_core.simulation.gltf_export import to_glb
+from ltvn_core.simulation.surfaces import Surfaces
+
+OBSTACLE_HEIGHT_M = 0.9
+"""What is lower than this stands in the robot's way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A place in which a robot can drive."""
+
+    name: str
+    area_m2: float
+    """Of the floor between the outer walls."""
+    rooms: tuple[Room, ...]
+    clearance: ClearanceMap
+    surfaces: Surfaces
+    source: Path | None = None
+    """Absolute path of the mesh file or folder it was read from; None for a generated scene."""
+
+    @property
+    def address(self) -> str:
+        """What `load_scene` finds this scene by, from any folder; recordings remember it."""
+        return self.name if self.source is None else str(self.source)
+
+    def collision_triangles(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return vertices (V, 3) and faces (F, 3) of all that a robot can bump into."""
+        return extrude_blocked_cells(self.clearance, OBSTACLE_HEIGHT_M)
+
+    def glb(self, *, with_ceiling: bool) -> bytes:
+        """Return the visible surfaces as a binary glTF, z up."""
+        return to_glb(self.surfaces if with_ceiling else self.surfaces.without_overhead())

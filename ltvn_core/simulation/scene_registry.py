@@ -1,0 +1,177 @@
+"""Scenes by name, generated once, kept on disk, the same on every machine; or by the path of a mesh.
+
+Owns names, seeds and the cache. How an apartment comes about is in `apartment`, how a mesh is read in `mesh_scene`.
+"""
+
+import logging
+import os
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from platformdirs import user_cache_path
+
+from ltvn_core.errors import SceneError
+from ltvn_core.simulation.apartments.floor_plan import Room, RoomKind
+from ltvn_core.simulation.apartments.generation import generate_apartment
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene
+from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.surfaces import Surfaces
+
+log = logging.getLogger(__name__)
+
+GENERATOR_VERSION = 2
+"""Part of the cache's file names; goes up whenever the same seed gives another apartment."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Recipe:
+    seed: int
+    area_m2: float
+
+
+_SEEDS_WITH_ALIASES = (6014, 6025, 6035, 6047)
+"""Large apartments in which two or three kinds of room come twice, so that places look alike."""
+_SEEDS_WITH_NARROW_PASSAGES = (6104, 6157)
+"""Large apartments with many passages hardly wider than the robot."""
+
+
+def _recipes() -> dict[str, _Recipe]:
+    """Name all scenes. Each family draws its seeds from its own thousand, so that training never sees a test scene."""
+    recipes = {"demo": _Recipe(7004, 66.0)}
+    recipes |= {f"apartment-{area}": _Recipe(9000 + area, float(area)) for area in (57, 70, 124, 129)}
+    recipes |= {f"train-{k:02d}": _Recipe(1000 + k, 45.0 + (k * 37) % 85) for k in range(40)}
+    recipes |= {f"tune-{k}": _Recipe(5000 + k, 55.0 + 13 * (k % 6) + 5 * (k // 6)) for k in range(9)}
+    recipes |= {f"tune-twin-{k}": _Recipe(seed, 128.0) for k, seed in enumerate(_SEEDS_WITH_ALIASES)}
+    recipes |= {f"tune-narrow-{k}": _Recipe(seed, 126.0) for k, seed in enumerate(_SEEDS_WITH_NARROW_PASSAGES)}
+    return recipes
+
+
+_RECIPES = _recipes()
+
+
+def scene_names() -> tuple[str, ...]:
+    """Return all names that `load_scene` knows."""
+    return tuple(_RECIPES)
+
+
+@lru_cache(maxsize=4)
+def load_scene(name: str) -> Scene:
+    """Return a scene, generated at the first call and read from the user's cache later. Raises SceneError.
+
+    What is no name is the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in Gibson layout.
+    """
+    if name not in _RECIPES:
+        return load_mesh_scene(_mesh_path(name))
+    path = _cache_path(name)
+    if (cached := _read_cache(name, path)) is not None:
+        return cached
+    scene = _generate(name)
+    _write_cache(scene, path)
+    return scene
+
+
+def _mesh_path(name: str) -> Path:
+    """Return the absolute path that is meant; a file that moved to the current folder is found there."""
+    path = Path(name).expanduser().absolute()
+    if path.exists():
+        return path
+    if not path.suffix and len(Path(name).parts) == 1:
+        raise SceneError(
+            f"There is no scene {name!r}. Choose one of: {', '.join(_RECIPES)}; or give the path of a mesh "
+            "(.glb, .gltf, .obj, .ply) or of a folder in Gibson layout."
+        )
+    here = Path(path.name).absolute()
+    if not here.exists():
+        raise SceneError(
+            f"The scene's file {path} does not exist. Put it there or into the current folder ({Path.cwd()}), or give "
+            "the path where it is now."
+        )
+    log.warning("The scene's file %s does not exist; using %s.", path, here)
+    return here
+
+
+def _cache_path(name: str) -> Path:
+    """Name all that decides what a scene is, so that a changed recipe never meets an old file."""
+    recipe = _RECIPES[name]
+    file = f"{name}-seed{recipe.seed}-{recipe.area_m2:g}m2-v{GENERATOR_VERSION}.npz"
+    return user_cache_path("ltvn") / "scenes" / file
+
+
+def _generate(name: str) -> Scene:
+    recipe = _RECIPES[name]
+    grown = generate_apartment(recipe.seed, recipe.area_m2)
+    plan = grown.plan
+    area_m2 = round(plan.width * plan.depth, 2)
+    return Scene(name, area_m2, plan.rooms, ClearanceMap(grown.blocked, grown.origin), grown.surfaces)
+
+
+def _write_cache(scene: Scene, path: Path) -> None:
+    """Write a scene to the cache, whole or not at all; without a cache everything works, only slower."""
+    surfaces = scene.surfaces
+    rooms = (
+        np.array([[*RoomKind].index(room.kind) for room in scene.rooms]),
+        np.array([[room.x0, room.y0, room.x1, room.y1] for room in scene.rooms]),
+    )
+    arrays: dict[str, Any] = {f"texture{k:04d}": texture for k, texture in enumerate(surfaces.textures)}
+    arrays |= {
+        "area": scene.area_m2,
+        "room_kinds": rooms[0],
+        "room_edges": rooms[1],
+        "blocked": scene.clearance.blocked,
+        "origin": scene.clearance.origin,
+        "vertices": surfaces.vertices,
+        "faces": surfaces.faces,
+        "corner_uv": surfaces.corner_uv,
+        "face_texture": surfaces.face_texture,
+        "overhead": surfaces.overhead,
+    }
+    try:
+        _write_whole(path, arrays)
+    except OSError as error:
+        log.warning("The scene %s could not be cached at %s: %s", scene.name, path, error)
+
+
+def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+        try:
+            np.savez(part, **arrays)
+        except OSError:
+            os.unlink(part.name)
+            raise
+    os.replace(part.name, path)
+
+
+def _read_cache(name: str, path: Path) -> Scene | None:
+    """Read a scene from the cache; None if it is not there or not whole."""
+    try:
+        # Opened here, because numpy leaves a file that is no archive open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as cached:
+            textures = tuple(cached[key] for key in sorted(cached.files) if key.startswith("texture"))
+            kinds = [*RoomKind]
+            edges = zip(cached["room_kinds"].tolist(), cached["room_edges"].tolist(), strict=True)
+            return Scene(
+                name,
+                float(cached["area"]),
+                tuple(Room(kinds[kind], *corners) for kind, corners in edges),
+                ClearanceMap(cached["blocked"], cached["origin"]),
+                Surfaces(
+                    cached["vertices"],
+                    cached["faces"],
+                    cached["corner_uv"],
+                    cached["face_texture"],
+                    cached["overhead"],
+                    textures,
+                ),
+            )
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        log.warning("The cached scene %s is damaged and will be made again: %s", path, error)
+        return None

@@ -1,0 +1,158 @@
+"""A scripted person at the controls: drives through all rooms of a scene, as one would to map it.
+
+Owns the route and the driving. It knows the scene, as a person who looks at it does, and drives real physics.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
+from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
+
+
+@dataclass(frozen=True, slots=True)
+class TourSettings:
+    """How the person drives and how often it takes a picture (all ours)."""
+
+    image_every_m: float = 0.12
+    """A picture is taken after so much driving."""
+    image_every_rad: float = float(np.deg2rad(10))
+    """Or after so much turning."""
+    spin_loops: int = 2
+    """In so many of the first loops the robot turns right round in each room; that supplies the turned views."""
+    speed_m_s: float = 0.4
+    lookahead_m: float = 0.3
+    """How far ahead on its way the robot aims."""
+    turn_first_rad: float = 0.5
+    """Above this heading error it turns on the spot."""
+    arrived_m: float = 0.15
+    stop_clearance_m: float = 0.34
+    """Rooms are visited where the robot can turn freely; less where a room has no such place."""
+    large_room_m2: float = 14.0
+    """Rooms larger than this are visited at two places in each loop."""
+    back_off_steps: int = 8
+    """After a touch it backs off for so many control steps."""
+    timeout_factor: float = 4.0
+    """A leg may take so many times as long as its way needs, then it is given up."""
+
+
+def drive_tour(
+    robot: SimulatedRobot, scene: Scene, rng: np.random.Generator, *, loops: int, settings: TourSettings | None = None
+) -> Iterator[Observation]:
+    """Drive through all rooms `loops` times, every other time the other way round, and yield the pictures taken."""
+    driver = _Driver(robot, scene.clearance, settings or TourSettings())
+    yield from driver.capture()
+    for loop in range(loops):
+        stops = _round_trip(_stops(scene, rng, driver.settings), robot.exact_pose[:2], rng)
+        for stop in stops if loop % 2 == 0 else stops[::-1]:
+            yield from driver.drive_to(stop)
+            if loop < driver.settings.spin_loops:
+                yield from driver.spin(float(rng.choice([-1.0, 1.0])))
+    robot.stop()
+
+
+class _Driver:
+    """Turns a wish into control steps, and takes pictures on the way."""
+
+    def __init__(self, robot: SimulatedRobot, clearance: ClearanceMap, settings: TourSettings) -> None:
+        self.settings = settings
+        self._robot, self._clearance = robot, clearance
+        self._last_capture_odometry: Pose | None = None
+
+    def drive_to(self, goal: NDArray[np.float64]) -> Iterator[Observation]:
+        """Drive to a point (2,), planning anew after each touch; give up when it takes far too long."""
+        for _ in range(5):
+            path = self._clearance.path(self._robot.exact_pose[:2], goal)
+            if path is None:
+                return
+            collisions_before = self._robot.collisions
+            yield from self._follow(path)
+            if self._robot.collisions == collisions_before:
+                return
+            yield from self._hold(Twist(-0.2, 0.0), self.settings.back_off_steps)
+
+    def spin(self, direction: float) -> Iterator[Observation]:
+        """Turn right round on the spot, counter-clockwise for +1."""
+        turned, yaw = 0.0, self._robot.exact_pose[2]
+        while turned < 2 * np.pi:
+            yield from self._hold(Twist(0.0, direction), 1)
+            turned += abs(float(wrap_angle(self._robot.exact_pose[2] - yaw)))
+            yaw = self._robot.exact_pose[2]
+
+    def capture(self) -> Iterator[Observation]:
+        """Take a picture if the robot has moved enough since the last one."""
+        seen = self._robot.state().odometry
+        if self._last_capture_odometry is not None:
+            gap = relative(self._last_capture_odometry, seen)
+            near = np.hypot(gap[0], gap[1]) < self.settings.image_every_m
+            if near and abs(gap[2]) < self.settings.image_every_rad:
+                return
+        self._last_capture_odometry = seen
+        yield self._robot.observe()
+
+    def _follow(self, path: NDArray[np.float64]) -> Iterator[Observation]:
+        settings, collisions_before, ahead = self.settings, self._robot.collisions, 0
+        length = float(np.hypot(*np.diff(path, axis=0).T).sum())
+        for _ in range(int(settings.timeout_factor * (length / settings.speed_m_s + 6) / CONTROL_STEP_S)):
+            pose = self._robot.exact_pose
+            if np.hypot(*(path[-1] - pose[:2])) < settings.arrived_m or self._robot.collisions > collisions_before:
+                return
+            while ahead < len(path) - 1 and np.hypot(*(path[ahead] - pose[:2])) < settings.lookahead_m:
+                ahead += 1
+            yield from self._hold(_towards(pose, path[ahead], settings), 1)
+
+    def _hold(self, twist: Twist, steps: int) -> Iterator[Observation]:
+        for _ in range(steps):
+            self._robot.drive(twist)
+            self._robot.advance(CONTROL_STEP_S)
+            yield from self.capture()
+
+
+def _towards(pose: Pose, point: NDArray[np.float64], settings: TourSettings) -> Twist:
+    away = point - pose[:2]
+    off = float(wrap_angle(np.arctan2(away[1], away[0]) - pose[2]))
+    if abs(off) > settings.turn_first_rad:
+        return Twist(0.0, float(np.sign(off)))
+    return Twist(settings.speed_m_s * float(np.cos(off)), float(np.clip(2.5 * off, -1.0, 1.0)))
+
+
+def _stops(scene: Scene, rng: np.random.Generator, settings: TourSettings) -> list[NDArray[np.float64]]:
+    """Draw where to go in each room; small rooms without a free place are left out."""
+    stops = []
+    for room in scene.rooms:
+        cells = _roomy_cells(scene.clearance, (room.x0, room.y0, room.x1, room.y1), settings.stop_clearance_m)
+        visits = 2 if room.area_m2 > settings.large_room_m2 else 1
+        stops += [cells[rng.integers(len(cells))] for _ in range(visits if len(cells) else 0)]
+    return stops
+
+
+def _roomy_cells(
+    clearance: ClearanceMap, edges: tuple[float, float, float, float], wished_m: float
+) -> NDArray[np.float64]:
+    """Return the navigable points (N, 2) of a rectangle that are clear enough, or its clearest few."""
+    rows_columns = np.argwhere(clearance.navigable)
+    points = clearance.origin + (rows_columns[:, ::-1] + 0.5) * clearance.resolution_m
+    x0, y0, x1, y1 = edges
+    inside = (points[:, 0] > x0) & (points[:, 0] < x1) & (points[:, 1] > y0) & (points[:, 1] < y1)
+    points, room_m = points[inside], clearance.grid[tuple(rows_columns[inside].T)]
+    if len(points) == 0:
+        return points
+    return points[room_m >= min(wished_m, room_m.max() - 0.02)]
+
+
+def _round_trip(
+    stops: Sequence[NDArray[np.float64]], start: NDArray[np.float64], rng: np.random.Generator
+) -> list[NDArray[np.float64]]:
+    """Order the stops, each time taking a near one next, with some whim."""
+    left, order, here = list(stops), [], start
+    while left:
+        distances = [np.hypot(*(stop - here)) * rng.uniform(0.7, 1.5) for stop in left]
+        here = left.pop(int(np.argmin(distances)))
+        order.append(here)
+    return order

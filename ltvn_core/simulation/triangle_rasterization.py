@@ -1,0 +1,62 @@
+"""Triangles drawn on a grid from above.
+
+Owns the cells that triangles between two heights cover. What that means for a robot is in `mesh_floor`.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+Mask = NDArray[np.bool_]
+Triangles = NDArray[np.floating]
+"""(F, 3, 3) corners."""
+
+_FRACTION_BITS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class RasterGrid:
+    """A grid over the floor; rows run along y, columns along x."""
+
+    origin: NDArray[np.float64]
+    """(2,) its lower corner in metres."""
+    shape: tuple[int, int]
+    """Rows and columns."""
+    cell_m: float
+
+    def cover(self, triangles: Triangles) -> Mask:
+        """Return (rows, columns): the cells that triangles touch; a triangle on edge covers a line."""
+        image = np.zeros(self.shape, np.uint8)
+        points = (triangles[:, :, :2] - self.origin) / self.cell_m
+        small = np.ptp(points, axis=1).max(axis=1, initial=0.0) < 1.0
+        self._dot(image, points[small])
+        # Pixel centres have whole numbers in OpenCV, cells have theirs half a cell in.
+        fixed = np.clip(np.rint((points[~small] - 0.5) * 2**_FRACTION_BITS), -(2**30), 2**30).astype(np.int32)
+        for triangle in fixed:
+            cv2.fillConvexPoly(image, triangle, 1, cv2.LINE_8, _FRACTION_BITS)
+        return image.astype(bool)
+
+    def _dot(self, image: NDArray[np.uint8], points: NDArray[np.float64]) -> None:
+        """Mark the corners and the middles of triangles smaller than a cell, which is all that they touch."""
+        dots = np.concatenate([points.reshape(-1, 2), points.mean(axis=1)])
+        column, row = np.floor(dots).astype(np.intp).T
+        inside = (column >= 0) & (row >= 0) & (column < self.shape[1]) & (row < self.shape[0])
+        image[row[inside], column[inside]] = 1
+
+
+def clip_to_heights(triangles: Triangles, low_m: float, high_m: float) -> Triangles:
+    """Cut triangles to what lies between two heights."""
+    z = triangles[:, :, 2]
+    near = triangles[(z.max(axis=1) > low_m) & (z.min(axis=1) < high_m)]
+    z = near[:, :, 2]
+    whole = (z.min(axis=1) >= low_m) & (z.max(axis=1) <= high_m)
+    cut = near[~whole]
+    for height, up in ((low_m, 1.0), (high_m, -1.0)):
+        if len(cut) and np.isfinite(height):
+            corners, faces = cut.reshape(-1, 3), np.arange(3 * len(cut)).reshape(-1, 3)
+            sliced = trimesh.intersections.slice_faces_plane(corners, faces, [0, 0, up], [0, 0, height])
+            cut = np.asarray(sliced[0])[np.asarray(sliced[1])].reshape(-1, 3, 3)
+    return np.concatenate([near[whole], cut])

@@ -1,0 +1,127 @@
+"""The scenes by which networks are chosen and judged, and the figures that come of it.
+
+Owns which scenes these are and how much is looked at there. The figures are defined in
+`ltvn_core.network.metrics.reachability_metrics`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ltvn_core.training.simulated_scenes import open_dataset_scene
+
+if TYPE_CHECKING:
+    from ltvn_core.network.cards.model_card import HeldOutMetrics
+    from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
+
+VALIDATION_SCENES = ("tune-0", "tune-1", "tune-2")
+"""Scenes by which the best weights are chosen."""
+
+TEST_SCENES = ("tune-3", "tune-4", "tune-5", "tune-6", "tune-7", "tune-8")
+"""Scenes on which the figures of the card are measured."""
+
+
+CLUSTERS_PER_SCENE = 180
+"""Clusters of labelled pairs in each unseen scene."""
+
+IMAGES_PER_DRIVE = 300
+"""Images of the drive through each unseen scene: half a million ordered pairs in six."""
+
+SUBSAMPLING_STEP = 2
+"""A network that looks at every pair from the pixels on sees every so manieth image of the drives, to save its time."""
+
+
+@dataclass(frozen=True)
+class NetworkMetrics:
+    """How good weights are in scenes that they have not seen."""
+
+    architecture: str
+    fingerprint: str
+    scenes: tuple[str, ...]
+    far_fpr_at_tpr60: float
+    """Share of the far pairs of drives that pass where 60 % of the near ones do, each pair by itself,"""
+    far_pairs: int
+    """of so many."""
+    auc: float
+    """On labelled pairs, as are the following."""
+    position_median_m: float
+    position_median_1_to_1_5_m: float
+    """Of pairs that are 1 to 1.5 m apart."""
+    position_p90_m: float
+    yaw_median_deg: float
+    ece: float
+    pairs: int
+    """Labelled pairs."""
+
+
+def drives(names: Sequence[str], *, images: int) -> "list[LabelledDrive]":
+    """Look along a drive through each of the named scenes. Raises SceneError."""
+    import numpy as np
+
+    from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
+    from ltvn_core.training_data.reachability_labels import ReachabilityLimits
+    from ltvn_core.training_data.shard_generation import label_image_pairs, render_poses
+    from ltvn_core.training_data.simulated_drives import classify_near_far, sample_drive_poses
+
+    found = []
+    for name in names:
+        world = open_dataset_scene(name)
+        poses = sample_drive_poses(world.floor, np.random.default_rng(0), images)
+        rgb, depth_mm = render_poses(world.camera, poses)
+        first, second = np.divmod(np.arange(images**2), images)
+        labels = label_image_pairs(world, poses, depth_mm, first, second, ReachabilityLimits())
+        near, far = classify_near_far(poses, world.floor)
+        found.append(
+            LabelledDrive(world.name, rgb, depth_mm, near, far, poses, labels.reachable.reshape(images, images))
+        )
+    return found
+
+
+def measure_network(
+    weights: Path,
+    folder: Path,
+    scenes: Sequence[str],
+    *,
+    clusters: int = CLUSTERS_PER_SCENE,
+    images: int = IMAGES_PER_DRIVE,
+) -> "HeldOutMetrics":
+    """Measure weights on scenes, whose labelled pairs are kept in a folder. Raises SceneError and WeightsError."""
+    import numpy as np
+
+    from ltvn_core.network.architecture import StackedArchitecture
+    from ltvn_core.network.cards.model_card import HeldOutMetrics
+    from ltvn_core.network.metrics.pair_evaluation import evaluate_all_pairs, evaluate_pairs, subsample_drive
+    from ltvn_core.network.predictor import load_predictor
+    from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
+    from ltvn_core.training_data.shards import read_shard
+
+    predictor, rng = load_predictor(weights), np.random.default_rng(0)
+    paths = generate_shards(scenes, open_dataset_scene, folder, DatasetRecipe(clusters=clusters), processes=2)
+    seen = drives(scenes, images=images)
+    if isinstance(predictor.architecture, StackedArchitecture):
+        seen = [subsample_drive(drive, every=SUBSAMPLING_STEP) for drive in seen]
+    pairs = evaluate_pairs(predictor, [read_shard(path) for path in paths], rng)
+    drive_pairs, wormholes = evaluate_all_pairs(predictor, seen)
+    return HeldOutMetrics(tuple(drive.name for drive in seen), pairs, drive_pairs, wormholes)
+
+
+def figures(weights: Path, measured: "HeldOutMetrics") -> NetworkMetrics:
+    """Return the figures that matter most. Raises WeightsError."""
+    from ltvn_core.network.weights_file import load_weights, weights_fingerprint
+
+    pairs, drives_ = measured.pairs, measured.drives
+    return NetworkMetrics(
+        load_weights(weights).size.name,
+        weights_fingerprint(weights),
+        measured.scenes,
+        drives_.far_fpr_at_tpr60,
+        drives_.far_pairs,
+        pairs.auc,
+        pairs.position_median_m,
+        pairs.position_median_1_to_1_5_m,
+        pairs.position_p90_m,
+        pairs.yaw_median_deg,
+        pairs.ece,
+        pairs.pairs,
+    )

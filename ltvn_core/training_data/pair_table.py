@@ -1,0 +1,105 @@
+"""A shard's pairs as a table to look through: what is true of each pair, and which pairs somebody wants to see.
+
+Owns the choice of pairs. What a failed criterion means in words is in `ltvn_core.training_data.failure_explanations`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative
+from ltvn_core.training_data.reachability_labels import FailedCriteria
+from ltvn_core.training_data.shards import Shard
+from ltvn_core.types import Depth, Rgb, Waypoint
+
+
+@dataclass(frozen=True, slots=True)
+class PairFilter:
+    """Which pairs to look at."""
+
+    reachable: bool | None = None
+    """Only pairs with this label; None takes both."""
+    criterion: FailedCriteria = FailedCriteria.NOTHING
+    """Only pairs that fail this criterion; NOTHING takes all."""
+    min_distance_m: float = 0.0
+    """Least distance,"""
+    max_distance_m: float = float("inf")
+    """and greatest distance between source and target."""
+    only_disagreements: bool = False
+    """Only pairs whose label the network contradicts."""
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledPair:
+    """One row of the table with its two images."""
+
+    scene: str
+    source: int
+    """Number of the image in its shard,"""
+    target: int
+    source_rgb: Rgb
+    source_depth: Depth
+    target_rgb: Rgb
+    target_depth: Depth
+    waypoint: Waypoint
+    """(3,) true target in the source's frame."""
+    reachable: bool
+    failed: FailedCriteria
+    overlap: float
+    """nan where not measured, as is the next."""
+    path_ratio: float
+
+    @property
+    def distance_m(self) -> float:
+        """Return the straight distance."""
+        return float(np.hypot(self.waypoint[0], self.waypoint[1]))
+
+
+class PairTable:
+    """All pairs of one shard."""
+
+    def __init__(self, shard: Shard) -> None:
+        self.shard = shard
+        self.waypoints: Waypoint = relative(shard.poses[shard.sources], shard.poses[shard.targets])
+        self.distance_m: NDArray[np.float64] = np.hypot(self.waypoints[:, 0], self.waypoints[:, 1])
+
+    def __len__(self) -> int:
+        """Count the pairs."""
+        return len(self.distance_m)
+
+    def rows(self, pair_filter: PairFilter, reachability: NDArray[np.float64] | None = None) -> NDArray[np.intp]:
+        """Return the rows (M,) of the wanted pairs, in the shard's order.
+
+        `reachability` (P,) is what the network says; raises ValueError where it is needed and missing.
+        """
+        shard = self.shard
+        chosen = (self.distance_m >= pair_filter.min_distance_m) & (self.distance_m <= pair_filter.max_distance_m)
+        if pair_filter.reachable is not None:
+            chosen &= shard.reachable == pair_filter.reachable
+        if pair_filter.criterion:
+            chosen &= (shard.failed & int(pair_filter.criterion)) != 0
+        if pair_filter.only_disagreements:
+            if reachability is None:
+                raise ValueError("Where the network disagrees is known only with its reachability of all pairs.")
+            chosen &= (reachability > 0.5) != shard.reachable
+        return np.flatnonzero(chosen)
+
+    def pair(self, row: int) -> LabelledPair:
+        """Return one pair with its images."""
+        shard = self.shard
+        i, j = int(shard.sources[row]), int(shard.targets[row])
+        return LabelledPair(
+            shard.name,
+            i,
+            j,
+            shard.rgb[i],
+            shard.depth_mm[i] / np.float32(1000),
+            shard.rgb[j],
+            shard.depth_mm[j] / np.float32(1000),
+            self.waypoints[row],
+            bool(shard.reachable[row]),
+            FailedCriteria(int(shard.failed[row])),
+            float(shard.overlap[row]),
+            float(shard.path_ratio[row]),
+        )

@@ -1,0 +1,114 @@
+"""The tests that make a pair of poses "reachable" (section III-B of the paper), each a small function over N pairs.
+
+Owns the geometry of each criterion. The limits, and how the criteria join into a label, are in
+`ltvn_core.training_data.reachability_labels`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.training_data.scene_protocols import FreeSpace
+from ltvn_core.types import Intrinsics, Pose, Waypoint
+
+POINT_STEP = 3
+"""Overlap looks at every third pixel of a row and of a column."""
+
+_HORIZON_ABOVE_PX, _HORIZON_BELOW_PX = 3, 10
+"""A camera standing at the target would appear in these rows about the horizon; its mast hangs below."""
+
+
+def straight_m(waypoints: Waypoint) -> NDArray[np.float64]:
+    """Return the metres (N,) between the poses, as the crow flies."""
+    return np.hypot(waypoints[:, 0], waypoints[:, 1])
+
+
+def bearing_rad(waypoints: Waypoint) -> NDArray[np.float64]:
+    """Return the direction (N,) in which the source sees the target's place."""
+    return np.arctan2(waypoints[:, 1], waypoints[:, 0])
+
+
+def in_view(waypoints: Waypoint, camera: Intrinsics) -> NDArray[np.bool_]:
+    """Tell whether the target's place lies ahead, within the horizontal field of view."""
+    return (waypoints[:, 0] > 0) & (np.abs(bearing_rad(waypoints)) < camera.horizontal_fov_rad / 2)
+
+
+def unobstructed(
+    waypoints: Waypoint, source_depth: NDArray[np.floating], camera: Intrinsics, *, tolerance_m: float
+) -> NDArray[np.bool_]:
+    """Tell whether the source's depth (N, H, W) reaches the target's place, give or take `tolerance_m`.
+
+    Means something only where the place is in view.
+    """
+    ahead = np.maximum(waypoints[:, 0], 0.01)
+    column = np.floor(camera.width / 2 - camera.focal_px * waypoints[:, 1] / ahead)
+    column = np.clip(column, 0, camera.width - 1).astype(np.intp)
+    rows = np.arange(camera.height // 2 - _HORIZON_ABOVE_PX, camera.height // 2 + _HORIZON_BELOW_PX)
+    seen = source_depth[np.arange(len(waypoints))[:, None], rows, column[:, None]]
+    return _far_if_missing(seen).min(1) > waypoints[:, 0] - tolerance_m
+
+
+def overlap(
+    waypoints: Waypoint,
+    source_depth: NDArray[np.floating],
+    target_depth: NDArray[np.floating],
+    camera: Intrinsics,
+) -> NDArray[np.float64]:
+    """Return the share (N,) of the target's surface points that the source sees, from depths (N, H, W).
+
+    The direction matters: driving forward narrows the view, so the target sees little of what the source sees, but
+    the source sees most of what the target does.
+    """
+    rays = _rays(camera)
+    half = POINT_STEP // 2
+    metres = target_depth[:, half::POINT_STEP, half::POINT_STEP].reshape(len(waypoints), rays.shape[1])
+    metres = metres.astype(np.float32)
+    x, y = metres, metres * rays[0]
+    cos, sin = (f(waypoints[:, 2:]).astype(np.float32) for f in (np.cos, np.sin))
+    ahead = cos * x - sin * y + waypoints[:, :1].astype(np.float32)
+    left = sin * x + cos * y + waypoints[:, 1:2].astype(np.float32)
+    visible, seen = _sample_depth(np.stack([ahead, left, metres * rays[1]]), source_depth, camera)
+    visible &= (metres > 0) & (np.abs(seen - ahead) < 0.1 * ahead + 0.05)
+    return visible.sum(1) / np.maximum((metres > 0).sum(1), 1)
+
+
+def path_ratio(sources: Pose, targets: Pose, floor: FreeSpace, *, limit: float) -> NDArray[np.float64]:
+    """Return (shortest feasible path) / (straight line) for N pairs; inf if it is clearly above `limit`.
+
+    A pair closer than the grid can measure is taken as 5 cm apart.
+    """
+    straight = np.maximum(np.hypot(*(targets - sources)[:, :2].T), 0.05)
+    ratio = np.full(len(sources), np.inf)
+    starts, owner = np.unique(sources[:, :2], axis=0, return_inverse=True)
+    for number, start in enumerate(starts):
+        rows = np.flatnonzero(owner.reshape(-1) == number)
+        reach = float(straight[rows].max()) * limit + 0.5
+        ratio[rows] = floor.path_lengths(start, targets[rows, :2], limit_m=reach) / straight[rows]
+    return np.maximum(ratio, 1.0)
+
+
+def _rays(camera: Intrinsics) -> NDArray[np.float32]:
+    """Return (2, M): left and up of the sampled pixels at one metre of depth."""
+    half = POINT_STEP // 2
+    rows = np.arange(half, camera.height, POINT_STEP) + 0.5
+    columns = np.arange(half, camera.width, POINT_STEP) + 0.5
+    up, left = np.meshgrid(camera.height / 2 - rows, camera.width / 2 - columns, indexing="ij")
+    return (np.stack([left.ravel(), up.ravel()]) / camera.focal_px).astype(np.float32)
+
+
+def _sample_depth(
+    points: NDArray[np.float32], depth: NDArray[np.floating], camera: Intrinsics
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Return whether points (3, N, M) fall into images (N, H, W), and the depth found there (N, M)."""
+    ahead = points[0] > 0.05
+    safe = np.where(ahead, points[0], 1)
+    column = camera.width / 2 - camera.focal_px * points[1] / safe
+    row = camera.height / 2 - camera.focal_px * points[2] / safe
+    inside = ahead & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    column = np.clip(column, 0, camera.width - 1).astype(np.intp)
+    row = np.clip(row, 0, camera.height - 1).astype(np.intp)
+    return inside, depth[np.arange(len(depth))[:, None], row, column].astype(np.float32)
+
+
+def _far_if_missing(depth: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return depths in which no return counts as far away."""
+    return np.where(depth > 0, depth, np.inf)

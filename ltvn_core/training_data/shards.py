@@ -1,0 +1,141 @@
+"""One scene's labelled image pairs in memory and on disk.
+
+Owns the shard's fields and file format: safetensors, written aside and then renamed, the same bytes for the same
+content. Does not know how shards are made.
+"""
+
+import json
+import os
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from ltvn_core.errors import DatasetError
+from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Pose
+
+SCHEMA = "ltvn-pairs-1"
+"""Name of the file format; another one is refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shard:
+    """Images of one scene and labelled pairs of them."""
+
+    name: str
+    """The scene."""
+    recipe: str
+    """Text of seed and settings that made the shard; a shard of another recipe is not taken for this one."""
+    rgb: NDArray[np.uint8]
+    """(N, H, W, 3)."""
+    depth_mm: NDArray[np.uint16]
+    """(N, H, W); 0 = no return."""
+    poses: Pose
+    """(N, 3) in the scene's frame."""
+    group: NDArray[np.int32]
+    """(N,) cluster of each image."""
+    sources: NDArray[np.int32]
+    """(P,) rows of the images."""
+    targets: NDArray[np.int32]
+    """(P,)"""
+    reachable: NDArray[np.bool_]
+    """(P,)"""
+    failed: NDArray[np.uint8]
+    """(P,) flags of `ltvn_core.training_data.reachability_labels.Failed`."""
+    overlap: NDArray[np.float32]
+    """(P,) nan where not measured."""
+    path_ratio: NDArray[np.float32]
+    """(P,) nan where not measured."""
+
+
+_ARRAYS = tuple(field.name for field in fields(Shard) if field.name not in ("name", "recipe"))
+
+
+def shard_path(folder: Path, name: str) -> Path:
+    """Return where the shard of a scene lies."""
+    return folder / f"{Path(name).stem}.pairs.safetensors"
+
+
+def write_shard(shard: Shard, path: Path) -> None:
+    """Write a shard so that the file is either whole or not there. Raises DatasetError if the disk will not take it."""
+    # Two processes that make the same shard at once both end with a whole one.
+    partial = path.with_suffix(f".{os.getpid()}.partial")
+    # One entry only: safetensors writes several in random order, and the bytes must not vary.
+    metadata = {"ltvn": json.dumps({"schema": SCHEMA, "name": shard.name, "recipe": shard.recipe})}
+    arrays = {name: np.ascontiguousarray(getattr(shard, name)) for name in _ARRAYS}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_file(arrays, partial, metadata)
+        os.replace(partial, path)
+    except (OSError, SafetensorError) as error:
+        with suppress(OSError):
+            partial.unlink()
+        raise DatasetError(
+            f"{path}: the shard could not be written ({error}); free some space and run again."
+        ) from error
+
+
+def read_shard(path: Path) -> Shard:
+    """Read a shard. Raises DatasetError if it is missing, cut or of another format."""
+    try:
+        with safe_open(path, framework="numpy") as file:
+            metadata = _metadata(file)
+            _check_schema(metadata, path)
+            arrays = {name: file.get_tensor(name) for name in _ARRAYS}
+    except (OSError, SafetensorError) as error:
+        raise DatasetError(f"{path}: not a whole shard ({error}); delete it and make the dataset again.") from error
+    shard = Shard(name=metadata["name"], recipe=metadata["recipe"], **arrays)
+    _check_arrays(shard, path)
+    return shard
+
+
+def read_recipe(path: Path) -> str | None:
+    """Return the recipe of a whole shard, or None where there is none."""
+    try:
+        with safe_open(path, framework="numpy") as file:
+            metadata = _metadata(file)
+    except (OSError, SafetensorError):
+        return None
+    return metadata.get("recipe") if metadata.get("schema") == SCHEMA else None
+
+
+def _check_arrays(shard: Shard, path: Path) -> None:
+    """Refuse arrays that do not belong together, as another program might write them."""
+    count, pairs = len(shard.poses), len(shard.sources)
+    size = (IMAGE_HEIGHT, IMAGE_WIDTH)
+    if shard.rgb.shape != (count, *size, 3) or shard.depth_mm.shape != (count, *size):
+        raise DatasetError(
+            f"{path}: {count} poses with images {shard.rgb.shape} and depths {shard.depth_mm.shape}; each pose has one "
+            f"image of {size} (rows, columns). Make the dataset again."
+        )
+    columns = (shard.targets, shard.reachable, shard.failed, shard.overlap, shard.path_ratio)
+    if shard.group.shape != (count,) or any(len(column) != pairs for column in columns):
+        raise DatasetError(f"{path}: its columns are of different lengths; make the dataset again.")
+    if (
+        pairs
+        and not 0
+        <= min(shard.sources.min(), shard.targets.min())
+        <= max(shard.sources.max(), shard.targets.max())
+        < count
+    ):
+        raise DatasetError(f"{path}: a pair names an image that is not there; make the dataset again.")
+
+
+def _metadata(file: Any) -> dict[str, str]:
+    """Return what an open safetensors file says of itself, empty for a foreign file."""
+    try:
+        return json.loads((file.metadata() or {})["ltvn"])
+    except (KeyError, ValueError):
+        return {}
+
+
+def _check_schema(metadata: dict[str, str], path: Path) -> None:
+    if metadata.get("schema") != SCHEMA:
+        raise DatasetError(
+            f"{path}: holds {metadata.get('schema', 'something else')!r}, not {SCHEMA!r}; make the dataset again."
+        )

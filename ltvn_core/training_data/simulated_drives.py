@@ -1,0 +1,114 @@
+"""What a mapping drive sees, without physics: poses along clear paths between random places, with looks around.
+
+Owns the poses and the division of all ordered image pairs into near, far and neither, by which false positives are
+judged. A driven tour of the simulator gives the same kind of images and may be used instead.
+"""
+
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.training_data.scene_protocols import FreeSpace
+from ltvn_core.types import Intrinsics, Pose
+
+ROBOT_RADIUS_M = 0.18
+"""A straight line is free if obstacles keep this far from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSpacing:
+    """Spacing of a drive's images (all ours, as the simulator's tour has it)."""
+
+    spacing_m: float = 0.12
+    """Metres between images on a straight way."""
+    turn_rad: float = radians(10)
+    """Turn between images on the spot."""
+    full_turn_share: float = 0.3
+    """Share of visited places at which the drive turns once around."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearFarLimits:
+    """What is near and what is far, for judging false positives (ours)."""
+
+    far_m: float = 3.0
+    """Pairs farther apart than this are far."""
+    far_rad: float = radians(92)
+    """Pairs turned by more than this are far."""
+    around_m: float = 3.0
+    """Pairs whose straight line is blocked are far if the way around is longer than this: behind a wall."""
+    near_m: float = 1.2
+    """Near pairs are closer than this,"""
+    near_rad: float = radians(34)
+    """turned by less than this, ahead within the field of view, and with a free straight line between them."""
+
+
+def sample_drive_poses(
+    floor: FreeSpace, rng: np.random.Generator, count: int, spec: DriveSpacing | None = None
+) -> Pose:
+    """Return (count, 3) poses in the order of a drive."""
+    spec = spec or DriveSpacing()
+    here = floor.sample_poses(rng, 1, min_clearance_m=0.3)[0]
+    parts: list[Pose] = [here[None]]
+    while sum(map(len, parts)) < count:
+        goal = floor.sample_poses(rng, 1, min_clearance_m=0.3)[0]
+        path = floor.path(here[:2], goal[:2])
+        if path is None or len(path) < 3:
+            continue
+        parts.append(_along_path(path, parts[-1][-1, 2], spec))
+        if rng.random() < spec.full_turn_share:
+            parts.append(_turn(parts[-1][-1], 2 * np.pi, spec))
+        here = parts[-1][-1]
+    return np.concatenate(parts)[:count]
+
+
+def classify_near_far(
+    poses: Pose, floor: FreeSpace, classes: NearFarLimits | None = None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return near and far (N, N) for all ordered pairs of poses (N, 3); the diagonal is neither."""
+    classes = classes or NearFarLimits()
+    near, far = np.zeros((2, len(poses), len(poses)), bool)
+    for i in range(len(poses)):
+        near[i], far[i] = _classify_targets(i, poses, floor, classes)
+    np.fill_diagonal(near, False)
+    np.fill_diagonal(far, False)
+    return near, far
+
+
+def _classify_targets(
+    i: int, poses: Pose, floor: FreeSpace, classes: NearFarLimits
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return near and far (N,) for the pairs whose source is image i."""
+    waypoints = relative(np.broadcast_to(poses[i], poses.shape), poses)
+    distance, turn = np.hypot(waypoints[:, 0], waypoints[:, 1]), np.abs(waypoints[:, 2])
+    ahead = np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < Intrinsics().horizontal_fov_rad / 2
+    far = (distance > classes.far_m) | (turn > classes.far_rad)
+    rows = np.flatnonzero(~far)
+    clearance = np.full(len(poses), np.inf)
+    clearance[rows] = floor.along(np.broadcast_to(poses[i, :2], (len(rows), 2)), poses[rows, :2])
+    blocked = np.flatnonzero(clearance <= 0)
+    if len(blocked):
+        far[blocked] = ~np.isfinite(floor.path_lengths(poses[i, :2], poses[blocked, :2], limit_m=classes.around_m))
+    near = (distance < classes.near_m) & (turn < classes.near_rad) & ahead & (clearance > ROBOT_RADIUS_M)
+    return near, far
+
+
+def _along_path(path: NDArray[np.float64], yaw: float, spec: DriveSpacing) -> Pose:
+    """Return poses that turn into a path (M, 2) and follow it, looking a little ahead."""
+    lengths = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    marks = np.arange(0, lengths[-1], spec.spacing_m)
+    here = np.column_stack([np.interp(marks, lengths, path[:, axis]) for axis in (0, 1)])
+    ahead = np.column_stack([np.interp(marks + 0.4, lengths, path[:, axis]) for axis in (0, 1)])
+    yaws = np.arctan2(*(ahead - here).T[::-1])
+    start = np.array([*here[0], yaw])
+    return np.concatenate([_turn(start, float(wrap_angle(yaws[0] - yaw)), spec), np.column_stack([here, yaws])])
+
+
+def _turn(pose: Pose, angle_rad: float, spec: DriveSpacing) -> Pose:
+    """Return poses of a turn on the spot by an angle, the first one left out."""
+    steps = max(int(abs(angle_rad) / spec.turn_rad), 1)
+    yaws = wrap_angle(pose[2] + angle_rad * np.arange(1, steps + 1) / steps)
+    return np.column_stack([np.broadcast_to(pose[:2], (steps, 2)), yaws])

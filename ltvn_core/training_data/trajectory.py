@@ -1,0 +1,138 @@
+"""One robot's own drive as data: its images, where odometry says they were taken, and where odometry broke.
+
+Owns thinning, the split into pieces and the way travelled. What two images are to each other is said by
+`ltvn_core.training_data.trajectory_pairs`. Exact poses are never looked at.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.types import Intrinsics, Observation, Pose
+
+
+@dataclass(frozen=True, slots=True)
+class KeyframeSelection:
+    """Which images of a drive are kept, and where it is cut (all ours)."""
+
+    keep_m: float = 0.1
+    """An image is kept after so much driving since the last one,"""
+    keep_rad: float = radians(8)
+    """or after so much turning."""
+    jump_m: float = 1.0
+    """Odometry that moves more than this between two recorded images has jumped: a new piece begins,"""
+    jump_rad: float = radians(90)
+    """and so it does where it turns by more than this."""
+    fewest: int = 20
+    """A drive of fewer images teaches nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """N images in the order in which they were taken."""
+
+    name: str
+    rgb: NDArray[np.uint8]
+    """(N, H, W, 3)"""
+    depth_mm: NDArray[np.uint16]
+    """(N, H, W); 0 = no return."""
+    poses: Pose
+    """(N, 3) by odometry, which drifts; comparable within one piece alone."""
+    piece: NDArray[np.int32]
+    """(N,) number of the piece that an image belongs to."""
+    travelled_m: NDArray[np.float64]
+    """(N,) metres driven so far."""
+    turned_rad: NDArray[np.float64]
+    """(N,) radians turned so far, to either side."""
+    camera: Intrinsics
+    """The camera that took them."""
+
+    @property
+    def pieces(self) -> int:
+        """Return how many pieces there are."""
+        return int(self.piece[-1]) + 1
+
+
+def select_keyframes(
+    observations: Sequence[Observation],
+    name: str,
+    *,
+    camera: Intrinsics | None = None,
+    selection: KeyframeSelection | None = None,
+) -> Trajectory:
+    """Thin a drive and cut it where its odometry jumps.
+
+    Raises RecordingError where there is no odometry, too little of a drive, or only one place.
+    """
+    selection = selection or KeyframeSelection()
+    odometry = _odometry(observations, name, selection)
+    jumped = _jumps(odometry, selection)
+    piece = np.concatenate([[0], np.cumsum(jumped)])
+    rows = _keyframe_rows(odometry, piece, selection)
+    if len(rows) < selection.fewest:
+        raise RecordingError(
+            f"{name}: of {len(odometry)} images only {len(rows)} are at least {selection.keep_m:g} m or "
+            f"{degrees(selection.keep_rad):.0f} degrees apart, so all show about one place; fine-tuning needs "
+            f"{selection.fewest}. Drive on through the rooms and record that."
+        )
+    driven, turned = _steps(odometry)
+    kept = [observations[row] for row in rows]
+    return Trajectory(
+        name=name,
+        rgb=np.stack([each.rgb for each in kept]),
+        depth_mm=np.stack([_millimetres(each) for each in kept]),
+        poses=odometry[rows],
+        piece=piece[rows].astype(np.int32) - piece[rows[0]],
+        travelled_m=np.concatenate([[0], np.cumsum(driven * ~jumped)])[rows],
+        turned_rad=np.concatenate([[0], np.cumsum(turned * ~jumped)])[rows],
+        camera=camera or Intrinsics(),
+    )
+
+
+def _odometry(observations: Sequence[Observation], name: str, selection: KeyframeSelection) -> Pose:
+    """Return the odometry (N, 3), checked."""
+    if len(observations) < selection.fewest:
+        raise RecordingError(
+            f"{name}: holds {len(observations)} images; fine-tuning needs {selection.fewest} or more. Record a longer "
+            "drive, for instance with `ltvn app` or `ltvn collect`."
+        )
+    odometry = np.stack([np.asarray(each.odometry, np.float64) for each in observations])
+    missing = ~np.isfinite(odometry).all(1)
+    if missing.any() or np.ptp(odometry, axis=0).max() == 0:
+        said = f"{int(missing.sum())} of them have none" if missing.any() else "it is the same for all of them"
+        raise RecordingError(
+            f"{name}: fine-tuning takes the poses of its {len(odometry)} images from odometry, and {said}. Record the "
+            "drive again with the robot's wheel odometry connected."
+        )
+    return odometry
+
+
+def _steps(odometry: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return metres and radians (N - 1,) from each image to the next."""
+    moved = np.diff(odometry, axis=0)
+    return np.hypot(moved[:, 0], moved[:, 1]), np.abs(wrap_angle(moved[:, 2]))
+
+
+def _jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
+    driven, turned = _steps(odometry)
+    return (driven > selection.jump_m) | (turned > selection.jump_rad)
+
+
+def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer], selection: KeyframeSelection) -> NDArray[np.intp]:
+    """Return the rows of images that have moved on from the last kept one."""
+    rows = [0]
+    for row in range(1, len(odometry)):
+        shift = odometry[row] - odometry[rows[-1]]
+        far = np.hypot(shift[0], shift[1]) >= selection.keep_m or abs(wrap_angle(shift[2])) >= selection.keep_rad
+        if far or piece[row] != piece[rows[-1]]:
+            rows.append(row)
+    return np.array(rows, np.intp)
+
+
+def _millimetres(observation: Observation) -> NDArray[np.uint16]:
+    return np.rint(np.clip(observation.depth, 0, 65) * 1000).astype(np.uint16)

@@ -1,0 +1,229 @@
+"""What odometry knows of two images of one drive: reachable, not reachable, or unknown because odometry drifts.
+
+Owns the rule by which fine-tuning labels itself. Poses come from odometry and free ways from depth; there is no map.
+"""
+
+from dataclasses import dataclass, field
+from math import radians
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.training_data import reachability_criteria
+from ltvn_core.training_data.path_clearance import clearance_from_depth
+from ltvn_core.training_data.reachability_labels import ReachabilityLimits
+from ltvn_core.training_data.trajectory import Trajectory
+from ltvn_core.types import Pose, Waypoint
+
+REACHABLE, UNREACHABLE, UNKNOWN = 1, 0, -1
+
+_PAIRS_AT_ONCE = 4096
+_MOST_PAIRS = 80_000
+"""Of a very long drive, a sample of the labelled pairs is enough."""
+_HELD_OUT_EVERY = 7
+"""Each seventh stretch of the drive is kept out of learning."""
+
+
+class LabelRule(Protocol):
+    """How pairs of a drive are labelled."""
+
+    @property
+    def horizon(self) -> int:
+        """Images between the ends of the farthest pairs that are labelled one by one."""
+        ...
+
+    def labels(
+        self,
+        trajectory: Trajectory,
+        sources: NDArray[np.integer],
+        targets: NDArray[np.integer],
+        rng: np.random.Generator,
+    ) -> NDArray[np.int8]:
+        """Return the labels (P,) of pairs up to the horizon apart."""
+        ...
+
+    def far(
+        self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
+    ) -> NDArray[np.bool_]:
+        """Tell which pairs of rows, of any shape that broadcasts, are certainly not reachable."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryLabelRule:
+    """How pairs of a drive are labelled (the paper's rule is `gated=False`; the rest is ours)."""
+
+    horizon: int = 15
+    """H: an image is reachable from those up to so many images before it (section III-B)."""
+    gated: bool = True
+    """Ask what odometry and depth say as well; False calls all 0 < j - i <= H reachable and all others not."""
+    limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)
+    """What reachable means, the same as in simulation."""
+    far_m: float = 3.0
+    """Images farther apart than this are not reachable,"""
+    far_rad: float = radians(92)
+    """nor are those turned by more; in both cases after what drift may explain is taken off."""
+    drift: float = 0.05
+    """Drift of odometry's place, as a share of the metres driven in between."""
+    drift_turn: float = 0.02
+    """Drift of its heading, as a share of the radians turned in between."""
+    overlap_margin: float = 0.1
+    """A pair that misses a limit by less than its margin is unknown: this much overlap,"""
+    yaw_margin_rad: float = radians(6)
+    """this much turn,"""
+    metres_margin: float = 0.15
+    """and this many metres."""
+
+    def labels(
+        self,
+        trajectory: Trajectory,
+        sources: NDArray[np.integer],
+        targets: NDArray[np.integer],
+        rng: np.random.Generator,
+    ) -> NDArray[np.int8]:
+        """Return the labels (P,) of pairs at most H images apart; nothing is drawn."""
+        return near_labels(trajectory, sources, targets, self)
+
+    def far(
+        self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
+    ) -> NDArray[np.bool_]:
+        """Tell which pairs of rows are certainly not reachable."""
+        return far_apart(trajectory, sources, targets, self)
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryPairs:
+    """A drive and its labels, as training takes examples: by images, labelled pairs and what is certainly far."""
+
+    trajectory: Trajectory
+    rule: LabelRule
+    sources: NDArray[np.int32]
+    """(P,) rows of pairs at most H images apart whose label is known."""
+    targets: NDArray[np.int32]
+    """(P,)"""
+    reachable: NDArray[np.bool_]
+    """(P,)"""
+
+    @property
+    def name(self) -> str:
+        """Name the drive."""
+        return self.trajectory.name
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """(N, H, W, 3)"""
+        return self.trajectory.rgb
+
+    @property
+    def depth_mm(self) -> NDArray[np.uint16]:
+        """(N, H, W)"""
+        return self.trajectory.depth_mm
+
+    @property
+    def poses(self) -> Pose:
+        """(N, 3) by odometry."""
+        return self.trajectory.poses
+
+    @property
+    def piece(self) -> NDArray[np.int32]:
+        """(N,)"""
+        return self.trajectory.piece
+
+    @property
+    def group(self) -> NDArray[np.int32]:
+        """(N,) stretches of the drive, each three horizons long."""
+        return (np.arange(len(self.poses)) // (3 * self.rule.horizon)).astype(np.int32)
+
+    @property
+    def held_out(self) -> NDArray[np.bool_]:
+        """(N,) images that are not learned from."""
+        return self.group % _HELD_OUT_EVERY == _HELD_OUT_EVERY // 2
+
+    def far(self, sources: NDArray[np.integer], targets: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Return (S, T): which pairs of rows are certainly not reachable, however odometry may have drifted."""
+        return self.rule.far(self.trajectory, sources[:, None], targets[None, :])
+
+
+def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Generator) -> TrajectoryPairs:
+    """Label all pairs of a drive that are at most H images apart, and leave out the unknown ones."""
+    count, horizon = len(trajectory.poses), rule.horizon
+    sources = np.repeat(np.arange(count), 2 * horizon + 1)
+    targets = sources + np.tile(np.arange(-horizon, horizon + 1), count)
+    inside = (targets >= 0) & (targets < count) & (targets != sources)
+    rows = np.flatnonzero(inside)
+    if len(rows) > _MOST_PAIRS:
+        rows = np.sort(rng.choice(rows, _MOST_PAIRS, replace=False))
+    i, j = sources[rows], targets[rows]
+    labels = rule.labels(trajectory, i, j, rng)
+    known = labels != UNKNOWN
+    return TrajectoryPairs(
+        trajectory, rule, i[known].astype(np.int32), j[known].astype(np.int32), labels[known] == REACHABLE
+    )
+
+
+def near_labels(
+    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
+) -> NDArray[np.int8]:
+    """Return the labels (P,) of pairs at most H images apart, over which drift does not count.
+
+    Pairs of different pieces are unknown, and so are pairs against the direction of driving that pass every test.
+    """
+    together = trajectory.piece[sources] == trajectory.piece[targets]
+    forward = together & (targets > sources) & (targets - sources <= rule.horizon)
+    if not rule.gated:
+        return np.where(forward, REACHABLE, UNREACHABLE).astype(np.int8)
+    labels = np.full(len(sources), UNKNOWN, np.int8)
+    for part in np.array_split(np.flatnonzero(together), max(len(sources) // _PAIRS_AT_ONCE, 1)):
+        passed, failed = _passed_and_failed(trajectory, sources[part], targets[part], rule)
+        labels[part] = np.where(failed, UNREACHABLE, np.where(passed & forward[part], REACHABLE, UNKNOWN))
+    return labels
+
+
+def far_apart(
+    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
+) -> NDArray[np.bool_]:
+    """Tell which pairs of rows, of any shape that broadcasts, lie farther apart than drift can explain."""
+    after = targets - sources
+    together = trajectory.piece[sources] == trajectory.piece[targets]
+    if not rule.gated:
+        return (after != 0) & ~(together & (after > 0) & (after <= rule.horizon))
+    shift = trajectory.poses[targets] - trajectory.poses[sources]
+    driven = np.abs(trajectory.travelled_m[targets] - trajectory.travelled_m[sources])
+    turned = np.abs(trajectory.turned_rad[targets] - trajectory.turned_rad[sources])
+    away = np.hypot(shift[..., 0], shift[..., 1]) - rule.drift * driven > rule.far_m
+    turn = np.abs(wrap_angle(shift[..., 2])) - rule.drift_turn * turned > rule.far_rad
+    return together & (away | turn)
+
+
+def _passed_and_failed(
+    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which pairs (P,) pass every test, and which fail one by more than its margin."""
+    limits, camera = rule.limits, trajectory.camera
+    waypoints = relative(trajectory.poses[sources], trajectory.poses[targets])
+    here = trajectory.depth_mm[sources] / np.float32(1000)
+    there = trajectory.depth_mm[targets] / np.float32(1000)
+    straight, turn = reachability_criteria.straight_m(waypoints), np.abs(waypoints[:, 2])
+    shared = reachability_criteria.overlap(waypoints, here, there, camera)
+    free = clearance_from_depth(waypoints, here, camera)
+    passed = (straight < limits.distance_m) & (turn < limits.yaw_rad) & (shared > limits.overlap)
+    passed &= _visible(waypoints, here, trajectory, limits.occlusion_m, 0.0) | (straight < limits.at_place_m)
+    passed &= free > limits.line_clearance_m
+    margin = rule.metres_margin
+    failed = (straight > limits.distance_m + margin) | (turn > limits.yaw_rad + rule.yaw_margin_rad)
+    failed |= shared < limits.overlap - rule.overlap_margin
+    hidden = ~_visible(waypoints, here, trajectory, limits.occlusion_m + margin, rule.yaw_margin_rad)
+    failed |= hidden & (straight > limits.at_place_m + margin)
+    return passed, failed
+
+
+def _visible(
+    waypoints: Waypoint, depth: NDArray[np.floating], trajectory: Trajectory, tolerance_m: float, beside_rad: float
+) -> NDArray[np.bool_]:
+    """Tell whether the target's place is in view, or up to `beside_rad` beside it, and nothing stands before it."""
+    camera = trajectory.camera
+    wider = camera._replace(horizontal_fov_rad=camera.horizontal_fov_rad + 2 * beside_rad)
+    clear = reachability_criteria.unobstructed(waypoints, depth, camera, tolerance_m=tolerance_m)
+    return reachability_criteria.in_view(waypoints, wider) & clear

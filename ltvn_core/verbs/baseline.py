@@ -1,0 +1,139 @@
+"""`ltvn baseline`: our network learns the labels of SPTM or ViNG on random walks, for a comparison under equal terms.
+
+From the shipped weights it is as good a rival as we can make; from nothing it is the rival of the paper.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tyro.conf import Positional
+
+from ltvn_core.errors import OptionError
+from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
+from ltvn_core.training.labelled_walks import labelled_walks
+from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
+from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.network.cards.baseline_card import BaselineCard
+    from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
+
+
+@dataclass(frozen=True)
+class BaselineSummary:
+    """New weights, and how well they know the rival's labels in scenes that were not learned from."""
+
+    weights: Path
+    fingerprint: str
+    images: int
+    pairs: int
+    """Labelled pairs."""
+    steps: int
+    pairs_compared: int
+    minutes: float
+    before: dict[str, float]
+    """Figures of the weights it started from, if there were any,"""
+    after: dict[str, float]
+    """and of the new ones, by the rival's labels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineVerb(Verb):
+    """Train a rival's network: the shipped weights, or new ones, learn its labels of time on random walks."""
+
+    baseline: Positional[Literal["sptm", "ving"]]
+    """SPTM: close in time or not. ViNG: how long it takes to get there."""
+    output: Path
+    """The weights to write, with a card beside them; must not exist yet."""
+    data: Path = Path("data/walks")
+    """Where the walks lie, one file per scene; missing ones are made, the same for both rivals."""
+    work: Path | None = None
+    """Where checkpoints and curves go; a folder below the walks unless named."""
+    minutes: float = 8.0
+    """How long to train, in one process,"""
+    steps: int | None = None
+    """or for how many steps of about 200 pairs, which gives the same weights on a slower machine."""
+    fresh: bool = False
+    """Learn from nothing, as in the paper, instead of from the shipped weights; 1,500 steps are a good start."""
+    processes: int = 2
+    """Scenes that are rendered at the same time."""
+    seed: int = 0
+    """Draws walks, pairs, batches and augmentation."""
+
+    def run(self) -> Summary:
+        """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
+        from ltvn_core.network.optimization.training_loop import train
+        from ltvn_core.network.weights_file import load_weights, save_weights
+
+        self._check_options()
+        data, plan = self._data(), self._plan()
+        work = self.work or self.data / self.baseline
+        result = train(data, plan, work, start=self._start())
+        card = self._card(data, plan, result)
+        fingerprint = save_weights(load_weights(result.weights), self.output, asdict(card))
+        size = (card.trained_on.images, card.trained_on.pairs)
+        figures = (asdict(card.before) if card.before else {}, asdict(card.after))
+        return BaselineSummary(self.output, fingerprint, *size, card.steps, card.pairs_compared, card.minutes, *figures)
+
+    def _check_options(self) -> None:
+        if not (self.minutes > 0 and (self.steps is None or self.steps > 0)):
+            raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
+        if self.output.suffix != ".safetensors" or self.output.exists():
+            raise OptionError(f"--output must be a new file that ends in .safetensors, got {self.output}.")
+
+    def _start(self) -> Path | None:
+        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS
+
+        return None if self.fresh else SHIPPED_WEIGHTS
+
+    def _length(self) -> str:
+        length = f"--minutes {self.minutes:g}" if self.steps is None else f"--steps {self.steps}"
+        return length + " --fresh" * self.fresh
+
+    def _data(self) -> "TrainingData":
+        from ltvn_core.network.optimization.training_loop import TrainingData
+        from ltvn_core.simulation.scene_registry import scene_names
+
+        names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
+        shards = labelled_walks(self.baseline, names, self.data, seed=self.seed, processes=self.processes)
+        learned = [shard for shard in shards if shard.name not in VALIDATION_SCENES]
+        return TrainingData(learned, [shard for shard in shards if shard.name in VALIDATION_SCENES])
+
+    def _plan(self) -> "TrainingPlan":
+        from ltvn_core.network.optimization.baseline_plans import baseline_training_plan
+
+        return baseline_training_plan(
+            self.baseline, minutes=self.minutes, steps=self.steps, seed=self.seed, fresh=self.fresh
+        )
+
+    def _card(self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult") -> "BaselineCard":
+        from ltvn_core.network.cards.baseline_card import BaselineCard, evaluate_baseline
+        from ltvn_core.network.cards.model_card import TrainingDataSummary
+        from ltvn_core.network.predictor import load_predictor
+        from ltvn_core.network.weights_file import read_card, weights_fingerprint
+        from ltvn_core.training_data.shards import Shard
+        from ltvn_core.training_data.temporal_rules import TEMPORAL_RULES
+
+        start = self._start()
+        shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
+        return BaselineCard(
+            self.baseline,
+            start and weights_fingerprint(start),
+            start and read_card(start),
+            asdict(TEMPORAL_RULES[self.baseline]),
+            TrainingDataSummary(
+                tuple(shard.name for shard in shards),
+                VALIDATION_SCENES,
+                sum(len(shard.rgb) for shard in shards),
+                sum(len(shard.sources) for shard in shards),
+                shards[0].recipe,
+            ),
+            plan,
+            result.steps,
+            result.pairs,
+            result.seconds / 60,
+            (f"ltvn baseline {self.baseline} --output {self.output.name} {self._length()} --seed {self.seed}",),
+            evaluate_baseline(load_predictor(start), data.validation) if start else None,
+            evaluate_baseline(load_predictor(result.weights), data.validation),
+        )

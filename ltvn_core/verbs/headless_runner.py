@@ -1,0 +1,145 @@
+"""The loop without a browser: pulls the navigator, lets simulated time pass, and writes down everything.
+
+Owns the order of driving, recording and judging. The page has its own loop (`ltvn_viz.session.session_loop`), because
+there time is real and a person may interfere.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from tqdm import tqdm
+
+from ltvn_core.composition import Simulation
+from ltvn_core.config import Method
+from ltvn_core.errors import MapError
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.episode import judge_goal_reached
+from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent
+from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.recording.recorded_robot import RecordedRobot
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.simulation.scripted_tour import drive_tour
+from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose, Predictor
+
+
+@dataclass(frozen=True)
+class QueriesSummary:
+    """What a number of queries came to."""
+
+    queries: int
+    reached: int
+    """Queries that ended within 0.72 m and 0.4 rad of the goal by the robot's own decision."""
+    collisions: int
+    """Touches during the queries."""
+    pruned: int
+    """Edges that maintenance took away."""
+    added: int
+    """Edges and nodes that maintenance brought in."""
+    failures: dict[str, int]
+    """How the other queries ended, in the robot's own words; "arrived" means that it was wrong about that."""
+
+
+class HeadlessRunner:
+    """Robot, map and recording of one headless run."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        writer: RecordingWriter,
+        keyframes: KeyframeStore,
+        predictor: Predictor,
+        method: Method,
+        graph: TopologicalGraph,
+    ) -> None:
+        """Take hold of everything; an empty graph waits for `build`."""
+        self.robot, self.scene = simulation.robot, simulation.scene
+        self.writer, self.keyframes, self.graph = writer, keyframes, graph
+        self.predictor, self.method = predictor, method
+
+    def collect(self, rng: np.random.Generator, loops: int) -> list[Observation]:
+        """Drive a mapping tour, record it, and return its keyframes."""
+        seen = []
+        for observation in tqdm(drive_tour(self.robot, self.scene, rng, loops=loops), desc="collect", unit="frame"):
+            self.writer.frame(observation)
+            seen.append(observation)
+        return seen
+
+    def build(self, observations: Sequence[Observation], rng: np.random.Generator) -> None:
+        """Build the map by Algorithm 1, with a progress bar."""
+        with tqdm(total=len(observations), desc="build", unit="image") as bar:
+
+            def show(done: int, _total: int) -> None:
+                bar.update(done - bar.n)
+
+            self._change(build(observations, self.keyframes, self.predictor, self.method, rng, progress=show))
+
+    def run_queries(
+        self,
+        goals: Sequence[NodeId],
+        rng: np.random.Generator,
+        *,
+        starts: Sequence[NodeId] | None = None,
+    ) -> QueriesSummary:
+        """Drive to each goal in turn, from where the last query ended or from `starts`, and judge by exact poses."""
+        navigator = Navigator(
+            RecordedRobot(self.robot, self.writer), self.graph, self.keyframes, self.predictor, self.method, rng
+        )
+        lifelong = LifelongRun(self._record)
+        before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))
+        episodes = lifelong.run(
+            navigator, goals, first_query=0, advance=self._advance, verdict=self._verdict, before=before
+        )
+        failures: Counter[str] = Counter()
+        for episode in tqdm(episodes, desc="navigate", total=len(goals), unit="query"):
+            self._draw()
+            if not episode.reached:
+                failures[episode.ended.outcome] += 1
+        totals = lifelong.totals()
+        return QueriesSummary(
+            queries=totals.queries,
+            reached=totals.reached,
+            collisions=totals.collisions,
+            pruned=totals.pruned,
+            added=totals.added + totals.nodes_added,
+            failures=dict(failures),
+        )
+
+    def random_goals(self, count: int, rng: np.random.Generator) -> Sequence[NodeId]:
+        """Draw nodes to go to; raises MapError on an empty map."""
+        return random_goals(list(self.graph.nodes), count, rng)
+
+    def map_observations(self) -> list[Observation]:
+        """Return the images that belong to the map: those of its nodes and of its reserve."""
+        return [self.keyframes.observation(frame) for frame in (*self.graph.nodes, *self.graph.reserve)]
+
+    def _advance(self) -> None:
+        self.robot.advance(CONTROL_STEP_S)
+
+    def _verdict(self, query: int, goal: NodeId) -> Judged:
+        return judge_goal_reached(query, self.robot.exact_pose, self._exact_pose(goal))
+
+    def _exact_pose(self, node: NodeId) -> Pose:
+        pose = self.keyframes.observation(node).exact_pose
+        if pose is None:
+            raise MapError(f"Node {node} was not recorded in simulation, so arriving there cannot be judged.")
+        return pose
+
+    def _record(self, event: Event) -> None:
+        state = self.robot.state()
+        self.writer.event(StampedEvent(state.step, state.stamp, event))
+
+    def _change(self, deltas: Sequence[GraphDelta]) -> None:
+        for delta in deltas:
+            self.graph.apply(delta)
+            self._record(GraphChanged(delta))
+        self._draw()
+
+    def _draw(self) -> None:
+        state = self.robot.state()
+        self.writer.graph(self.graph, state.step, state.stamp)

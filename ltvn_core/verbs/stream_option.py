@@ -1,0 +1,23 @@
+"""What a run that can be watched in Rerun says to the person who started it."""
+
+import logging
+
+from ltvn_core.errors import OptionError
+
+_LOG = logging.getLogger(__name__)
+_LAST_PORT = 65535
+
+
+def announce_stream(port: int | None) -> int | None:
+    """Say how to watch what is recorded at `port`, and return it; None, which nobody can watch, is passed on.
+
+    Raises OptionError for a number that is no port.
+    """
+    if port is None:
+        return None
+    if not 1 <= port <= _LAST_PORT:
+        raise OptionError(f"--stream must be a port from 1 to {_LAST_PORT}, such as 9877, got {port}.")
+    from ltvn_core.recording.live_server import live_address
+
+    _LOG.info("Watch what is recorded: ltvn view %s (or: rerun %s)", live_address(port), live_address(port))
+    return port

@@ -1,0 +1,149 @@
+"""Sets the stage for the options of the command line: map, recordings, and who plays.
+
+Owns the order in which things are opened, and which map is the first. Knows no page.
+"""
+
+import logging
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from ltvn_core.composition import open_method
+from ltvn_core.config import Method
+from ltvn_core.errors import LtvnError, SceneError
+from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.recording.garbage_collection import garbage_collection_paused
+from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.types import Predictor
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session.absent_backend import AbsentTeleop
+from ltvn_viz.session.activities.playback import Playback, build_timeline
+from ltvn_viz.session.activities.teleop import Teleop
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.backend import Backend, open_backend, predictor_for
+from ltvn_viz.session.fine_tuning import FineTuning
+from ltvn_viz.session.goals import Goals
+from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.session.options import DEMO_SCENE, AppOptions
+from ltvn_viz.session.recorder import Recorder
+from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.rerun_viewers import RerunViewers
+from ltvn_viz.session.worker import Worker
+from ltvn_viz.timeline.run_timeline import RunTimeline
+
+logger = logging.getLogger(__name__)
+
+DEMO_MAP = "demo-map.rrd"
+
+
+def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailStore) -> AppState:
+    """Open what the options name, to be closed by `stack`. Raises LtvnError.
+
+    What a person can get wrong is looked at first, and cheap things before dear ones.
+    """
+    library = RecordingLibrary(options.recordings)
+    if options.replay is not None:
+        library.path(options.replay)
+    method = open_method(options.preset, options.predictor, options.weights)
+    chosen = None if options.map is None else load_map(options.map)
+    if chosen is not None:
+        options = replace(options, scene=chosen.meta.scene)
+    predictor = predictor_for(options)
+    if chosen is not None:
+        check_fingerprint(chosen.meta, predictor.fingerprint)
+    known = chosen or _ready_made(options, predictor)
+    backend = open_backend(options, known, stack)
+    live_map = LiveMap(predictor, method, np.random.default_rng(options.seed))
+    worker = Worker(ThreadPoolExecutor(1, "map and model"))
+    recorder = Recorder(library, lambda path: _new_recording(path, backend, live_map, options.stream))
+    live = LiveRun(backend.robot, recorder, RunTimeline())
+    if known is not None:
+        _take_map(live, live_map, known)
+    teleop = AbsentTeleop if backend.simulation is None else Teleop
+    return AppState(
+        scene=options.scene,
+        live=live,
+        live_map=live_map,
+        worker=worker,
+        library=library,
+        open_replay=lambda name: open_replay(library, name),
+        feed=backend.feed,
+        goals=Goals(live_map, worker, thumbnails),
+        teleop=teleop(live, worker, live_map.offer),
+        fine_tuning=_open_learning(options),
+        predictor_for=lambda weights: _other_mind(options, weights),
+        rerun=RerunViewers(stack).address,
+    )
+
+
+def open_replay(library: RecordingLibrary, name: str) -> Playback:
+    """Read a recording of the library for the page; raises RecordingError."""
+    with garbage_collection_paused():
+        recording = Recording.open(library.path(name))
+        poses = recording.poses
+        drawn = poses.odometry if poses.exact is None else poses.exact
+        frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
+        timeline = build_timeline(frames, recording.events)
+    meta = recording.meta
+    system = str(meta.config.get("system", ""))
+    return Playback(name, meta.scene, timeline, recording, weights=meta.fingerprint, system=system)
+
+
+def _open_learning(options: AppOptions) -> FineTuning:
+    tuner = options.tuner if options.predictor == "network" else None
+    return FineTuning(tuner, options.weights, ThreadPoolExecutor(1, "learning"))
+
+
+def _other_mind(options: AppOptions, weights: Path) -> tuple[Predictor, Method]:
+    """Open other weights just as a new start of the app with them would."""
+    mind = replace(options, weights=weights, replay=None)
+    return predictor_for(mind), open_method(options.preset, options.predictor, weights)
+
+
+def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
+    """Return the demo scene's map, None elsewhere and where other weights are in use."""
+    if options.scene != DEMO_SCENE or options.replay is not None:
+        return None
+    shipped = Path(__file__).parents[1] / "recordings" / DEMO_MAP
+    place = next((place for place in (options.recordings / DEMO_MAP, shipped) if place.exists()), None)
+    if place is None:
+        return None
+    known = load_map(place)
+    if known.meta.fingerprint != predictor.fingerprint:
+        logger.info("The ready-made map belongs to other weights; beginning with an empty one.")
+        return None
+    return known
+
+
+def _new_recording(path: Path, backend: Backend, live_map: LiveMap, live_port: int | None) -> RecordingWriter:
+    """Begin a recording that holds the map as it is, so that it needs no other file."""
+    if backend.simulation is None:
+        raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
+    writer = RecordingWriter(
+        path,
+        scene=backend.simulation.scene.address,
+        config={"verb": "app", "system": "ltvn", "method": asdict(live_map.method)},
+        fingerprint=live_map.fingerprint,
+        scene_glb=backend.simulation.scene.glb(with_ceiling=False),
+        live_port=live_port,
+    )
+    try:
+        if live_map.graph.nodes:
+            writer.map(live_map.graph, live_map.map_observations())
+    except LtvnError:
+        writer.close()
+        raise
+    return writer
+
+
+def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:
+    for frame, seen in known.observations.items():
+        live.timeline.place(frame, seen.odometry if seen.exact_pose is None else seen.exact_pose)
+    for delta in live_map.load(known.graph, list(known.observations.values())):
+        live.emit(GraphChanged(delta))

@@ -1,0 +1,81 @@
+"""Slow answers: computed once each in the worker's thread, while the page goes on.
+
+Owns what is under way and what is known. What is computed must touch nothing that the session's thread changes.
+"""
+
+import logging
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Any
+
+from ltvn_core.errors import LtvnError
+from ltvn_viz.session.worker import Worker
+
+_KEPT = 32
+_LOG = logging.getLogger(__name__)
+
+
+class BackgroundCache:
+    """Answers by their questions."""
+
+    def __init__(self, worker: Worker, on_answer: Callable[[], None]) -> None:
+        """Compute in `worker`; `on_answer` is called in the session's thread whenever there is something new."""
+        self._worker, self._on_answer = worker, on_answer
+        self._known: OrderedDict[Hashable, Any] = OrderedDict()
+        self._asked: set[Hashable] = set()
+
+    def __call__(self, question: Hashable, compute: Callable[[], Any]) -> Any | None:
+        """Return the answer to a question, None as long as it is being computed; raises the LtvnError it ended with."""
+        if question in self._known:
+            answer = self._known[question]
+            if isinstance(answer, LtvnError):
+                raise answer
+            return answer
+        if question not in self._asked:
+            self._asked.add(question)
+            self._worker.submit(lambda: _tried(compute), lambda answer: self._answered(question, answer))
+        return None
+
+    def _answered(self, question: Hashable, answer: Any) -> None:
+        self._asked.discard(question)
+        self._known[question] = answer
+        while len(self._known) > _KEPT:
+            self._known.popitem(last=False)
+        self._on_answer()
+
+
+class LatestAnswer:
+    """Asks one question at a time, for answers that are out of date while they are computed.
+
+    While the map changes faster than answers come, the newest answer stands, and the worker has one job, not many.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._asked: tuple[Hashable, Callable[[], Any]] | None = None
+        self._newest: Any | None = None
+
+    def __call__(self, cache: BackgroundCache, question: Hashable, compute: Callable[[], Any]) -> Any | None:
+        """Return the newest answer, None before the first one; raises the LtvnError that an answer ended with."""
+        asked = self._asked or (question, compute)
+        self._asked = None
+        if (answer := cache(*asked)) is None:
+            self._asked = asked
+            return self._newest
+        self._newest = answer
+        return answer if asked[0] == question else self(cache, question, compute)
+
+    def forget(self) -> None:
+        """Leave the old answer behind, because something else is asked now."""
+        self._asked = self._newest = None
+
+
+def _tried(compute: Callable[[], Any]) -> Any:
+    try:
+        return compute()
+    except LtvnError as error:
+        return error
+    except Exception as error:
+        # Whatever it was, a question must not wait for its answer for ever.
+        _LOG.exception("A question could not be answered")
+        return LtvnError(f"This could not be answered: {error!r}")

@@ -1,0 +1,96 @@
+"""What a tool may look at: everything that happened, with the pictures and the network.
+
+Owns how the live run and an open recording are made to look the same. Computes nothing but what it keeps.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.config import Method
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
+from ltvn_viz.debugger.background_cache import BackgroundCache
+from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.viewpoint import Viewpoint
+from ltvn_viz.timeline.run_timeline import RunMoment
+from ltvn_viz.timeline.run_timeline import RunTimeline as LiveTimeline
+
+if TYPE_CHECKING:
+    from ltvn_viz.session.live_map import LiveMap
+
+STAMP_EPSILON_S = 1e-6
+"""More than is lost when a stamp is taken apart and put together again."""
+
+
+@dataclass(frozen=True, eq=False)
+class DebugContext:
+    """A run and a moment in it."""
+
+    name: str
+    """Of the recording; empty for the live run."""
+    scene: str
+    start_s: float
+    """The stamp at which the run began; seconds on the page count from there."""
+    moment: RunMoment
+    """What the page shows."""
+    step: FrameId
+    """The newest step that counts."""
+    timeline: Timeline
+    """All events that are known, also those after the moment, indexed."""
+    pose: Callable[[NodeId], Pose | None]
+    """Where a node is drawn, (3,)."""
+    observation: Callable[[FrameId], Observation | None]
+    """An image by its frame; None when it is not at hand. Touch it in this thread alone."""
+    method: Method
+    """The thresholds in use."""
+    predictor: Predictor
+    """The network in use; a recording may have been made with another."""
+    weights: str
+    """Fingerprint of the network that the run was made with; empty where nobody knows."""
+    system: str
+    """Name of the system that planned, as the recording says; empty for the live run and where nobody said."""
+    live_map: "LiveMap | None"
+    """The live map and its images, to be touched within `in_background` alone; None in replay."""
+    live: LiveTimeline
+    """The live run as it is now, also while a recording is on show."""
+    in_background: BackgroundCache
+    """Computes slowly, elsewhere."""
+    library: RecordingLibrary
+    """The other recordings."""
+    rerun: Callable[[Path], str]
+    """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
+    viewpoint: Viewpoint | None = None
+    """From where the person looks, for the tool that hands it on; None for all others, which need not look again."""
+
+    @property
+    def instant(self) -> Instant:
+        """The moment."""
+        return Instant(self.step, self.moment.stamp)
+
+    @property
+    def is_live(self) -> bool:
+        """Tell whether the robot itself is on show."""
+        return self.live_map is not None
+
+    @cached_property
+    def graph(self) -> TopologicalGraph:
+        """The map at the moment; linear in its changes when it is asked first."""
+        return self.timeline.graph_at(self.instant)
+
+    def revision(self, *kinds: type) -> tuple[int, int]:
+        """Return how many changes of the map and how many events of these kinds there were so far.
+
+        An answer about both is out of date when this changes. Linear in the events.
+        """
+        before = self.timeline.count_until(self.instant)
+        events = self.timeline.events[:before]
+        return len(self.timeline.changes_before(before)), sum(isinstance(each.event, kinds) for each in events)
+
+    def seconds(self, instant: Instant) -> float:
+        """Return a moment as the page counts it, a hair late so that whoever goes there is not just before it."""
+        return max(0.0, instant.stamp - self.start_s + STAMP_EPSILON_S)

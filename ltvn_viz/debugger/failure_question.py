@@ -1,0 +1,190 @@
+"""What failed: queries by cause and place, the second before each went wrong, and success over the robot's life.
+
+Owns the page of it. Causes and places are found in `ltvn_core.analysis.failure_triage`, the curves are `why.lifelong`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+from ltvn_core.analysis.failure_triage import (
+    FailedQuery,
+    FailureCluster,
+    FailureMode,
+    failed_queries,
+    group_by_failure_mode,
+    group_by_place,
+)
+from ltvn_core.analysis.lifelong_success import LifelongSuccess, lifelong_success
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import QueryRecord
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_viz import palette
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.lifelong_curves import add_lifelong_curves
+from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.session.commands import ChooseQuestion, PointAt, SubmitText
+from ltvn_viz.session.overlay import EMPTY_OVERLAY, Label, Overlay, stroke
+
+_NEXT = {
+    FailureMode.WRONG_ARRIVAL: (QuestionName.EDGE, QuestionName.WHERE),
+    FailureMode.LOST: (QuestionName.WHERE, QuestionName.BLAME),
+    FailureMode.NO_PATH: (QuestionName.TRUTH, QuestionName.WHAT_IF),
+    FailureMode.COLLISION: (QuestionName.BLAME, QuestionName.EDGE),
+    FailureMode.FAILED_EDGE: (QuestionName.BLAME, QuestionName.EDGE),
+    FailureMode.TOO_SLOW: (QuestionName.BLAME, QuestionName.EDGE),
+}
+"""What to ask next."""
+WINDOW = 10
+"""Queries over which success is counted."""
+_ROWS = 10
+_ALL = "all"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FailureSummary:
+    """What there is to know about a run's queries."""
+
+    failures: tuple[FailedQuery, ...]
+    places: tuple[FailureCluster, ...]
+    strip: LifelongSuccess
+
+    @classmethod
+    def of(cls, timeline: Timeline) -> "FailureSummary":
+        """Look through a run; linear in its events."""
+        failures = failed_queries(timeline)
+        return cls(failures, group_by_place(failures), lifelong_success(timeline, WINDOW))
+
+
+class FailureQuestion:
+    """Tells what failed."""
+
+    about = "Failed queries by cause and place; a time leads to the second before it went wrong."
+
+    def __init__(self) -> None:
+        """Begin with all causes."""
+        self._only: FailureMode | None = None
+        self._known: tuple[object, FailureSummary | None] = (None, None)
+        self._drawn: tuple[object, Overlay] = (None, EMPTY_OVERLAY)
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        """Show the failures of the whole run, and the one at the moment."""
+        builder, findings = AnswerBuilder(), self._findings(context)
+        if findings is None:
+            builder.add_text("Looking through the queries …")
+            return builder.build()
+        if not len(findings.strip.queries):
+            builder.add_text("No query has ended yet: choose a goal under “Go”, or open a recording with queries.")
+            return builder.build()
+        shown = [each for each in findings.failures if self._only in (None, each.failure_mode)]
+        self._causes(findings, builder)
+        now = next((each for each in shown if _covers(each, context)), None)
+        if now is not None:
+            _detail(context, now, builder)
+        if shown:
+            builder.add_table(
+                ("when", "query", "cause", "near node"), [_row(context, each, builder) for each in shown[-_ROWS:]]
+            )
+        if len(shown) > _ROWS:
+            builder.add_text(f"The last {_ROWS} of {len(shown)}; choose a cause above to see others.")
+        add_lifelong_curves(context, findings.strip, builder)
+        return builder.build(self._overlay(context, findings, shown, now))
+
+    def handle_text(self, context: DebugContext, text: str) -> None:
+        """Show one cause, or all."""
+        if text != _ALL and text not in [*FailureMode]:
+            raise OptionError(f"Choose a cause out of {', '.join(FailureMode)}, or {_ALL}.")
+        self._only = None if text == _ALL else FailureMode(text)
+
+    def _findings(self, context: DebugContext) -> FailureSummary | None:
+        queries, timeline = context.timeline.queries, context.timeline
+        last = (queries[-1].ended, queries[-1].judged) if queries else None
+        # A run that goes on is looked through again when a query is over, not with every event.
+        run = context.name, context.start_s
+        answer = context.in_background(("failures", *run, len(queries), last), lambda: FailureSummary.of(timeline))
+        if answer is not None:
+            self._known = run, answer
+        return self._known[1] if self._known[0] == run else None
+
+    def _causes(self, findings: FailureSummary, builder: AnswerBuilder) -> None:
+        count, failed = len(findings.strip.queries), len(findings.failures)
+        builder.add_html(f"<div><b>{failed}</b> of <b>{count}</b> queries failed.</div>")
+        groups = group_by_failure_mode(findings.failures)
+        links = [
+            builder.link(f"{failure_mode} {len(group)}", SubmitText(failure_mode))
+            for failure_mode, group in groups.items()
+        ]
+        if self._only is not None:
+            links.append(builder.link("show all", SubmitText(_ALL)))
+        if links:
+            builder.add_html(f"<div>{' · '.join(links)}</div>")
+
+    def _overlay(
+        self, context: DebugContext, findings: FailureSummary, shown: Sequence[FailedQuery], now: FailedQuery | None
+    ) -> Overlay:
+        key = findings, self._only, now
+        if key != self._drawn[0]:
+            self._drawn = key, _drawing(context, findings.places, shown, now)
+        return self._drawn[1]
+
+
+def _covers(failure: FailedQuery, context: DebugContext) -> bool:
+    """Tell whether the moment lies in a failed query."""
+    end = failure.query.end or failure.query.begin
+    return failure.query.begin.step <= context.step <= end.step
+
+
+def _row(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> tuple[str, ...]:
+    when = builder.time_link(context.seconds(failure.instant))
+    node = "–" if failure.node is None else builder.link(str(failure.node), PointAt(failure.node))
+    return when, str(failure.query.id), f'<span title="{escape(failure.text)}">{failure.failure_mode}</span>', node
+
+
+def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
+    query = failure.query
+    wrong = builder.time_link(context.seconds(context.timeline.instant(failure.event)))
+    began = builder.time_link(context.seconds(query.begin), "its beginning")
+    builder.add_html(
+        f"<div>Now in <b>query {query.id}</b> to node {query.goal} ({began}): {failure.failure_mode}.</div>"
+    )
+    builder.add_html(f"<div>{wrong} {escape(failure.text)}</div>")
+    asks = " or ".join(
+        f"“{builder.link(str(question), ChooseQuestion(question))}”" for question in _NEXT[failure.failure_mode]
+    )
+    edge = failure.edge or _last_edge(query)
+    if edge is None:
+        builder.add_html(f"<div>Then ask {asks}</div>")
+    else:
+        point = builder.link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge))
+        builder.add_html(f"<div>It drove {point}; point at it, then ask {asks}</div>")
+
+
+def _last_edge(query: QueryRecord) -> EdgeKey | None:
+    """Return the edge that was driven last, which led to where the robot thought that it had arrived."""
+    driven = [(started.source, started.target) for started in (attempt.started for attempt in query.attempts)]
+    return next(((source, target) for source, target in reversed(driven) if source is not None), None)
+
+
+def _drawing(
+    context: DebugContext, places: Sequence[FailureCluster], shown: Sequence[FailedQuery], now: FailedQuery | None
+) -> Overlay:
+    strokes = []
+    for failure in shown:
+        ends = [] if failure.edge is None else [context.pose(node) for node in failure.edge]
+        if len(ends) == 2 and ends[0] is not None and ends[1] is not None:
+            strokes.append(stroke(ends[0], ends[1], palette.TARGET if failure is now else palette.EDGE_REMOVED))
+    nodes = {failure.node: palette.EDGE_REMOVED for failure in shown if failure.node is not None}
+    if now is not None and now.node is not None:
+        nodes[now.node] = palette.TARGET
+    return Overlay(tuple(strokes), nodes, labels=tuple(_labels(context, places, shown)))
+
+
+def _labels(context: DebugContext, places: Sequence[FailureCluster], shown: Sequence[FailedQuery]) -> list[Label]:
+    kept, labels = {id(failure) for failure in shown}, []
+    for place in places:
+        count = sum(id(failure) in kept for failure in place.failures)
+        pose = context.pose(place.nodes[0]) if place.nodes else None
+        if count and pose is not None:
+            labels.append(Label((float(pose[0]), float(pose[1])), f"{count} failed"))
+    return labels

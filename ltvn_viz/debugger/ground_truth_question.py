@@ -1,0 +1,178 @@
+"""Truth: in simulation, which edges nobody can drive, which ones are missing, and whether p keeps its promise."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ltvn_core.errors import MapError, OptionError
+from ltvn_core.evaluation.edge_accuracy import EdgeAccuracy as Verdicts
+from ltvn_core.evaluation.edge_accuracy import MissingEdge, edge_accuracy
+from ltvn_core.evaluation.edge_calibration import CalibrationPoint, calibration_over_queries
+from ltvn_core.evaluation.ground_truth import GroundTruth, calibration_bins
+from ltvn_core.evaluation.results import EdgeCalibrationBin
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.events import AttemptEnded, QueryEnded, StampedEvent
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.types import FrameId, Observation, Pose
+from ltvn_viz import palette
+from ltvn_viz.debugger.background_cache import LatestAnswer
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.pointing import add_selected_edge
+from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.svg_figures import calibration_svg, legend_item
+from ltvn_viz.session.commands import PointAt
+from ltvn_viz.session.overlay import Overlay, Stroke, stroke
+
+_SPURIOUS, _MISSING = 15, 10
+_LOOKED_AT = 4
+"""So many nodes are asked whether anybody knows where they truly are."""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedMap:
+    """The answer."""
+
+    graph: TopologicalGraph
+    poses: Mapping[FrameId, Pose]
+    verdicts: Verdicts
+    cells: tuple[EdgeCalibrationBin, ...]
+    attempts: CalibrationPoint | None
+    """None before any attempt."""
+
+
+class GroundTruthQuestion:
+    """Holds the map against the simulator."""
+
+    about = "In simulation: edges that nobody can drive, edges that are missing, and whether p tells the truth."
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._latest = LatestAnswer()
+        self._about: tuple[str, str] = "", ""
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        """Show the verdicts, or say why there are none."""
+        builder, graph = AnswerBuilder(), context.graph
+        if (why_not := _unknown(context)) is not None:
+            builder.add_text(why_not)
+            return builder.build()
+        if self._about != (context.name, context.scene):
+            self._about = context.name, context.scene
+            self._latest.forget()
+        events = context.timeline.events[: context.timeline.count_until(context.instant)]
+        poses, near, scene = _poses(context, events), context.method.building.connect_distance, context.scene
+        question = ("truth", context.name, scene, context.revision(AttemptEnded, QueryEnded))
+        judged = self._latest(context.in_background, question, lambda: _judged_map(scene, graph, poses, events, near))
+        if judged is None:
+            builder.add_text("Asking the simulator …")
+            return builder.build()
+        return _show(builder, judged, selection)
+
+    def handle_text(self, context: DebugContext, text: str) -> None:
+        """Take nothing in."""
+        raise OptionError("Nothing is asked here; click an edge of the table.")
+
+
+def _unknown(context: DebugContext) -> str | None:
+    """Return why nobody knows the truth; None where it is known."""
+    if not context.graph.nodes:
+        return "There is no map yet whose edges could be true or false."
+    nodes = list(context.graph.nodes)[:_LOOKED_AT]
+    pictures = [seen for node in nodes if (seen := context.observation(node)) is not None]
+    if pictures and all(seen.exact_pose is not None for seen in pictures):
+        return None
+    return (
+        "Nobody knows the truth here: the images do not say where they were really taken. A drive in a simulated "
+        "scene does; elsewhere, “What about this edge?” tells what driving taught."
+    )
+
+
+def _poses(context: DebugContext, events: Sequence[StampedEvent]) -> dict[FrameId, Pose]:
+    frames = {stamped.event.frame for stamped in events if isinstance(stamped.event, AttemptEnded)}
+    frames |= {stamped.event.target for stamped in events if isinstance(stamped.event, AttemptEnded)}
+    return {frame: pose for frame in frames | set(context.graph.nodes) if (pose := context.pose(frame)) is not None}
+
+
+def _judged_map(
+    scene: str, graph: TopologicalGraph, poses: Mapping[FrameId, Pose], events: Sequence[StampedEvent], near: float
+) -> JudgedMap:
+    truth = GroundTruth(load_scene(scene).clearance, _nobody, poses=poses)
+    points = calibration_over_queries(events, truth)
+    verdicts = edge_accuracy(graph, truth, near=near)
+    return JudgedMap(graph, poses, verdicts, calibration_bins(graph, truth), points[-1] if points else None)
+
+
+def _nobody(frame: FrameId) -> Observation:
+    raise MapError(f"Nobody knows where image {frame} was taken.")
+
+
+def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> QuestionAnswer:
+    verdicts = judged.verdicts
+    builder.add_html(
+        f"<div>{legend_item(palette.EDGE_REMOVED, f'cannot be driven: {len(verdicts.spurious)}')} "
+        f"{legend_item(palette.EDGE_ADDED, f'missing: {len(verdicts.missing)}')}</div>"
+    )
+    builder.add_html(
+        f"<div><b>{_share(verdicts.precision)}</b> of the edges can be driven (precision). "
+        f"<b>{_share(verdicts.recall)}</b> of the neighbours have a short way (recall).</div>"
+    )
+    nodes = add_selected_edge(builder, selection)
+    _spurious(builder, judged)
+    _missing(builder, verdicts.missing)
+    builder.add_text(
+        "Does p tell the truth? Each dot is a tenth of the scale; on the line, p is the share that is true."
+    )
+    builder.add_html(
+        calibration_svg([(cell.mean_p, cell.drivable, cell.edges) for cell in judged.cells], palette.SOURCE)
+    )
+    if (point := judged.attempts) is not None:
+        truly = "" if point.arrived is None else f", {point.arrived:.0%} truly"
+        builder.add_text(
+            f"{point.attempts} attempts: p foretold {point.mean_p:.0%}, {point.succeeded:.0%} succeeded{truly}; "
+            f"mean squared error {point.brier:.3f}."
+        )
+    return builder.build(Overlay(strokes=_strokes(judged), nodes=nodes))
+
+
+def _spurious(builder: AnswerBuilder, judged: JudgedMap) -> None:
+    edges = judged.graph.edges
+    worst = sorted(judged.verdicts.spurious, key=lambda key: -edges[key].belief.p)
+    if not worst:
+        return
+    rows = [
+        (_edge(builder, key), f"{edges[key].belief.p:.2f}", f"{edges[key].successes}/{edges[key].attempts}")
+        for key in worst[:_SPURIOUS]
+    ]
+    builder.add_table(("cannot be driven", "p", "succeeded"), rows)
+
+
+def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:
+    if not missing:
+        return
+    # Most ways are missing in both directions, and one row says so.
+    pairs = {(min(pair.source, pair.target), max(pair.source, pair.target)): pair for pair in reversed(missing)}
+    rows = [
+        (_edge(builder, (pair.source, pair.target)), f"{pair.distance:.2f}", _way(pair))
+        for pair in list(reversed(pairs.values()))[:_MISSING]
+    ]
+    builder.add_table(("missing, one way or both", "apart", "way in the map"), rows)
+
+
+def _way(pair: MissingEdge) -> str:
+    return f"{pair.path:.1f}" if math.isfinite(pair.path) else "none, or far longer"
+
+
+def _edge(builder: AnswerBuilder, key: EdgeKey) -> str:
+    return builder.link(f"{key[0]} → {key[1]}", PointAt(*key))
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1%}"
+
+
+def _strokes(judged: JudgedMap) -> tuple[Stroke, ...]:
+    missing = [((pair.source, pair.target), palette.EDGE_ADDED) for pair in judged.verdicts.missing]
+    wrong = [(key, palette.EDGE_REMOVED) for key in sorted(judged.verdicts.spurious)]
+    return tuple(
+        stroke(judged.poses[source], judged.poses[target], colour) for (source, target), colour in missing + wrong
+    )

@@ -1,0 +1,208 @@
+"""Where the robot might be: the current view against every node, how sure that was over time, and look-alike places."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+
+import numpy as np
+
+from ltvn_core.analysis.localisation_confidence import (
+    LocalisationHeatMap,
+    LocalisationMargins,
+    features_of,
+    localisation_heat_map,
+    localisation_margins,
+)
+from ltvn_core.analysis.perceptual_aliases import PerceptualAlias, find_perceptual_aliases
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.config import Method
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import NodeId, Observation, Predictor
+from ltvn_viz import palette
+from ltvn_viz.debugger.background_cache import LatestAnswer
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.node_images import NodeImageLoader
+from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.svg_figures import step_curve_svg
+from ltvn_viz.palette import Rgb8
+from ltvn_viz.session.commands import PointAt, Seek, SubmitText
+from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
+
+_COLOURED = 1000
+_SHOWN_LOCALIZATIONS = 200
+_SMALLEST = 5
+_PAIRS = 8
+_CANDIDATES = 8
+"""Nodes with the most similar pictures that each node is compared with; more takes longer."""
+_SMALL = 0.3
+_FIND_ALIASES = "look-alikes"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColouredHeat:
+    """One view against all nodes, ready to be drawn."""
+
+    heat: LocalisationHeatMap
+    colours: dict[NodeId, Rgb8] = field(default_factory=dict)
+
+
+class LocalisationQuestion:
+    """Compares what is seen now with the whole map."""
+
+    about = "How near each node looks from the current view: blue is near. And how sure the robot was over time."
+
+    def __init__(self) -> None:
+        """Begin with nothing compared."""
+        self._node_images, self._heat = NodeImageLoader(), LatestAnswer()
+        self._margins: tuple[Timeline | None, LocalisationMargins] = (None, localisation_margins(()))
+        self._asked: tuple[object, ...] | None = None
+        self._run = ""
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        """Colour the nodes and say which are best."""
+        builder = AnswerBuilder()
+        if context.weights not in ("", context.predictor.fingerprint):
+            builder.add_text("This was recorded with other weights; the colours show what the weights in use say.")
+        shown = self._compared(context, builder)
+        self._past_margins(context, builder)
+        strokes = self._perceptual_aliases(context, builder)
+        nodes = shown.colours if shown is not None else {}
+        return builder.build(Overlay(strokes, nodes) if nodes or strokes else EMPTY_OVERLAY)
+
+    def handle_text(self, context: DebugContext, text: str) -> None:
+        """Search for places that look alike. Raises OptionError."""
+        if text != _FIND_ALIASES:
+            raise OptionError("Nothing is asked here; follow a link, or click a node in the scene.")
+        self._asked = "alike", context.name, len(context.timeline.changes_until(context.instant))
+
+    def _compared(self, context: DebugContext, builder: AnswerBuilder) -> ColouredHeat | None:
+        nodes, frame = tuple(context.graph.nodes), context.moment.frame
+        if context.name != self._run:
+            self._run = context.name
+            self._heat.forget()
+        seen = None if frame is None else context.observation(frame)
+        if not nodes or seen is None:
+            builder.add_text("The map is empty." if not nodes else "There is no image of this moment to compare.")
+            return None
+        keyframes, missing = self._node_images.load(context)
+        if missing:
+            builder.add_text(f"Reading the images of {len(nodes)} nodes, {missing} to go …")
+        question = "where", context.name, frame, len(nodes), missing, context.predictor.fingerprint
+        found = self._heat(
+            context.in_background, question, _heat(seen, nodes, keyframes, context.predictor, context.method)
+        )
+        if found is None:
+            builder.add_text("Comparing …")
+        elif isinstance(found, str):
+            builder.add_text(found)
+        else:
+            _say(found.heat, builder)
+            return found
+        return None
+
+    def _past_margins(self, context: DebugContext, builder: AnswerBuilder) -> None:
+        """Show what the run itself found, look by look."""
+        if self._margins[0] is not context.timeline:
+            self._margins = context.timeline, localisation_margins(context.timeline.events)
+        localizations = self._margins[1]
+        until = int(np.searchsorted(localizations.steps, context.step, "right"))
+        rows = range(max(0, until - _SHOWN_LOCALIZATIONS), until)
+        if not rows:
+            return
+        builder.add_text(f"Margin of best over second in the last {len(rows)} looks (from 0 to 1 and above):")
+        times = [context.seconds(Instant(int(localizations.steps[k]), float(localizations.stamps[k]))) for k in rows]
+        points = [(time, min(1.0, float(localizations.margins[k]))) for time, k in zip(times, rows, strict=True)]
+        builder.add_html(step_curve_svg(points, lines=((_SMALL, "ambiguous"),), colour=palette.SOURCE))
+        self._smallest(localizations, rows, times, builder)
+
+    @staticmethod
+    def _smallest(
+        localizations: LocalisationMargins, rows: range, times: Sequence[float], builder: AnswerBuilder
+    ) -> None:
+        small = sorted((float(localizations.margins[k]), time) for k, time in zip(rows, times, strict=True))
+        links = [builder.link(f"{margin:.2f} at {time:.1f} s", Seek(time)) for margin, time in small[:_SMALLEST]]
+        builder.add_html(f"<div>Smallest: {' · '.join(links)}</div>")
+
+    def _perceptual_aliases(self, context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke, ...]:
+        link = builder.link("search for places that look alike", SubmitText(_FIND_ALIASES))
+        if self._asked is None or self._asked[1] != context.name:
+            builder.add_html(f"<div>{link}</div>")
+            return ()
+        keyframes, missing = self._node_images.load(context)
+        if missing:
+            builder.add_text("Look-alike places are searched as soon as all images are read.")
+            return ()
+        found = context.in_background(
+            self._asked, _alias_search(context.graph, keyframes, context.predictor, context.method)
+        )
+        if found is None or isinstance(found, str):
+            builder.add_text(found or "Searching for places that look alike, which takes its time …")
+            return ()
+        return _pairs(context, found, builder)
+
+
+def _heat(
+    seen: Observation, nodes: tuple[NodeId, ...], keyframes: KeyframeStore, predictor: Predictor, method: Method
+) -> Callable[[], ColouredHeat | str]:
+    def compare() -> ColouredHeat | str:
+        """Run in the worker's thread, which owns the images."""
+        known = [node for node in nodes if node in keyframes]
+        if not known:
+            return "There are no images of the nodes to compare with."
+        matcher = Matcher(predictor, keyframes, method.matching)
+        found = localisation_heat_map(features_of(seen, matcher, predictor), known, matcher, method.localising)
+        return ColouredHeat(found, _colours(found, method.localising.distance))
+
+    return compare
+
+
+def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
+    """Colour the nodes that look nearest by their scores; at a score of D_l a node is half near."""
+    rows = np.argsort(found.scores, kind="stable")[:_COLOURED]
+    rgb = palette.probability_colours(scale / (scale + np.maximum(found.scores[rows], 0.0)))
+    return {found.nodes[row]: Rgb8(*colour) for row, colour in zip(rows, rgb.tolist(), strict=True)}
+
+
+def _say(found: LocalisationHeatMap, builder: AnswerBuilder) -> None:
+    best = [found.nodes.index(node) for node in found.best(2)]
+    rows = []
+    for rank, k in zip(("best", "second"), best, strict=False):
+        node = builder.link(f"node {found.nodes[k]}", PointAt(found.nodes[k]))
+        here = "may be here" if found.near[k] else "too far"
+        rows.append((rank, node, f"{found.distances[k]:.2f}", f"{found.reachability[k]:.2f}", here))
+    builder.add_table(("", "", "d", "r", ""), rows)
+    if len(best) > 1:
+        sure = "ambiguous" if found.margin < _SMALL else "clear"
+        builder.add_html(
+            f"<div>Margin <b>{found.margin:.2f}</b>, {sure}; {int(found.near.sum())} nodes near enough.</div>"
+        )
+
+
+def _alias_search(
+    graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor, method: Method
+) -> Callable[[], tuple[PerceptualAlias, ...] | str]:
+    def search() -> tuple[PerceptualAlias, ...] | str:
+        """Run in the worker's thread, which owns the images."""
+        try:
+            return find_perceptual_aliases(
+                graph, Matcher(predictor, keyframes, method.matching), method, candidates=_CANDIDATES
+            )
+        except LtvnError as error:
+            return str(error)
+
+    return search
+
+
+def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: AnswerBuilder) -> tuple[Stroke, ...]:
+    builder.add_text(f"{len(found)} look-alike pairs:" if found else "No two places look alike.")
+    for pair in found[:_PAIRS]:
+        link = builder.link(f"{pair.first} ↔ {pair.second}", PointAt(pair.first, pair.second))
+        builder.add_html(f"<div>{link}: {escape(pair.sentence)}</div>")
+    ends = [(context.pose(pair.first), context.pose(pair.second)) for pair in found[:_PAIRS]]
+    return tuple(
+        stroke(start, end, palette.EDGE_REMOVED) for start, end in ends if start is not None and end is not None
+    )

@@ -1,0 +1,199 @@
+"""Changes by hand: edges cut, held and added, nodes deleted and named, each with the way back."""
+
+from collections.abc import Iterator, Sequence
+from html import escape
+from itertools import groupby
+from typing import NamedTuple
+
+from ltvn_core.analysis.manual_edits import (
+    add_edge,
+    delete_node,
+    inverse_deltas,
+    mark_goal,
+    protect_edge,
+    remove_edge,
+    rename_node,
+)
+from ltvn_core.analysis.timeline import MapChange, Timeline
+from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.config import BeliefConfig
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.graph import deltas as d
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import NodeId
+from ltvn_viz import palette
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.question import NOTHING_SELECTED, AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.session.commands import CloseRecording, Command, EditMap, Seek
+from ltvn_viz.session.overlay import Label, Overlay, stroke
+
+_ROWS = 10
+_NAME = "name"
+_NOW_S = 1e9
+
+
+class ManualEdit(NamedTuple):
+    """What a person changed at once, and what takes it back."""
+
+    instant: Instant
+    words: str
+    back: tuple[d.GraphDelta, ...]
+
+
+class ManualEditQuestion:
+    """Changes the live map; whatever it does can be undone."""
+
+    about = "Change the live map while you drive. Click a node, or one and then another to join or part them."
+
+    def __init__(self) -> None:
+        """Begin with nothing selected."""
+        self._selection = NOTHING_SELECTED
+        self._done: tuple[Timeline, tuple[ManualEdit, ...]] = (Timeline.of(()), ())
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        """Offer what can be done with the selection, and what was done to be undone."""
+        self._selection, builder = selection, AnswerBuilder()
+        input_hint = ""
+        if not context.is_live:
+            back = builder.link("go back to the robot", CloseRecording())
+            builder.add_html(f"<div>A recording cannot be changed; {back} to change the map.</div>")
+        elif not _is_now(context):
+            builder.add_html(
+                f"<div>This is the past. {builder.link('Go to now', Seek(_NOW_S))} to change the map.</div>"
+            )
+        else:
+            input_hint = self._offers(context, selection, builder)
+        self._list(context, builder, undoable=context.is_live)
+        return builder.build(_overlay(context, selection), input_hint)
+
+    def handle_text(self, context: DebugContext, text: str) -> Command | None:
+        """Name the selected node. Raises OptionError, MapError."""
+        node, words = self._selection.node, text.split()
+        if not context.is_live or not words or words[0].lower() != _NAME:
+            raise OptionError("Click a node of the live map and write for instance: name kitchen.")
+        if node is None:
+            raise OptionError("Click the node first that is to have this name.")
+        return EditMap((rename_node(context.graph, node, " ".join(words[1:])),))
+
+    @staticmethod
+    def _offers(context: DebugContext, selection: Selection, builder: AnswerBuilder) -> str:
+        graph = context.graph
+        node = selection.node if selection.node in graph.nodes else None
+        links = [*_about_pair(graph, selection, context.method.believing, builder)]
+        links += () if node is None else _about_node(graph, node, builder)
+        if links:
+            builder.add_html(f"<div>{' · '.join(links)}</div>")
+        else:
+            builder.add_text("Click a node in the scene.")
+        return "" if node is None else f"{_NAME} … (of node {node})"
+
+    def _list(self, context: DebugContext, builder: AnswerBuilder, *, undoable: bool) -> None:
+        if self._done[0] is not context.timeline:
+            self._done = context.timeline, tuple(_done(context.timeline))
+        rows = []
+        for each in reversed(self._done[1]):
+            seconds = context.seconds(each.instant)
+            undo = builder.link("undo", EditMap(each.back)) if undoable else ""
+            rows.append((builder.link(f"{seconds:.1f} s", Seek(seconds)), escape(each.words), undo))
+        if rows:
+            builder.add_table(("when", "changed by hand", ""), rows)
+        else:
+            builder.add_text("Nothing was changed by hand.")
+
+
+def _is_now(context: DebugContext) -> bool:
+    return context.timeline.count_until(context.instant) == len(context.timeline.events)
+
+
+def _about_pair(
+    graph: TopologicalGraph, selection: Selection, believing: BeliefConfig, builder: AnswerBuilder
+) -> Iterator[str]:
+    pair = selection.pair
+    if pair is None or not {*pair} <= graph.nodes.keys():
+        return
+    name = f"{pair[0]} → {pair[1]}"
+    if pair in graph.edges:
+        held = graph.edges[pair].protected
+        yield builder.link(f"cut {name}", EditMap((remove_edge(graph, *pair),)))
+        label = f"{'allow pruning of' if held else 'protect'} {name}"
+        yield builder.link(label, EditMap((protect_edge(graph, *pair, protected=not held),)))
+    else:
+        try:
+            yield builder.link(f"add {name}", EditMap((add_edge(graph, *pair, believing),)))
+        except OptionError as error:
+            builder.add_text(str(error))
+
+
+def _about_node(graph: TopologicalGraph, node: NodeId, builder: AnswerBuilder) -> Iterator[str]:
+    goal = graph.nodes[node].goal
+    label = f"{node} is no goal" if goal else f"mark {node} as a goal"
+    yield builder.link(label, EditMap((mark_goal(graph, node, goal=not goal),)))
+    yield builder.link(f"delete {node}", EditMap((delete_node(graph, node),)))
+
+
+def _done(timeline: Timeline) -> Iterator[ManualEdit]:
+    """Yield the latest changes by hand of the present map, those of one step as one; linear in its changes."""
+    changes = timeline.changes[timeline.epochs[-1] :] if timeline.epochs else ()
+    by_hand = [k for k, change in enumerate(changes) if change.delta.cause is d.Cause.HAND]
+    steps = sorted({changes[k].instant.step for k in by_hand})[-_ROWS:]
+    if not steps:
+        return
+    first = next(k for k in by_hand if changes[k].instant.step == steps[0])
+    graph = timeline.graph_before(changes[first].event)
+    for _, group in groupby(changes[first:], key=lambda each: (each.instant.step, each.delta.cause)):
+        undone = _replayed(graph, tuple(group))
+        if undone is not None:
+            yield undone
+
+
+def _replayed(graph: TopologicalGraph, changes: Sequence[MapChange]) -> ManualEdit | None:
+    """Let a map follow changes; return how to take them back if they were made by hand and fit the map."""
+    backs: list[tuple[d.GraphDelta, ...]] = []
+    for change in changes:
+        try:
+            backs.append(inverse_deltas(change.delta, graph))
+            graph.apply(change.delta)
+        except LtvnError:
+            return None
+    if changes[0].delta.cause is not d.Cause.HAND:
+        return None
+    words = _words(changes[0].delta) + (f" and {len(changes) - 1} more" if len(changes) > 1 else "")
+    return ManualEdit(changes[0].instant, words, tuple(delta for back in reversed(backs) for delta in back))
+
+
+def _words(delta: d.GraphDelta) -> str:
+    match delta:
+        case d.NodeAdded(node):
+            return f"node {node.id} added"
+        case d.NodeDropped(node):
+            return f"node {node} deleted"
+        case d.EdgeAdded(edge):
+            return f"edge {edge.source} → {edge.target} added"
+        case d.EdgePruned(source, target):
+            return f"edge {source} → {target} cut"
+        case d.EdgeProtected(source, target, protected):
+            return f"edge {source} → {target} {'protected' if protected else 'no more protected'}"
+        case d.BeliefUpdated(source, target, belief):
+            return f"p of edge {source} → {target} set to {belief.p:.2f}"
+        case d.NodeNamed(node, name, goal):
+            called = f"called “{name}”" if name else "without a name"
+            return f"node {node} {called}{', a goal' if goal else ''}"
+    return "images of the reserve changed"
+
+
+def _overlay(context: DebugContext, selection: Selection) -> Overlay:
+    pair = selection.pair
+    ends = () if pair is None else tuple(pose for pose in map(context.pose, pair) if pose is not None)
+    strokes = (stroke(*ends, palette.TARGET),) if len(ends) == 2 else ()
+    nodes = {} if pair is None else {pair[0]: palette.SOURCE, pair[1]: palette.TARGET}
+    if selection.node is not None:
+        nodes.setdefault(selection.node, palette.SOURCE)
+    return Overlay(strokes, nodes, labels=tuple(_labels(context)))
+
+
+def _labels(context: DebugContext) -> Iterator[Label]:
+    for node in context.graph.nodes.values():
+        pose = context.pose(node.id) if node.name or node.goal else None
+        if pose is not None:
+            text = f"{'★ ' if node.goal else ''}{node.name or node.id}"
+            yield Label((float(pose[0]), float(pose[1])), text)

@@ -1,0 +1,114 @@
+"""The collect coach: what the map lacks so far, and where to drive next."""
+
+from collections.abc import Callable
+from html import escape
+
+import numpy as np
+
+from ltvn_core.analysis.localisation_confidence import features_of
+from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
+from ltvn_core.config import Method
+from ltvn_core.errors import OptionError
+from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Observation, Predictor
+from ltvn_viz import palette
+from ltvn_viz.debugger.background_cache import LatestAnswer
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.session.commands import CloseRecording, PointAt
+from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
+
+_LOOPS = 4
+_COLOURED = 500
+
+
+class NextDriveQuestion:
+    """Looks over the shoulder of whoever drives."""
+
+    about = "While you drive: what the map still lacks, and where to go next. The ghost stands there."
+
+    def __init__(self) -> None:
+        """Begin without advice."""
+        self._advice = LatestAnswer()
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        """Show the latest advice, which is renewed once a second at most."""
+        builder = AnswerBuilder()
+        frame = context.moment.frame
+        seen = None if frame is None else context.observation(frame)
+        if context.live_map is None:
+            back = builder.link("go back to the robot", CloseRecording())
+            builder.add_html(f"<div>The coach helps while one drives; {back}. “What failed?” judges a recording.</div>")
+            return builder.build()
+        if seen is None:
+            builder.add_text("Drive a little, so that there is something to see.")
+            return builder.build()
+        question = "coach", int(context.moment.stamp), context.predictor.fingerprint
+        found = self._advice(
+            context.in_background,
+            question,
+            _advise(context.live_map, context.graph, seen, context.predictor, context.method),
+        )
+        if found is None:
+            builder.add_text("Looking at what you drove …")
+            return builder.build()
+        _say(found, builder)
+        return builder.build(_overlay(context, found, seen))
+
+    def handle_text(self, context: DebugContext, text: str) -> None:
+        """Take nothing in."""
+        raise OptionError("Nothing is asked here; drive, and the advice follows.")
+
+
+def _advise(
+    live_map: LiveMap, graph: TopologicalGraph, seen: Observation, predictor: Predictor, method: Method
+) -> Callable[[], MappingAdvice]:
+    def look_over() -> MappingAdvice:
+        """Run in the worker's thread, which owns the images."""
+        drive = {each.step: each.odometry for each in live_map.observations() if each.step <= seen.step}
+        drive[seen.step] = seen.odometry
+        steps = sorted(drive)
+        matcher = Matcher(predictor, live_map.keyframes, method.matching)
+        nodes = [node for node in graph.nodes if node in live_map.keyframes]
+        current = matcher.match(features_of(seen, matcher, predictor), nodes) if nodes else None
+        return advise_mapping(graph, steps, np.array([drive[step] for step in steps]), current)
+
+    return look_over
+
+
+def _say(advice: MappingAdvice, builder: AnswerBuilder) -> None:
+    builder.add_html(f"<div><b>{escape(advice.hint.text)}</b></div>")
+    strongly_connected_components = len(advice.strongly_connected_components)
+    builder.add_text(
+        "The map is in one piece."
+        if strongly_connected_components == 1
+        else f"The map is in {strongly_connected_components} pieces."
+    )
+    links = [
+        builder.link(f"{each.first} ↔ {each.second}", PointAt(each.first, each.second))
+        for each in advice.missing_closures
+    ]
+    more = f" and {len(links) - _LOOPS} more" if len(links) > _LOOPS else ""
+    builder.add_html(f"<div>Loops not closed: {' · '.join(links[:_LOOPS]) or 'none'}{more}.</div>")
+    builder.add_text(f"Places seen from one side only: {len(advice.one_sided_places)}.")
+    if advice.novelty is not None:
+        builder.add_text(f"The view now is {advice.novelty:.0%} new.")
+
+
+def _overlay(context: DebugContext, advice: MappingAdvice, seen: Observation) -> Overlay:
+    ends = [(context.pose(loop.first), context.pose(loop.second)) for loop in advice.missing_closures]
+    strokes = tuple(
+        stroke(start, end, palette.EDGE_REMOVED) for start, end in ends if start is not None and end is not None
+    )
+    apart = [node for part in advice.strongly_connected_components[1:] for node in part][:_COLOURED]
+    ghosts = ()
+    if advice.hint.target is not None:
+        # Advice is given in the frame of odometry, which drifts away from the one that is drawn.
+        here = seen.odometry if seen.exact_pose is None else seen.exact_pose
+        target = compose(here, relative(seen.odometry, np.array(advice.hint.target)))
+        ghosts = ((float(target[0]), float(target[1]), float(target[2])),)
+    drawn = Overlay(strokes, dict.fromkeys(apart, palette.TARGET), ghosts)
+    return drawn if strokes or apart or ghosts else EMPTY_OVERLAY

@@ -1,0 +1,36 @@
+"""The tools of the debugger, by their names. Owns which there are."""
+
+from collections.abc import Mapping
+
+from ltvn_viz.debugger.breakpoint_question import BreakpointQuestion
+from ltvn_viz.debugger.comparison_question import ComparisonQuestion
+from ltvn_viz.debugger.edge_question import EdgeQuestion
+from ltvn_viz.debugger.failure_question import FailureQuestion
+from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
+from ltvn_viz.debugger.history_question import HistoryQuestion
+from ltvn_viz.debugger.localisation_question import LocalisationQuestion
+from ltvn_viz.debugger.manual_edit_question import ManualEditQuestion
+from ltvn_viz.debugger.next_drive_question import NextDriveQuestion
+from ltvn_viz.debugger.question import Question, QuestionName
+from ltvn_viz.debugger.share_question import ShareQuestion
+from ltvn_viz.debugger.what_if_question import WhatIfQuestion
+from ltvn_viz.debugger.why_question import WhyQuestion
+from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
+
+
+def all_questions(breakpoint_monitor: BreakpointMonitor) -> Mapping[QuestionName, Question]:
+    """Return a fresh set of questions; breakpoints are kept in `breakpoint_monitor`."""
+    return {
+        QuestionName.EDGE: EdgeQuestion(),
+        QuestionName.BLAME: WhyQuestion(),
+        QuestionName.TIME: HistoryQuestion(),
+        QuestionName.WHAT_IF: WhatIfQuestion(),
+        QuestionName.BREAK: BreakpointQuestion(breakpoint_monitor),
+        QuestionName.WHERE: LocalisationQuestion(),
+        QuestionName.COACH: NextDriveQuestion(),
+        QuestionName.FAILURES: FailureQuestion(),
+        QuestionName.COMPARE: ComparisonQuestion(),
+        QuestionName.TRUTH: GroundTruthQuestion(),
+        QuestionName.HAND: ManualEditQuestion(),
+        QuestionName.SHARE: ShareQuestion(),
+    }

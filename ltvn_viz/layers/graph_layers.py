@@ -1,0 +1,85 @@
+"""The map: nodes as drops that point where they look, edges coloured by the belief that they can be driven."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from ltvn_core.types import NodeId
+from ltvn_viz import palette
+from ltvn_viz.layers import EDGE_Z, NODE_Z
+from ltvn_viz.layers.line_segments import LineSegments
+from ltvn_viz.layers.pose_geometry import points
+from ltvn_viz.layers.pose_markers import PoseMarkers
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.timeline.graph_history import GraphArrays
+
+REDRAW_EVERY_S = 0.6
+"""The page rebuilds all lines of a node when any changes, which is slow for a big map."""
+LANE_OFFSET_M = 0.025
+"""An edge keeps to the right by this much, so that there and back are two lines."""
+
+
+class NodesLayer:
+    """All nodes as one batch; clicking one names it."""
+
+    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId], None]) -> None:
+        """Add the empty batch; `on_pick` must return at once."""
+        self._drops = PoseMarkers(scene, "/graph/nodes", 0.14)
+        self._drawn: GraphArrays | None = None
+        self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
+
+        @self._drops.handle.on_click
+        async def _(event: viser.SceneNodePointerEvent) -> None:
+            graph = self._drawn
+            if graph is not None and event.instance_index is not None and event.instance_index < len(graph.ids):
+                on_pick(int(graph.ids[event.instance_index]))
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the nodes of the map; the goal and the node where the robot thinks it is stand out."""
+        graph, progress = snapshot.moment.graph, snapshot.moment.progress
+        here = progress.localised.node if progress.localised is not None else None
+        marked = (snapshot.selected, here)
+        if graph is self._drawn and marked == self._marked:
+            return
+        if graph is not self._drawn:
+            self._drops.place(graph.poses, NODE_Z)
+        self._drops.paint(self._colours(graph, snapshot.selected, here))
+        self._drawn, self._marked = graph, marked
+
+    @staticmethod
+    def _colours(graph: GraphArrays, goal: NodeId | None, here: NodeId | None) -> NDArray[np.uint8]:
+        colours = np.full((len(graph.ids), 3), palette.NODE, np.uint8)
+        colours[graph.ids == here] = palette.LOCALISED
+        colours[graph.ids == goal] = palette.GOAL
+        return colours
+
+
+class EdgesLayer:
+    """All edges as one batch of lines."""
+
+    def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
+        """Add the empty batch."""
+        self._lines = LineSegments(scene, "/graph/edges", thickness_px=2.0)
+        self._clock = clock
+        self._drawn: GraphArrays | None = None
+        self._when = -np.inf
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the edges when the map changed, about twice a second at most."""
+        graph = snapshot.moment.graph
+        if graph is self._drawn or self._clock() - self._when < REDRAW_EVERY_S:
+            return
+        self._drawn, self._when = graph, self._clock()
+        segments = offset_right(graph.poses[:, :2][graph.edges])
+        self._lines.draw(points(segments, EDGE_Z), palette.probability_colours(graph.p))
+
+
+def offset_right(segments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shift segments (N, 2, 2) to the right of their direction."""
+    along = segments[:, 1] - segments[:, 0]
+    length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length
+    return segments + LANE_OFFSET_M * right[:, None]

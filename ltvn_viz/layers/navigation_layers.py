@@ -1,0 +1,104 @@
+"""What the robot is up to: the goal, the plan, and the ghost where it believes the next subgoal to be."""
+
+import numpy as np
+import viser
+
+from ltvn_core.types import NodeId
+from ltvn_viz import palette
+from ltvn_viz.layers import PLAN_Z
+from ltvn_viz.layers.line_segments import LineSegments
+from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.timeline.graph_history import GraphArrays
+
+PIN_HEIGHT_M = 1.3
+"""Height of the goal's pin: it must show above the furniture."""
+
+
+class PlanLayer:
+    """The path through the map that the robot follows."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Add the empty line."""
+        self._lines = LineSegments(scene, "/plan", thickness_px=6.0)
+        self._drawn: tuple[tuple[NodeId, ...], GraphArrays | None] = ((), None)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the plan when it changed."""
+        moment = snapshot.moment
+        plan = moment.progress.plan
+        if plan == self._drawn[0] and (not plan or moment.graph is self._drawn[1]):
+            return
+        self._drawn = plan, moment.graph
+        line = points(moment.graph.poses_of(plan), PLAN_Z)
+        segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
+        self._lines.draw(segments, np.full((len(segments), 3), palette.PLAN, np.uint8))
+
+
+class GoalLayer:
+    """A pin at the goal."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Add the hidden pin."""
+        self._pin = scene.add_frame("/goal", show_axes=False, visible=False)
+        scene.add_cylinder(
+            "/goal/stick",
+            radius=0.02,
+            height=PIN_HEIGHT_M,
+            color=palette.GOAL,
+            position=(0.0, 0.0, PIN_HEIGHT_M / 2),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        scene.add_icosphere(
+            "/goal/head",
+            radius=0.13,
+            color=palette.GOAL,
+            position=(0.0, 0.0, PIN_HEIGHT_M),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Put the pin at the chosen goal."""
+        goal = snapshot.selected
+        poses = snapshot.moment.graph.poses_of(() if goal is None else (goal,))
+        if len(poses):
+            self._pin.position = points(poses[0], 0.0)
+        self._pin.visible = bool(len(poses))
+
+
+class GhostLayer:
+    """A see-through robot base where the network predicts the subgoal."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Add the hidden ghost."""
+        self._ghost = scene.add_frame("/ghost", show_axes=False, visible=False)
+        scene.add_cylinder(
+            "/ghost/base",
+            radius=0.18,
+            height=0.12,
+            color=palette.PREDICTED_POSE,
+            opacity=0.45,
+            position=(0.0, 0.0, 0.1),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        vertices, faces = marker_mesh(0.3, 0.02)
+        scene.add_mesh_simple(
+            "/ghost/arrow",
+            vertices,
+            faces,
+            color=palette.PREDICTED_POSE,
+            position=(0.0, 0.0, 0.18),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Put the ghost at the predicted waypoint while an edge is driven."""
+        pose = snapshot.moment.predicted_subgoal
+        if pose is not None:
+            self._ghost.position = points(pose, 0.0)
+            self._ghost.wxyz = wxyz(pose[2])
+        self._ghost.visible = pose is not None

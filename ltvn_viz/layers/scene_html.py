@@ -1,0 +1,89 @@
+"""A map in its scene as one HTML file that asks nothing of any other machine: viser's own client with all it shows.
+
+Owns what is put into that file: walls, nodes, edges, a legend, and a policy that lets no request out. Where things lie
+is `evaluate.scene_plan`; the flat figure, with the numbers of every node and edge, is `report.scene_svg`.
+"""
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from ltvn_core.errors import SceneError
+from ltvn_core.evaluation.map_layout import MapLayout
+from ltvn_core.recording.reader import Recording
+from ltvn_viz import palette
+from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
+from ltvn_viz.layers.graph_layers import offset_right
+from ltvn_viz.layers.lights_and_camera import add_lights, set_initial_camera
+from ltvn_viz.layers.line_segments import LineSegments
+from ltvn_viz.layers.pose_geometry import points
+from ltvn_viz.layers.pose_markers import PoseMarkers
+from ltvn_viz.layers.scene_assets import floor_bounds, scene_glb
+from ltvn_viz.server.guarded_server import GuardedServer
+
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; worker-src blob:; style-src 'unsafe-inline'; "
+    "img-src blob: data:; font-src data:; connect-src blob: data:; base-uri 'none'; form-action 'none'"
+)
+"""Everything is in the file, and the browser is told so."""
+
+
+def scene_html(recording: Recording, drawn: MapLayout) -> str:
+    """Return a page in which one orbits, moves and zooms by mouse and touch. Takes seconds; raises ServerError.
+
+    A scene that is neither at hand nor in the recording is left out.
+    """
+    # Only a server can write down what viser would show. Nobody is told its key, so nobody else sees it.
+    with GuardedServer(drives=False) as server:
+        walls = _walls(recording)
+        if walls is not None:
+            server.scene.add_glb("/apartment", walls, cast_shadow=False, receive_shadow=False)
+        add_lights(server.scene)
+        poses = np.array([row[1:] for row in drawn.plan.nodes])
+        _draw(server.scene, drawn, poses)
+        floor = floor_bounds(recording.meta.scene)
+        set_initial_camera(server.viser, *(floor or (poses[:, :2].min(axis=0) - 1.0, poses[:, :2].max(axis=0) + 1.0)))
+        return _finished(server.scene.as_html(dark_mode=True), drawn)
+
+
+def _walls(recording: Recording) -> bytes | None:
+    try:
+        return scene_glb(recording.meta.scene)
+    except SceneError:
+        return recording.scene_glb()
+
+
+def _draw(scene: viser.SceneApi, drawn: MapLayout, poses: NDArray[np.float64]) -> None:
+    """Draw nodes at poses (N, 3), edges by their belief, and those that nobody can drive."""
+    rows = {row[0]: number for number, row in enumerate(drawn.plan.nodes)}
+    nodes = PoseMarkers(scene, "/graph/nodes", 0.14)
+    nodes.place(poses, NODE_Z)
+    nodes.paint(np.full((len(poses), 3), palette.NODE, np.uint8))
+    ends = np.array([(rows[source], rows[target]) for source, target, *_ in drawn.plan.edges], int).reshape(-1, 2)
+    p, spurious = np.array([row[2] for row in drawn.plan.edges]), np.array([row[3] for row in drawn.plan.edges], bool)
+    segments = offset_right(poses[:, :2][ends])
+    LineSegments(scene, "/graph/edges", 2.0).draw(points(segments, EDGE_Z), palette.probability_colours(p))
+    wrong = np.full((int(spurious.sum()), 3), palette.EDGE_REMOVED, np.uint8)
+    LineSegments(scene, "/graph/spurious", 5.0).draw(points(segments[spurious], CHANGE_Z), wrong)
+
+
+def _finished(html: str, drawn: MapLayout) -> str:
+    """Give viser's page its name, its legend and its policy."""
+    if html.count("<title>Viser</title>") != 1 or html.count("<body>") != 1 or html.count("<head>") != 1:
+        raise RuntimeError(f"viser {viser.__version__} has another page than the one this was written for")
+    graph, wrong = drawn.graph, sum(row[3] for row in drawn.plan.edges)
+    template = (Path(__file__).parents[1] / "static" / "scene_legend.html").read_text(encoding="utf-8")
+    legend = template.format(
+        title=escape(drawn.title),
+        counts=f"{len(graph.nodes):,} nodes, {len(graph.edges):,} edges",
+        ramp=", ".join(palette.Rgb8(*map(int, stop)).css for stop in palette.PROBABILITY_RAMP),
+        wrong=f'<div><b style="color:{palette.EDGE_REMOVED.css}">━</b> nobody can drive it: {wrong}</div>'
+        if drawn.simulated
+        else "",
+    )
+    html = html.replace("<head>", f'<head><meta http-equiv="Content-Security-Policy" content="{POLICY}">')
+    html = html.replace("<title>Viser</title>", f"<title>{escape(drawn.title)}</title>")
+    return html.replace("<body>", f"<body>{legend}")

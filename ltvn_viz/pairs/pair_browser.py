@@ -1,0 +1,141 @@
+"""Which pair is looked at: scene, filter and place in the list, and what the network says of it.
+
+Owns the state behind the viewer and no widget. Is driven from one thread.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import DatasetError
+from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
+from ltvn_core.training_data.failure_explanations import FailureExplanation, limits_from_recipe, reasons
+from ltvn_core.training_data.pair_table import LabelledPair, PairFilter, PairTable
+from ltvn_core.training_data.shards import read_shard
+from ltvn_core.types import Predictor, Waypoint
+
+SHARD_SUFFIX = ".pairs.safetensors"
+
+
+@dataclass(frozen=True, slots=True)
+class OpenScene:
+    """Look at the shard of another scene."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class StepPairs:
+    """Go some pairs on, or back."""
+
+    by: int
+
+
+@dataclass(frozen=True, slots=True)
+class JumpToRandomPair:
+    """Go to any pair."""
+
+
+PairCommand: TypeAlias = OpenScene | PairFilter | StepPairs | JumpToRandomPair
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPair:
+    """What is shown."""
+
+    pair: LabelledPair | None
+    """None where no pair passes the filter."""
+    number: int
+    """Place in the list, from 1; 0 of none."""
+    count: int
+    """Length of the list."""
+    reachability: float = 0.0
+    """What the network says of the pair: r,"""
+    waypoint: Waypoint = field(default_factory=lambda: np.zeros(3))
+    """(3,) and where it takes the target to be."""
+    reasons: tuple[FailureExplanation, ...] = ()
+    """Why the pair is not reachable."""
+
+    @property
+    def agrees(self) -> bool:
+        """Tell whether network and label say the same."""
+        return self.pair is not None and (self.reachability > 0.5) == self.pair.reachable
+
+
+def scenes_in(folder: Path) -> dict[str, Path]:
+    """Return the shards of a folder by scene. Raises DatasetError if there are none."""
+    found = {path.name.removesuffix(SHARD_SUFFIX): path for path in sorted(folder.glob(f"*{SHARD_SUFFIX}"))}
+    if not found:
+        raise DatasetError(
+            f"{folder}: holds no shards (*{SHARD_SUFFIX}); make some with `ltvn dataset --folder {folder}`."
+        )
+    return found
+
+
+class PairBrowser:
+    """Looks through the pairs of a folder of shards, one scene at a time."""
+
+    def __init__(self, paths: dict[str, Path], predictor: Predictor, seed: int = 0) -> None:
+        """Open the first scene. Raises DatasetError."""
+        self._paths, self._predictor = paths, predictor
+        self._rng = np.random.default_rng(seed)
+        self._pair_filter = PairFilter()
+        self._open(next(iter(paths)))
+
+    @property
+    def scenes(self) -> Sequence[str]:
+        """Return the names of all scenes."""
+        return tuple(self._paths)
+
+    def is_slow(self, command: PairCommand) -> bool:
+        """Tell whether the order needs the network's opinion of all pairs of a scene first."""
+        new_scene = isinstance(command, OpenScene) and self._pair_filter.only_disagreements
+        return new_scene or (
+            isinstance(command, PairFilter) and command.only_disagreements and self._reachability is None
+        )
+
+    def handle(self, command: PairCommand) -> None:
+        """Move or filter. Raises DatasetError if a shard cannot be read."""
+        match command:
+            case OpenScene(name):
+                self._open(name)
+            case PairFilter():
+                self._pair_filter = command
+                self._filter()
+            case StepPairs(by):
+                self._place = (self._place + by) % max(len(self._rows), 1)
+            case JumpToRandomPair():
+                self._place = int(self._rng.integers(max(len(self._rows), 1)))
+
+    def shown_pair(self) -> ShownPair:
+        """Return the pair that is looked at."""
+        if len(self._rows) == 0:
+            return ShownPair(None, 0, 0)
+        pair = self._table.pair(int(self._rows[self._place]))
+        shard = self._table.shard
+        ends = [pair.source, pair.target]
+        features = encode_images(self._predictor, shard.rgb[ends], shard.depth_mm[ends])
+        said = self._predictor.predict(features[:1], features[1:])
+        why = reasons(pair, limits_from_recipe(shard.recipe))
+        return ShownPair(pair, self._place + 1, len(self._rows), float(said.reachability[0]), said.waypoints[0], why)
+
+    def _open(self, name: str) -> None:
+        self._table = PairTable(read_shard(self._paths[name]))
+        self._reachability: NDArray[np.float64] | None = None
+        self._filter()
+
+    def _filter(self) -> None:
+        if self._pair_filter.only_disagreements and self._reachability is None:
+            self._reachability = self._judge_all()
+        self._rows = self._table.rows(self._pair_filter, self._reachability)
+        self._place = 0
+
+    def _judge_all(self) -> NDArray[np.float64]:
+        shard = self._table.shard
+        features = encode_images(self._predictor, shard.rgb, shard.depth_mm)
+        ends = shard.sources.astype(np.intp), shard.targets.astype(np.intp)
+        return predict_pairs(self._predictor, features, *ends).reachability

@@ -1,0 +1,54 @@
+"""What the robot sees: the picture and its depth beside it."""
+
+import time
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import viser
+
+from ltvn_core.types import Depth, Rgb
+from ltvn_viz import palette
+from ltvn_viz.session.snapshot import CameraImage, Snapshot
+
+WIDTH, HEIGHT = 320, 240
+GAP = 6
+SHOW_EVERY_S = 1 / 15
+FARTHEST_M = 6.0
+"""Everything beyond has one colour."""
+
+
+class CameraPanel:
+    """One image with both pictures, so that they always belong together."""
+
+    def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
+        """Add the empty image to the container that is open."""
+        self._handle = gui.add_image(colour_beside_depth(None), format="jpeg", jpeg_quality=85)
+        self._clock = clock
+        self._shown: CameraImage | None = None
+        self._due = float("-inf")
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show the newest picture, at most 15 times a second."""
+        if snapshot.camera is self._shown or self._clock() < self._due:
+            return
+        self._shown, self._due = snapshot.camera, self._clock() + SHOW_EVERY_S
+        self._handle.image = colour_beside_depth(snapshot.camera)
+
+
+def colour_beside_depth(view: CameraImage | None) -> Rgb:
+    """Return colour and depth, each 320 x 240, as one picture."""
+    canvas = np.full((HEIGHT, 2 * WIDTH + GAP, 3), palette.BACKGROUND, np.uint8)
+    if view is not None:
+        canvas[:, :WIDTH] = cv2.resize(view.rgb, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
+        depth = cv2.resize(view.depth, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST).astype(np.float32)
+        canvas[:, WIDTH + GAP :] = depth_colours(depth)
+    return canvas
+
+
+def depth_colours(depth: Depth) -> Rgb:
+    """Colour depth (H, W): near is light, far is dark, no return is black."""
+    near = np.clip(1 - np.sqrt(depth / FARTHEST_M), 0, 1)  # The root leaves most colours to what is close.
+    coloured = cv2.applyColorMap((255 * near).astype(np.uint8), cv2.COLORMAP_CIVIDIS).astype(np.uint8)
+    coloured[depth <= 0] = 0
+    return np.ascontiguousarray(coloured[..., ::-1])

@@ -1,0 +1,52 @@
+"""The “Why” tab: one tool of the debugger at a time."""
+
+from collections.abc import Callable
+
+import viser
+
+from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.panels.html_widgets import HtmlBlock, note
+from ltvn_viz.session.commands import ChooseQuestion, Command, SubmitText
+from ltvn_viz.session.snapshot import Snapshot
+
+
+class DebuggerPanel:
+    """A list of questions, the answer, and a field to type into where a tool asks for something."""
+
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
+        """Add the controls to the tab that is open; `send` takes commands and returns at once."""
+        HtmlBlock(
+            gui, note("Ask about the map and the run. While a question is chosen, a click on a node asks about it.")
+        )
+        self._tools = gui.add_dropdown("Question", [QuestionName.NONE.value])
+        self._about, self._view = HtmlBlock(gui), HtmlBlock(gui)
+        self._field = gui.add_text("SubmitText", "", visible=False)
+        self._tell = gui.add_button("SubmitText", visible=False)
+        self._offered: tuple[QuestionName, ...] = ()
+        self._bind(send)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show the tool's answer."""
+        inspection = snapshot.inspection
+        if inspection.offered != self._offered:
+            self._offered = inspection.offered
+            self._tools.options = [question.value for question in inspection.offered]
+        if self._tools.value != inspection.question:
+            self._tools.value = inspection.question.value
+        self._about.show(note(inspection.about) if inspection.about else "")
+        self._view.show(inspection.html)
+        input_hint = inspection.answer.input_hint
+        self._field.visible = self._tell.visible = bool(input_hint)
+        if input_hint:
+            self._field.label = input_hint
+
+    def _bind(self, send: Callable[[Command], None]) -> None:
+        @self._tools.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            # The page's own updates come without a client.
+            if event.client_id is not None:
+                send(ChooseQuestion(self._tools.value))
+
+        @self._tell.on_click
+        async def _(_: viser.GuiEvent) -> None:
+            send(SubmitText(self._field.value))

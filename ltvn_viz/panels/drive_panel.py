@@ -1,0 +1,50 @@
+"""The “Drive” tab: record, keep, discard, and build the map."""
+
+import viser
+
+from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note, number_grid
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.session.modes import LIVE, Mode
+from ltvn_viz.session.snapshot import Snapshot
+
+
+class DrivePanel:
+    """Recording and mapping while a person drives."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Add the controls to the tab that is open."""
+        HtmlBlock(gui, note("Drive with W A S D held; the map grows as you go. A recording holds all that happens."))
+        self._recording, self._map, self._counts = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Enable what makes sense now and count the map."""
+        live, recording = snapshot.mode in LIVE, snapshot.recording.name is not None
+        self._recording.show(
+            button_row(
+                ActionButton(Action.RECORD, "Record", "R", is_main=not recording, is_enabled=live and not recording),
+                ActionButton(Action.KEEP, "Keep", "N", "end and keep", is_main=True, is_enabled=live and recording),
+                ActionButton(Action.DISCARD, "Discard", "⌫", "end and set aside", is_enabled=live and recording),
+            )
+        )
+        rebuild = "build the map anew from all images at hand"
+        self._map.show(
+            button_row(
+                ActionButton(Action.BUILD, "Build the map anew", "B", rebuild, is_enabled=snapshot.mode is Mode.TELEOP)
+            )
+        )
+        self._counts.show(_counts(snapshot))
+
+
+def _counts(snapshot: Snapshot) -> str:
+    moment = snapshot.moment
+    progress = moment.progress
+    return number_grid(
+        (f"{moment.frames:,}", "images"),
+        (f"{len(moment.graph.ids):,}", "nodes"),
+        (f"{len(moment.graph.p):,}", "edges"),
+        (f"{progress.collisions}", "collisions"),
+        (f"{progress.queries}", "tasks"),
+        (f"{progress.reached}", "arrived"),
+        (f"{progress.added}", "edges added"),
+        (f"{progress.pruned}", "pruned"),
+    )

@@ -1,0 +1,139 @@
+"""HTML in the panels: everything that comes from outside is escaped here.
+
+Owns the buttons' and cards' shape and the style sheet they share.
+"""
+
+from dataclasses import dataclass
+from html import escape
+
+import viser
+
+from ltvn_viz import palette
+from ltvn_viz.server.keymap import Action
+
+STYLE = f"""<style>
+.lt {{ padding: .3em .75em; font-size: .8125rem; line-height: 1.45; }}
+.lt-line {{ display: flex; flex-wrap: wrap; gap: .3em .9em; align-items: center; color: #a6a7ab; }}
+.lt-line b {{ color: #e9ecef; font-weight: 600; font-variant-numeric: tabular-nums; }}
+.lt-mode {{ padding: .05em .7em; border-radius: 1em; color: #fff; font-weight: 600; background: #495057; }}
+.lt-mode[data-mode="navigating"] {{ background: #1864ab; }}
+.lt-mode[data-mode="paused"], .lt-mode[data-mode="building"] {{ background: #845d00; }}
+.lt-mode[data-mode="replay"] {{ background: #5f3dc4; }}
+.lt-mode[data-rec="1"]::before {{ content: "● "; color: {palette.EDGE_REMOVED.css}; }}
+.lt-card {{ padding: .5em .75em; border-radius: .5em; background: rgba(56,139,253,.13);
+  border-left: 3px solid {palette.ACCENT.css}; color: #dee2e6; overflow-wrap: anywhere; }}
+.lt-card[data-severity="WARN"] {{ background: rgba(250,176,5,.12); border-color: #fab005; }}
+.lt-card[data-severity="ERROR"] {{ background: rgba(250,82,82,.14); border-color: #fa5252; }}
+.lt-card[data-severity="INFO"] {{ background: rgba(255,255,255,.05); border-color: #868e96; }}
+.lt-card strong {{ color: #fff; }}
+.lt-note {{ color: #a6a7ab; }}
+.lt-buttons {{ display: flex; flex-wrap: wrap; gap: .4em; }}
+.lt-buttons button {{ flex: 1 1 auto; padding: .5em .8em; border: 0; border-radius: .35em; font: inherit;
+  font-weight: 600; background: #373a40; color: #f1f3f5; cursor: pointer; white-space: nowrap; }}
+.lt-buttons button:hover:enabled {{ background: #4b4f57; }}
+.lt-buttons button:disabled {{ opacity: .38; cursor: default; }}
+.lt-buttons button.lt-main {{ background: #1c6fd6; }}
+.lt-buttons button.lt-main:hover:enabled {{ background: #2f81e8; }}
+.lt-buttons kbd {{ margin-left: .45em; padding: 0 .4em; border-radius: .25em; background: rgba(0,0,0,.3);
+  color: #ced4da; font: .85em/1.5 ui-monospace, monospace; font-weight: 400; }}
+.lt-bar {{ height: .4em; margin-top: .45em; border-radius: .2em; background: rgba(255,255,255,.1); overflow: hidden; }}
+.lt-bar div {{ height: 100%; background: #1c6fd6; transition: width .4s; }}
+.lt-gallery {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: .4em; }}
+.lt-gallery img {{ width: 100%; aspect-ratio: 4/3; display: block; border-radius: .35em;
+  border: 2px solid transparent; }}
+.lt-gallery img:hover {{ border-color: #4dabf7; }}
+.lt-gallery img.lt-chosen {{ border-color: {palette.GOAL.css}; }}
+.lt-table {{ display: grid; grid-template-columns: repeat(4, 1fr); gap: .1em .5em; }}
+.lt-table div {{ display: flex; flex-direction: column; }}
+.lt-table b {{ font-size: 1.15em; color: #f1f3f5; font-weight: 600; font-variant-numeric: tabular-nums; }}
+.lt-table span {{ color: #909296; font-size: .9em; }}
+.lt-why > div {{ margin: .25em 0; color: #ced4da; }}
+.lt-link {{ color: #74b0ff; cursor: pointer; text-decoration: underline; }}
+.lt-pair {{ display: flex; gap: .4em; }}
+.lt-why figure {{ flex: 1; margin: 0; }}
+.lt-why figure img, .lt-none {{ width: 100%; aspect-ratio: 4/3; border-radius: .35em; display: block; }}
+.lt-none {{ background: #2c2e33; color: #868e96; text-align: center; }}
+.lt-why figcaption {{ color: #909296; font-size: .9em; }}
+.lt-curve {{ width: 100%; background: rgba(255,255,255,.04); border-radius: .35em; }}
+.lt-rows {{ width: 100%; border-collapse: collapse; font-variant-numeric: tabular-nums; }}
+.lt-rows td:first-child, .lt code {{ white-space: nowrap; }}
+.lt-rows th {{ text-align: left; color: #909296; font-weight: 400; }}
+.lt-rows td {{ padding: .1em .3em .1em 0; border-top: 1px solid rgba(255,255,255,.07); vertical-align: top; }}
+</style>"""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionButton:
+    """A button that asks for an action."""
+
+    action: Action
+    label: str
+    caps: str = ""
+    """The key that does the same."""
+    hint: str = ""
+    is_main: bool = False
+    """The button one most likely wants now."""
+    is_enabled: bool = True
+    target: int | None = None
+    """What the action is about, where it needs to be told."""
+
+    def html(self) -> str:
+        """Return the button."""
+        kind = ' class="lt-main"' if self.is_main and self.is_enabled else ""
+        off = "" if self.is_enabled else " disabled"
+        key = f"<kbd>{escape(self.caps)}</kbd>" if self.caps else ""
+        about = "" if self.target is None else f' data-id="{self.target}"'
+        return (
+            f'<button type="button"{kind}{off} data-ltvn-action="{self.action}"{about} title="{escape(self.hint)}">'
+            f"{escape(self.label)}{key}</button>"
+        )
+
+
+def button_row(*presses: ActionButton) -> str:
+    """Return a row of buttons."""
+    return f'<div class="lt lt-buttons">{"".join(press.html() for press in presses)}</div>'
+
+
+def note(text: str) -> str:
+    """Return a line that says what a panel shows."""
+    return f'<div class="lt lt-note">{escape(text)}</div>'
+
+
+def lines(*texts: str) -> str:
+    """Return lines of plain text, nothing for none."""
+    return f'<div class="lt lt-note">{"<br>".join(map(escape, texts))}</div>' if texts else ""
+
+
+def warning(*texts: str) -> str:
+    """Return lines of plain text on a card that catches the eye."""
+    card = f'<div class="lt-card" data-severity="WARN">{"<br>".join(map(escape, texts))}</div>'
+    return f'<div class="lt" role="alert">{card}</div>'
+
+
+def progress_bar(share: float, doing: str) -> str:
+    """Return a bar that is filled to `share` in [0, 1], below what is being done."""
+    percent = round(100 * share)
+    return (
+        f'<div class="lt lt-note">{escape(doing)}… {percent} %<div class="lt-bar" role="progressbar" '
+        f'aria-valuenow="{percent}" aria-label="{escape(doing)}"><div style="width:{percent}%"></div></div></div>'
+    )
+
+
+def number_grid(*rows: tuple[str, str]) -> str:
+    """Return a grid of (number, what it counts)."""
+    cells = "".join(f"<div><b>{escape(number)}</b><span>{escape(name)}</span></div>" for number, name in rows)
+    return f'<div class="lt"><div class="lt-table">{cells}</div></div>'
+
+
+class HtmlBlock:
+    """A piece of HTML in a panel that is sent again only when it changed."""
+
+    def __init__(self, gui: viser.GuiApi, content: str = "") -> None:
+        """Add it to the container that is open."""
+        self._handle = gui.add_html(content)
+        self._content = content
+
+    def show(self, content: str) -> None:
+        """Show `content`, whose foreign parts the caller has escaped."""
+        if content != self._content:
+            self._handle.content = self._content = content

@@ -1,0 +1,97 @@
+"""The “Go” tab: goals by picture, and the task under way."""
+
+import asyncio
+from collections.abc import Callable
+
+import viser
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.navigation.events import Outcome
+from ltvn_core.types import NodeId
+from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
+from ltvn_viz.panels.image_upload import decode_upload
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.session.commands import Command, NavigateToImage, ReportError
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import Snapshot
+
+
+class NavigationPanel:
+    """Pictures to go to, and how it goes."""
+
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
+        """Add the controls to the tab that is open; `send` takes commands and returns at once."""
+        HtmlBlock(gui, note("Click a picture, or a node in the scene, and the robot drives there by what it sees."))
+        self._task, self._state, self._gallery = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self._upload = gui.add_upload_button(
+            "Go to an uploaded picture",
+            icon=viser.Icon.PHOTO_UP,
+            color=(73, 80, 87),
+            mime_type="image/*",
+            hint="JPEG, PNG or WebP",
+        )
+        self._matching_nodes = HtmlBlock(gui)
+
+        @self._upload.on_upload
+        async def _(_: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+            file = self._upload.value
+            try:
+                send(NavigateToImage(await asyncio.to_thread(decode_upload, file.name, file.content)))
+            except LtvnError as error:
+                send(ReportError(str(error)))
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show the goals on offer and the task."""
+        self._task.show(_task(snapshot))
+        self._state.show(_state(snapshot))
+        self._gallery.show(
+            _goal_images(snapshot.gallery, snapshot, "Drive a little: goal pictures appear as the map grows.")
+        )
+        self._matching_nodes.show(_goal_images(snapshot.similar_nodes, snapshot, ""))
+
+
+def _task(snapshot: Snapshot) -> str:
+    busy, paused = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED), snapshot.mode is Mode.PAUSED
+    ready = snapshot.mode is Mode.TELEOP and snapshot.selected is not None
+    pause = ActionButton(Action.PAUSE, "Resume" if paused else "Pause", "P", is_main=paused, is_enabled=busy)
+    return button_row(
+        ActionButton(Action.GOAL, "Navigate", "G", "go to the chosen goal", is_main=True, is_enabled=ready),
+        pause,
+        ActionButton(Action.STEP, "Step", ".", "one control step, then pause", is_enabled=busy),
+        ActionButton(Action.CANCEL, "Cancel", "Esc", "end the task", is_enabled=busy),
+        ActionButton(Action.CANCEL, "Take over", "W A S D", "end the task and drive yourself", is_enabled=busy),
+    )
+
+
+def _state(snapshot: Snapshot) -> str:
+    progress = snapshot.moment.progress
+    if progress.query is not None:
+        text = f"{progress.navigator} · {len(progress.plan)} nodes planned"
+        if progress.localised is not None and progress.localised.node is not None:
+            text += f" · at node {progress.localised.node} (d {progress.localised.distance:.2f})"
+    elif progress.ended is not None:
+        text = _ending(progress.ended.outcome, snapshot)
+    elif snapshot.selected is not None:
+        text = f"Goal: node {snapshot.selected}."
+    else:
+        text = "No goal yet."
+    return note(text)
+
+
+def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
+    judged = snapshot.moment.progress.judged
+    truth = "" if judged is None else f", in truth {judged.position_error_m:.2f} m from the goal"
+    return f"Last task: {outcome}{truth}."
+
+
+def _goal_images(nodes: tuple[NodeId, ...], snapshot: Snapshot, instead: str) -> str:
+    if not nodes:
+        return note(instead) if instead else ""
+    # While a task runs a click only chooses the next goal.
+    action = Action.GOAL if snapshot.mode is Mode.TELEOP else Action.SELECT
+    images = "".join(
+        f'<img src="/thumb/{node}.jpg" data-ltvn-action="{action}" data-id="{node}" alt="goal {node}" '
+        f'title="go to node {node}" class="{"lt-chosen" if node == snapshot.selected else ""}">'
+        for node in map(int, nodes)
+    )
+    return f'<div class="lt"><div class="lt-gallery" role="group" aria-label="goal pictures">{images}</div></div>'

@@ -1,0 +1,35 @@
+"""Messages as notifications in the corner of every open page."""
+
+from collections.abc import Callable, Iterable
+
+import viser
+
+from ltvn_core.navigation.events import Severity
+from ltvn_viz.session.snapshot import Snapshot
+
+TITLES = {Severity.INFO: "Note", Severity.WARN: "Not now", Severity.ERROR: "Problem"}
+COLOURS = {Severity.INFO: (34, 139, 230), Severity.WARN: (250, 176, 5), Severity.ERROR: (250, 82, 82)}
+SECONDS = {Severity.INFO: 5.0, Severity.WARN: 7.0, Severity.ERROR: 20.0}
+
+
+class Notifications:
+    """Tells each message once."""
+
+    def __init__(self, clients: Callable[[], Iterable[viser.ClientHandle]]) -> None:
+        """Tell whoever `clients` returns at that time."""
+        self._clients = clients
+        self._shown_number = 0
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Tell the message of the snapshot, if it is a new one."""
+        message = snapshot.message
+        if message is None or message.number == self._shown_number:
+            return
+        self._shown_number = message.number
+        for client in self._clients():
+            client.add_notification(
+                TITLES[message.severity],
+                message.text,
+                auto_close_seconds=SECONDS[message.severity],
+                color=COLOURS[message.severity],
+            )

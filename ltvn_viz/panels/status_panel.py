@@ -1,0 +1,75 @@
+"""The top of the page: what the app is doing, how well it keeps up, what to do next, and the latest message."""
+
+import time
+from collections.abc import Callable
+from html import escape
+
+import viser
+
+from ltvn_core.navigation.events import Severity
+from ltvn_viz.panels.html_widgets import STYLE, HtmlBlock
+from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
+
+READ_S = 15.0
+"""How long a message stays; a problem stays until the next message."""
+REFRESH_S = 0.5
+"""Numbers that flicker faster cannot be read."""
+
+
+class StatusPanel:
+    """Status line, hint and message."""
+
+    def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
+        """Add the lines at the top of the main panel."""
+        gui.add_html(STYLE)
+        self._line, self._hint, self._message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self._clock = clock
+        self._shown: tuple[object, ...] = ()
+        self._due = float("-inf")
+        self._latest: Message | None = None
+        self._since = 0.0
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show mode and hint at once, numbers twice a second."""
+        state = (snapshot.mode, snapshot.recording.name)
+        if state != self._shown or self._clock() >= self._due:
+            self._shown, self._due = state, self._clock() + REFRESH_S
+            self._line.show(_line(snapshot))
+        self._hint.show(
+            f'<div class="lt"><div class="lt-card"><strong>Next:</strong> {escape(snapshot.hint)}</div></div>'
+        )
+        self._message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
+
+    def _unread(self, message: Message | None) -> str:
+        if message != self._latest:
+            self._latest, self._since = message, self._clock()
+        if message is None or (message.severity is not Severity.ERROR and self._clock() > self._since + READ_S):
+            return ""
+        return _message(message)
+
+
+def _line(snapshot: Snapshot) -> str:
+    rates, recording = snapshot.rates, snapshot.recording
+    is_recording = int(recording.name is not None)
+    parts = [f'<span class="lt-mode" data-mode="{snapshot.mode}" data-rec="{is_recording}">{snapshot.mode}</span>']
+    parts += [
+        f"<span>loop <b>{rates.loop_hz:.0f}</b> Hz</span>",
+        f"<span>frame <b>{rates.frame_age_ms:.0f}</b> ms old</span>",
+        f"<span><b>{rates.dropped}</b> dropped</span>",
+    ]
+    if recording.name is not None:
+        parts.append(f"<span>rec <b>{recording.seconds:.0f}</b> s, <b>{recording.frames}</b> frames</span>")
+    return f'<div class="lt" role="status"><div class="lt-line">{"".join(parts)}</div></div>'
+
+
+def _message(message: Message) -> str:
+    return (
+        f'<div class="lt" role="alert"><div class="lt-card" data-severity="{message.severity}">'
+        f"{escape(message.text)}</div></div>"
+    )
+
+
+def _work(work: JobProgress) -> str:
+    share = "" if work.share is None else f" {100 * work.share:.0f} %"
+    card = f'<div class="lt-card" data-severity="INFO">{escape(work.label)}…{share}</div>'
+    return f'<div class="lt" role="status">{card}</div>'

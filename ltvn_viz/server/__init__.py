@@ -1,0 +1,1 @@
+"""The guarded HTTP and websocket server, and what it serves to the browser."""

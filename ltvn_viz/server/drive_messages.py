@@ -1,0 +1,119 @@
+"""What page and server say to each other on the `/drive` socket, and the strict reading of it.
+
+Owns the JSON on the wire. Everything from the page is refused unless each field is known, present and in range; the
+sender of anything else loses its socket, and with it the seat.
+"""
+
+import json
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from ltvn_viz.server.driver_seat import ClientId, HeldInput, SeatState
+from ltvn_viz.server.keymap import Action, Direction
+
+MAX_MESSAGE_BYTES = 1024
+MAX_ID = 2**53 - 1
+"""JavaScript counts exactly up to here."""
+
+
+class MessageError(ValueError):
+    """A message from a page is not what the protocol knows."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveMessage:
+    """Everything a page holds, and the epoch it knows."""
+
+    held: HeldInput
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class ActionMessage:
+    """One press or click."""
+
+    action: Action
+    target: int | None
+    """The id of what was clicked: a node, which is a frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkMessage:
+    """The page was opened by a link that says what to show."""
+
+    query: str
+    """Of its address; not read yet."""
+
+
+PageMessage: TypeAlias = DriveMessage | ActionMessage | LinkMessage
+
+
+def parse_message(text: str | bytes) -> PageMessage:
+    """Read one message of a page; raises MessageError."""
+    try:
+        fields = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise MessageError(f"not JSON: {error}") from error
+    if not isinstance(fields, dict):
+        raise MessageError("not an object")
+    match fields:
+        case {"type": "drive", "held": held, "stick": stick, "slow": bool(slow), "epoch": epoch} if len(fields) == 5:
+            return DriveMessage(HeldInput(_directions(held), _stick(stick), slow), _whole(epoch))
+        case {"type": "action", "action": str(action), "id": target} if len(fields) == 3:
+            return ActionMessage(_action(action), None if target is None else _whole(target))
+        case {"type": "link", "query": str(query)} if len(fields) == 2:
+            return LinkMessage(query)
+    raise MessageError(f"unknown message with the fields {sorted(fields)}; a drive, an action or a link would be valid")
+
+
+def state_message(client: ClientId, seat: SeatState) -> str:
+    """Write the seat as one page sees it."""
+    state = {
+        "type": "state",
+        "you": client,
+        "driver": seat.driver,
+        "epoch": seat.epoch,
+        "armed": seat.is_armed,
+        "reason": seat.reason,
+        "stoppedBy": seat.stopped_by,
+    }
+    return json.dumps(state)
+
+
+def refusal_message(driver: ClientId) -> str:
+    """Write that an action was not taken, because somebody else drives."""
+    return json.dumps({"type": "refused", "driver": driver})
+
+
+def _directions(value: Any) -> frozenset[Direction]:
+    if not isinstance(value, list) or len(value) > len(Direction):
+        raise MessageError("held must be a list of directions")
+    try:
+        return frozenset(Direction(name) for name in value)
+    except (ValueError, TypeError) as error:
+        raise MessageError(f"held: {error}; valid are {', '.join(Direction)}") from error
+
+
+def _stick(value: Any) -> tuple[float, float]:
+    match value:
+        case [int() | float() as forward, int() | float() as left]:
+            if not any(isinstance(part, bool) for part in value) and max(abs(forward), abs(left)) <= 1:
+                return float(forward), float(left)
+    raise MessageError("stick must be two numbers in [-1, 1]")
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_ID:
+        raise MessageError("epoch and id must be whole numbers from 0")
+    return value
+
+
+def _action(name: str) -> Action:
+    try:
+        return Action(name)
+    except ValueError as error:
+        raise MessageError(f"{error}; valid are {', '.join(Action)}") from error
+
+
+def _refuse_constant(name: str) -> float:
+    raise MessageError(f"{name} is no number here")

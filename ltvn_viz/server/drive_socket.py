@@ -1,0 +1,195 @@
+"""The `/drive` socket: carries held inputs and presses from the pages to the app, and the seat back to the pages.
+
+Owns the connections and the watchdog thread. The rules of driving are in `driving.py`, the words in
+`drive_messages.py`. Nothing is awaited between the arrival of a message and the listener's call.
+"""
+
+import asyncio
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
+
+from ltvn_core.types import Twist
+from ltvn_viz.server.drive_messages import (
+    MAX_MESSAGE_BYTES,
+    ActionMessage,
+    DriveMessage,
+    LinkMessage,
+    MessageError,
+    PageMessage,
+    parse_message,
+    refusal_message,
+    state_message,
+)
+from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
+from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
+
+logger = logging.getLogger(__name__)
+
+MAX_PAGES = 32
+MAX_UNSENT = 16
+
+
+@dataclass(frozen=True, slots=True)
+class DriveListener:
+    """Whom to tell. The calls come from the server's or the watchdog's thread, one at a time, and must not block."""
+
+    on_drive: Callable[[ClientId, Twist], None] = lambda client, twist: None
+    """The driver's input was accepted; repeated at 20 Hz while it is held."""
+    on_stop: Callable[[ClientId | None, StopReason], None] = lambda client, reason: None
+    """The motion ended, or somebody pressed stop."""
+    on_action: Callable[[ClientId, Action, int | None], None] = lambda client, action, target: None
+    """A key was pressed or something with an id was clicked."""
+    on_link: Callable[[ClientId, str], None] = lambda client, query: None
+    """A page was opened by a link with this query."""
+
+
+class _Page:
+    """One open page: its connection and what is still to be told to it."""
+
+    def __init__(self, client: ClientId, connection: ServerConnection) -> None:
+        self.client = client
+        self.connection = connection
+        self._told = ""
+        self._unsent: list[str] = []
+        self._wake = asyncio.Event()
+
+    def tell_state(self, message: str) -> None:
+        if message != self._told:
+            self._told = message
+            self.tell(message)
+
+    def tell(self, message: str) -> None:
+        # A page that does not read gets the newest messages when it comes back, not all of them.
+        self._unsent = [*self._unsent[-MAX_UNSENT + 1 :], message]
+        self._wake.set()
+
+    async def send_forever(self) -> None:
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            unsent, self._unsent = self._unsent, []
+            for message in unsent:
+                await self.connection.send(message)
+
+
+class DriveSocket:
+    """Serve the pages' drive connections and tell the listener what the driver wants."""
+
+    def __init__(self, seat: DriverSeat, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self.seat = seat
+        self.listener = DriveListener()
+        self._clock = clock
+        self._ids = itertools.count(1)
+        self._pages: dict[ClientId, _Page] = {}
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._telling = threading.RLock()
+        self._wake = threading.Event()
+        self._closing = False
+        self._watchdog = threading.Thread(target=self._watch, name="drive watchdog", daemon=True)
+        self._watchdog.start()
+
+    async def serve(self, connection: ServerConnection) -> None:
+        """Talk to one page until it goes away or says something invalid."""
+        if len(self._pages) >= MAX_PAGES:
+            await connection.close(CloseCode.TRY_AGAIN_LATER, "too many pages")
+            return
+        self._loop = asyncio.get_running_loop()
+        page = _Page(next(self._ids), connection)
+        self._pages[page.client] = page
+        sender = asyncio.create_task(page.send_forever())
+        try:
+            self._tell_pages()
+            await self._listen(page)
+        except MessageError as error:
+            logger.warning("closed the drive socket of page %d: %s", page.client, error)
+            await connection.close(CloseCode.POLICY_VIOLATION, "invalid message")
+        except ConnectionClosed:
+            pass
+        finally:
+            sender.cancel()
+            del self._pages[page.client]
+            self.seat.leave(page.client)
+            self.settle()
+            await asyncio.gather(sender, return_exceptions=True)
+
+    def settle(self) -> None:
+        """Tell the listener and the pages what happened to the seat. Safe from any thread."""
+        # Taking and telling under one lock keeps a stop from being overtaken by the drive before it.
+        with self._telling:
+            for event in self.seat.take_events():
+                if isinstance(event, DriveAccepted):
+                    self._call(self.listener.on_drive, event.client, event.twist)
+                else:
+                    # A page that drives nothing stops nothing worth telling when it closes.
+                    level = logging.INFO if self._loop is not None else logging.DEBUG
+                    logger.log(level, "robot stopped: %s (page %s)", event.reason, event.client)
+                    self._call(self.listener.on_stop, event.client, event.reason)
+        self._wake.set()
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._tell_pages)
+
+    def close(self) -> None:
+        """Stop the robot and end the watchdog."""
+        self._closing = True
+        self.seat.stop()
+        self.settle()
+        self._watchdog.join(timeout=1.0)
+
+    async def _listen(self, page: _Page) -> None:
+        async for text in page.connection:
+            if len(text) > MAX_MESSAGE_BYTES:
+                raise MessageError(f"{len(text)} bytes; at most {MAX_MESSAGE_BYTES} would be valid")
+            self._obey(page, parse_message(text))
+
+    def _obey(self, page: _Page, message: PageMessage) -> None:
+        match message:
+            case DriveMessage(held, epoch):
+                self.seat.receive(page.client, held, epoch)
+            case ActionMessage(Action.STOP):
+                self.seat.stop(page.client)
+            case ActionMessage(Action.TAKE_OVER):
+                self.seat.take_over(page.client)
+            case ActionMessage(Action.RELEASE):
+                self.seat.release(page.client)
+            case ActionMessage(action, target):
+                self._pass_on(page, self.listener.on_action, action, target, free=action in FOR_EVERYBODY)
+            case LinkMessage(query):
+                self._pass_on(page, self.listener.on_link, query, free=False)
+        self.settle()
+
+    def _pass_on(self, page: _Page, tell: Callable[..., None], *said: object, free: bool) -> None:
+        """Tell the listener what a page asks for, if everybody may or if the page has the seat."""
+        driver = self.seat.state_of(page.client).driver
+        if free or self.seat.try_sit(page.client):
+            self._call(tell, page.client, *said)
+        elif driver is not None:
+            page.tell(refusal_message(driver))
+
+    def _tell_pages(self) -> None:
+        for page in list(self._pages.values()):
+            page.tell_state(state_message(page.client, self.seat.state_of(page.client)))
+
+    def _call(self, callback: Callable[..., None], *arguments: object) -> None:
+        # An error of the app must not take the socket or the watchdog with it.
+        try:
+            callback(*arguments)
+        except Exception:
+            logger.exception("the app failed to take what a page asked for")
+
+    def _watch(self) -> None:
+        """Notice expiries in a thread of its own, so that a hung server thread cannot keep the robot moving."""
+        while not self._closing:
+            deadline = self.seat.next_deadline()
+            self._wake.wait(None if deadline is None else max(0.0, deadline - self._clock()))
+            if self._wake.is_set():
+                self._wake.clear()
+            else:
+                self.settle()

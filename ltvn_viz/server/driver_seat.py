@@ -1,0 +1,227 @@
+"""The driver's seat: who drives, what they hold, and when that stops counting.
+
+Pure logic over a clock that is handed in; knows no socket and no robot. Safe to call from any thread. The rules:
+
+* One driver at a time. The seat is taken by the first input while it is free, or by `take_over`.
+* A held input is a lease: it counts for `lease_s` after the last message. `current_twist` is a function of time, so a
+  thread that polls it stops the robot even when the thread that receives messages hangs.
+* After every stop that the driver did not ask for by letting go, a new *epoch* begins, in which nobody is *armed*. A
+  client is armed by an empty input that names the present epoch. So nothing that was held before the stop, and no
+  message that was on its way, can start the robot again.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+from ltvn_core.types import Twist
+from ltvn_viz.server.keymap import Direction
+
+ClientId: TypeAlias = int
+"""Counts open pages from 1; a reloaded page is a new client."""
+
+LEASE_S = 0.25
+"""A held input counts for this long after its last heartbeat."""
+IDLE_S = 30.0
+"""The seat is free again after this long without input."""
+MAX_LINEAR_M_S = 0.5
+MAX_ANGULAR_RAD_S = 1.0
+SLOW_SCALE = 0.4
+
+
+class StopReason(StrEnum):
+    """Why the motion ended; the value is what the page shows."""
+
+    RELEASED = "keys released"
+    INPUT_LOST = "input lost"
+    STOPPED = "stopped"
+    TAKEN_OVER = "taken over"
+    LEFT = "page closed"
+    GAVE_UP = "seat given up"
+
+
+@dataclass(frozen=True, slots=True)
+class HeldInput:
+    """Everything a person holds at one moment, on keys, pad, touch screen and gamepad together."""
+
+    directions: frozenset[Direction] = frozenset()
+    stick: tuple[float, float] = (0.0, 0.0)
+    """Forward and left, each in [-1, 1]."""
+    is_slow: bool = False
+
+    @property
+    def is_empty(self) -> bool:
+        """Nothing is held; a modifier alone is nothing."""
+        return not self.directions and self.stick == (0.0, 0.0)
+
+    def twist(self) -> Twist:
+        """Return the velocity asked for; opposite directions cancel out."""
+        held = self.directions
+        forward = (Direction.FORWARD in held) - (Direction.BACKWARD in held) + self.stick[0]
+        left = (Direction.LEFT in held) - (Direction.RIGHT in held) + self.stick[1]
+        scale = SLOW_SCALE if self.is_slow else 1.0
+        return Twist(_unit(forward) * scale * MAX_LINEAR_M_S, _unit(left) * scale * MAX_ANGULAR_RAD_S)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveAccepted:
+    """A driver's input was accepted."""
+
+    client: ClientId
+    twist: Twist
+
+
+@dataclass(frozen=True, slots=True)
+class MotionStopped:
+    """Motion ended, or somebody asked for a stop while nothing moved."""
+
+    client: ClientId | None
+    """Who caused it; None when the app itself did."""
+    reason: StopReason
+
+
+SeatEvent: TypeAlias = DriveAccepted | MotionStopped
+
+
+@dataclass(frozen=True, slots=True)
+class SeatState:
+    """The seat as one client sees it."""
+
+    driver: ClientId | None
+    epoch: int
+    is_armed: bool
+    """The client may drive without letting go first."""
+    reason: StopReason | None
+    """Why the present epoch began."""
+    stopped_by: ClientId | None
+
+
+class DriverSeat:
+    """Decide who drives and how fast, now."""
+
+    def __init__(
+        self, *, lease_s: float = LEASE_S, idle_s: float = IDLE_S, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._lease_s = lease_s
+        self._idle_s = idle_s
+        self._clock = clock
+        self._lock = threading.RLock()
+        self._driver: ClientId | None = None
+        self._twist: Twist | None = None
+        self._beat = self._active = clock()
+        self._epoch = 0
+        self._armed: set[ClientId] = set()
+        self._reason: StopReason | None = None
+        self._stopped_by: ClientId | None = None
+        self._events: list[SeatEvent] = []
+
+    def current_twist(self, now: float | None = None) -> Twist | None:
+        """Return the velocity that holds at `now` (seconds of the clock, default: now), None when nobody drives."""
+        with self._lock:
+            self._expire(now)
+            return self._twist
+
+    def receive(self, client: ClientId, held: HeldInput, epoch: int) -> None:
+        """Take one message with everything the client holds and the epoch it knows."""
+        with self._lock:
+            self._expire()
+            if held.is_empty:
+                self._let_go(client, epoch)
+            elif epoch == self._epoch and client in self._armed and self.try_sit(client):
+                self._beat = self._active = self._clock()
+                self._twist = held.twist()
+                self._events.append(DriveAccepted(client, self._twist))
+            else:
+                # A watcher's held key must not start the robot when the seat becomes free: it has to be pressed anew.
+                self._armed.discard(client)
+
+    def try_sit(self, client: ClientId) -> bool:
+        """Take the seat if it is free; return whether the client has it."""
+        with self._lock:
+            self._expire()
+            if self._driver is None:
+                self._driver, self._active = client, self._clock()
+            return self._driver == client
+
+    def stop(self, client: ClientId | None = None) -> None:
+        """Stop whoever drives; None says that the app itself asks."""
+        with self._lock:
+            self._expire()
+            self._begin_epoch(client, StopReason.STOPPED)
+
+    def take_over(self, client: ClientId) -> None:
+        """Give the seat to `client`; both must let go of everything before the robot moves again."""
+        with self._lock:
+            self._expire()
+            if self._driver not in (None, client):
+                self._begin_epoch(client, StopReason.TAKEN_OVER)
+            self._driver, self._active = client, self._clock()
+
+    def release(self, client: ClientId) -> None:
+        """Leave the seat, if the client has it; a moving robot stops."""
+        self._vacate(client, StopReason.GAVE_UP)
+
+    def leave(self, client: ClientId) -> None:
+        """Forget a client whose page is gone; a robot it moved stops."""
+        self._vacate(client, StopReason.LEFT)
+        with self._lock:
+            self._armed.discard(client)
+
+    def state_of(self, client: ClientId) -> SeatState:
+        """Return what `client` should be shown."""
+        with self._lock:
+            self._expire()
+            return SeatState(self._driver, self._epoch, client in self._armed, self._reason, self._stopped_by)
+
+    def next_deadline(self) -> float | None:
+        """Return when something will expire by itself, in seconds of the clock; None for never."""
+        with self._lock:
+            if self._twist is not None:
+                return self._beat + self._lease_s
+            return None if self._driver is None else self._active + self._idle_s
+
+    def take_events(self) -> list[SeatEvent]:
+        """Return what happened since the last call, expiries included, in order."""
+        with self._lock:
+            self._expire()
+            events, self._events = self._events, []
+            return events
+
+    def _expire(self, now: float | None = None) -> None:
+        """Let time do what it has done by `now`. Every door into the seat passes here first."""
+        now = self._clock() if now is None else now
+        if self._twist is not None and now - self._beat >= self._lease_s:
+            self._begin_epoch(self._driver, StopReason.INPUT_LOST)
+        if self._twist is None and self._driver is not None and now - self._active >= self._idle_s:
+            self._driver = None
+
+    def _let_go(self, client: ClientId, epoch: int) -> None:
+        if epoch == self._epoch:
+            self._armed.add(client)
+        if client == self._driver and self._twist is not None:
+            self._twist = None
+            self._active = self._clock()
+            self._events.append(MotionStopped(client, StopReason.RELEASED))
+
+    def _vacate(self, client: ClientId, reason: StopReason) -> None:
+        with self._lock:
+            self._expire()
+            if client != self._driver:
+                return
+            if self._twist is not None:
+                self._begin_epoch(client, reason)
+            self._driver = None
+
+    def _begin_epoch(self, client: ClientId | None, reason: StopReason) -> None:
+        self._twist = None
+        self._epoch += 1
+        self._armed.clear()
+        self._reason, self._stopped_by = reason, client
+        self._events.append(MotionStopped(client, reason))
+
+
+def _unit(value: float) -> float:
+    return max(-1.0, min(1.0, value))

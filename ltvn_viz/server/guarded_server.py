@@ -1,0 +1,192 @@
+"""The door of the app: viser behind a guard, on one port of this machine alone.
+
+Owns how viser is started, what is served beside it (`/drive`, numbered files) and what viser must not do (wander to
+another port, open a public tunnel). viser has no hook for any of this, so its one call of `websockets` is wrapped while
+it starts; the version is pinned and the tests hold it to that.
+
+Uploads need no route: `gui.add_upload_button` travels over viser's own socket, which passes the same guard.
+"""
+
+import asyncio
+import contextlib
+import io
+import logging
+import secrets
+import socket
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Self
+from urllib.parse import urlsplit
+
+import viser
+import websockets.asyncio.server
+from viser import _messages
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from ltvn_core.errors import ServerError
+from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
+from ltvn_viz.server.drive_socket import DriveListener, DriveSocket
+from ltvn_viz.server.driver_seat import DriverSeat
+from ltvn_viz.server.index_page import IndexPage
+from ltvn_viz.server.request_guard import RequestGuard, is_loopback, is_websocket
+from ltvn_viz.server.routes import RouteHandler, Routes, not_found
+
+DRIVE_PATH = "/drive"
+VISER_PATH = "/"
+
+_SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
+_starting = threading.Lock()
+"""Held while `websockets` is wrapped, so that two servers do not start through each other's wrapper."""
+
+
+class GuardedServer:
+    """Serve the page to whoever has the token, and to nobody else."""
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        token: str | None = None,
+        *,
+        seat: DriverSeat | None = None,
+        drives: bool = True,
+    ) -> None:
+        """Start serving; port 0 takes any free one. A page that drives nothing has no pad. Raises ServerError."""
+        if not is_loopback(host):
+            raise ServerError(
+                f"Refused to listen on {host}: everybody in the network could drive the robot. Listen on 127.0.0.1 "
+                "and reach it from another machine with: ssh -L PORT:127.0.0.1:PORT THIS_MACHINE"
+            )
+        listening = _bind(host, port)
+        self.host = host
+        self.port: int = listening.getsockname()[1]
+        self.token = token or secrets.token_urlsafe(24)
+        self.seat = seat or DriverSeat()
+        self._drive = DriveSocket(self.seat)
+        self._routes = Routes()
+        self._page = IndexPage(drives=drives)
+        self._guard = RequestGuard(self.token, f"ltvn_{self.port}")
+        self._files = ThreadPoolExecutor(max_workers=2, thread_name_prefix="page files")
+        self.viser = self._start(listening)
+        self.viser.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+
+    @property
+    def url(self) -> str:
+        """Return the address to open, token included."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}/?token={self.token}"
+
+    @property
+    def scene(self) -> viser.SceneApi:
+        """Return the 3D scene that all pages share."""
+        return self.viser.scene
+
+    @property
+    def gui(self) -> viser.GuiApi:
+        """Return the panels that all pages share."""
+        return self.viser.gui
+
+    def listen(self, listener: DriveListener) -> None:
+        """Name who is told of driving, stops and actions."""
+        self._drive.listener = listener
+
+    def add_route(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
+        """Serve `prefix<number>.ending`, as in `/thumb/17.jpg`, from `handler(number)`, called in a worker thread."""
+        self._routes.add(prefix, handler, ending=ending)
+
+    def stop_robot(self) -> None:
+        """Stop and latch for the app itself, as if somebody had pressed Space. Tells the listener."""
+        self.seat.stop()
+        self._drive.settle()
+
+    def close(self) -> None:
+        """Stop the robot and serve no more."""
+        self._drive.close()
+        with _silence():
+            self.viser.stop()
+        self._files.shutdown(wait=False, cancel_futures=True)
+
+    def __enter__(self) -> Self:
+        """Return the server, which is up already."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the server."""
+        self.close()
+
+    def _start(self, listening: socket.socket) -> viser.ViserServer:
+        """Start viser on a socket that is bound already, with every request led through the guard."""
+        original = websockets.asyncio.server.serve
+
+        def serve(handler: Callable[..., Any], host: str, port: int, **options: Any) -> Any:
+            options |= {"process_request": self._judge, "logger": _quiet_logger(), "server_header": None}
+            return original(self._router(handler), sock=listening, **options)
+
+        with _starting, _silence():
+            websockets.asyncio.server.serve = serve
+            try:
+                server = viser.ViserServer(host=self.host, port=self.port, verbose=False)
+            finally:
+                websockets.asyncio.server.serve = original
+        # Any page could ask for a public tunnel; without its handler the message is ignored.
+        server._websock_server.unregister_handler(_messages.ShareUrlRequest)
+        return server
+
+    async def _judge(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request; None lets it become a websocket."""
+        if (refusal := self._guard.refusal(request)) is not None:
+            return refusal
+        path = urlsplit(request.path).path
+        if is_websocket(request.headers):
+            if path == DRIVE_PATH:
+                # Refuse a large message while it arrives, not when it is here. viser's own limit is 50 MB.
+                connection.protocol.max_message_size = MAX_MESSAGE_BYTES
+            return None if path in (DRIVE_PATH, VISER_PATH) else not_found()
+        if path in ("/", "/index.html"):
+            return self._page.answer()
+        if (match := self._routes.find(path)) is None:
+            return not_found()
+        # Reading a picture from disk must not hold up a key press.
+        return await asyncio.get_running_loop().run_in_executor(self._files, match.answer)
+
+    def _router(self, viser_handler: Callable[..., Any]) -> Callable[..., Any]:
+        async def route(connection: ServerConnection) -> None:
+            request = connection.request
+            if request is not None and urlsplit(request.path).path == DRIVE_PATH:
+                await self._drive.serve(connection)
+            else:
+                await viser_handler(connection)
+
+        return route
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    """Return a bound socket; raises ServerError where viser would silently take the next port."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+        listening.listen()
+    except (OSError, OverflowError) as error:
+        listening.close()
+        raise ServerError(
+            f"Port {port} on {host} cannot be used ({error}). Is the app open already? "
+            "Close the other program, or choose another port with --port N (--port 0 takes any free one)."
+        ) from error
+    return listening
+
+
+def _silence() -> contextlib.redirect_stdout[io.StringIO]:
+    """Keep viser from printing an address without the token, and from writing into `--json -`."""
+    return contextlib.redirect_stdout(io.StringIO())
+
+
+def _quiet_logger() -> logging.Logger:
+    """Return a logger without the lines that `websockets` writes for each ordinary HTTP answer and of its own life."""
+    quiet = logging.getLogger("ltvn_viz.websockets")
+    if not quiet.filters:
+        quiet.addFilter(lambda record: not record.getMessage().startswith(_SAID_OTHERWISE))
+    return quiet

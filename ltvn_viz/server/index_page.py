@@ -1,0 +1,83 @@
+"""The page itself: viser's client with our script and style, under a strict content policy.
+
+Scripts run only with a nonce that is new in every answer, so that HTML which slipped into a panel cannot run any. The
+page may talk to its own server alone.
+"""
+
+import json
+import secrets
+from http import HTTPStatus
+from pathlib import Path
+
+import viser
+from websockets.http11 import Response
+
+from ltvn_viz.server.keymap import Direction, action_codes, direction_codes, help_rows
+from ltvn_viz.server.responses import HTML, reply
+from ltvn_viz.session.share_links import LINK_PARAMETERS
+
+STATIC = Path(__file__).parents[1] / "static"
+SCRIPTS = ("seat.js", "held.js", "keyboard.js", "gamepad.js", "pad.js", "clicks.js", "links.js", "main.js")
+NONCE = "{{nonce}}"
+TITLE = "Lifelong Topological Visual Navigation"
+
+POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        # viser decompresses its own code with WebAssembly; nothing may be evaluated from text.
+        f"script-src 'nonce-{NONCE}' 'wasm-unsafe-eval'",
+        "worker-src blob:",
+        "style-src 'unsafe-inline'",
+        "img-src 'self' blob: data:",
+        "font-src data:",
+        "connect-src 'self' blob: data:",
+        "frame-ancestors 'none'",
+        "base-uri 'none'",
+        "form-action 'none'",
+    )
+)
+
+LOADER = 'e.type="module";'
+"""Where viser's loader makes the script that is its application; it must hand on the nonce."""
+
+
+class IndexPage:
+    """The whole HTML of the page, ready but for its nonce."""
+
+    def __init__(self, *, drives: bool = True) -> None:
+        """Read the page; one that drives nothing comes without pad and keys."""
+        index = (Path(viser.__file__).parent / "client/build/index.html").read_text()
+        self._html = _with_our_parts(index, _script() if drives else "")
+
+    def answer(self) -> Response:
+        """Return the page with a fresh nonce."""
+        nonce = secrets.token_urlsafe(18)
+        html, policy = self._html.replace(NONCE, nonce), POLICY.replace(NONCE, nonce)
+        return reply(HTTPStatus.OK, html, content_type=HTML, policy=policy)
+
+
+def _with_our_parts(index: str, script: str) -> str:
+    if index.count("<script ") != 1 or index.count(LOADER) != 1 or index.count("</head>") != 1:
+        raise RuntimeError(f"viser {viser.__version__} has another page than the one this guard was written for")
+    index = index.replace("<title>Viser</title>", f"<title>{TITLE}</title>")
+    index = index.replace("<script ", f'<script nonce="{NONCE}" ')
+    index = index.replace(LOADER, f'{LOADER}e.nonce="{NONCE}";')
+    style = f"<style>{(STATIC / 'ltvn.css').read_text()}</style>"
+    return index.replace("</head>", f'{style}<script nonce="{NONCE}">{script}</script></head>')
+
+
+def _script() -> str:
+    parts = "\n".join((STATIC / name).read_text() for name in SCRIPTS)
+    tables = f"const KEYMAP = {_keymap_json()};\nconst LINK_WORDS = {json.dumps(LINK_PARAMETERS)};"
+    return f'(() => {{\n"use strict";\n{tables}\n{parts}\n}})();'
+
+
+def _keymap_json() -> str:
+    table = {
+        "directions": direction_codes(),
+        "actions": action_codes(),
+        "allDirections": list(Direction),
+        "help": help_rows(),
+    }
+    # "<" would let a text end the script element.
+    return json.dumps(table).replace("<", "\\u003c")

@@ -1,0 +1,1 @@
+"""The running app without its page: commands in, snapshots out."""

@@ -1,0 +1,87 @@
+"""Stand-ins for a simulator or network that is not there, so that recordings can be watched without them.
+
+Own the sentence that says what is missing. They do nothing else.
+"""
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+import numpy as np
+
+from ltvn_core.errors import LtvnError, SceneError
+from ltvn_core.types import Features, FrameId, Observation, Pose, Prediction, RobotState, Twist
+from ltvn_viz.session.activities.teleop import Teleop
+from ltvn_viz.session.camera_feed import FeedImage
+
+
+class AbsentRobot:
+    """A robot that stands for ever. Implements `ltvn_viz.session.live_run.LiveRobot`."""
+
+    step: FrameId = 0
+    stamp: float = 0.0
+
+    def __init__(self, why: LtvnError) -> None:
+        """Remember why there is no robot."""
+        self._why = why
+
+    @property
+    def exact_pose(self) -> Pose:
+        """Nowhere: (3,) NaN, which is not drawn."""
+        return np.full(3, np.nan)
+
+    def observe(self) -> Observation:
+        """Raise SceneError."""
+        raise SceneError(f"There is no robot to drive: {self._why}")
+
+    def state(self) -> RobotState:
+        """Stand."""
+        return RobotState(np.zeros(3), self.stamp, self.step, bumper_pressed=False)
+
+    def drive(self, twist: Twist) -> None:
+        """Raise SceneError."""
+        raise SceneError(f"There is no robot to drive: {self._why}")
+
+    def stop(self) -> None:
+        """Stand."""
+
+    def advance(self, duration_s: float) -> None:
+        """Let nothing happen."""
+
+
+class AbsentPredictor:
+    """A network that can compare nothing. Implements `ltvn_core.types.Predictor`."""
+
+    fingerprint = "none"
+
+    def __init__(self, why: LtvnError) -> None:
+        """Remember why there is no network."""
+        self._why = why
+
+    def encode(self, observations: Sequence[Observation]) -> Features:
+        """Raise the error."""
+        self._refuse()
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        """Raise the error."""
+        self._refuse()
+
+    def _refuse(self) -> NoReturn:
+        raise self._why
+
+
+class AbsentTeleop(Teleop):
+    """A robot that is not there does not move and sees nothing."""
+
+    def handle(self, twist: Twist | None) -> None:
+        """Let nothing happen."""
+
+    def tick(self) -> None:
+        """Let nothing happen."""
+
+
+class AbsentFeed:
+    """A camera without pictures."""
+
+    def latest_image(self, pose: Pose) -> FeedImage:
+        """Return no picture."""
+        return FeedImage(None, 0.0, 0)

@@ -1,0 +1,70 @@
+"""Builds a map anew from all images at hand, while the robot stands still.
+
+Owns progress and cancelling. The old map stays until the new one is whole.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.navigation.events import GraphChanged
+from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import JobProgress
+from ltvn_viz.session.worker import Worker
+
+Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
+"""Builds the map, reporting images done and in all, and returns every change from the old one."""
+
+
+def _nothing() -> None:
+    """Nothing follows."""
+
+
+class MapBuildingCancelled(Exception):
+    """A person gave up building."""
+
+
+class MapBuilding:
+    """One run of Algorithm 1."""
+
+    mode = Mode.BUILDING
+
+    def __init__(self, live: LiveRun, worker: Worker, rebuild: Rebuild, then: Callable[[], None] = _nothing) -> None:
+        """Stop the robot and start building in the worker's thread; `then` follows in the session's if it was built."""
+        self._live, self._then = live, then
+        self._cancelled = threading.Event()
+        self._share = 0.0
+        self.over = False
+        live.robot.stop()
+        worker.submit(lambda: self._run(rebuild), self._built)
+
+    @property
+    def work(self) -> JobProgress:
+        """How far it is."""
+        return JobProgress("Building the map", self._share)
+
+    def cancel(self) -> None:
+        """Keep the old map; takes effect at the next image."""
+        self._cancelled.set()
+
+    def tick(self) -> None:
+        """Wait."""
+
+    def _run(self, rebuild: Rebuild) -> Sequence[GraphDelta] | None:
+        try:
+            return rebuild(self._progress)
+        except MapBuildingCancelled:
+            return None
+
+    def _progress(self, done: int, total: int) -> None:
+        if self._cancelled.is_set():
+            raise MapBuildingCancelled
+        self._share = done / max(total, 1)
+
+    def _built(self, deltas: Sequence[GraphDelta] | None) -> None:
+        for delta in deltas or ():
+            self._live.emit(GraphChanged(delta))
+        self.over = True
+        if deltas is not None:
+            self._then()

@@ -1,0 +1,101 @@
+"""The robot drives by itself: pulls the navigator along, one control step at a time.
+
+The navigator thinks in the worker's thread and borrows the robot for that long; the session moves the robot's time
+only in between. So thinking never holds up a command, and the robot never moves while it thinks.
+"""
+
+from collections.abc import Callable, Iterator
+from queue import SimpleQueue
+
+from ltvn_core.navigation.events import Event, Tick
+from ltvn_core.types import CONTROL_STEP_S, NodeId
+from ltvn_viz.session.live_run import TICK_S, LiveRun
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.worker import Worker
+
+
+class Navigation:
+    """One navigation task."""
+
+    def __init__(
+        self, live: LiveRun, worker: Worker, goal: NodeId, query: Iterator[Event | Tick], cancel: Callable[[], None]
+    ) -> None:
+        """Pull `query`; `cancel` makes it end with its events at the next pull and may be called from any thread."""
+        self._live, self._worker, self.goal = live, worker, goal
+        self._query, self._cancel = query, cancel
+        self._events: SimpleQueue[Event] = SimpleQueue()
+        self._thinking = False
+        self._owed_s = 0.0
+        self._steps_left: int | None = None
+        self.is_stopping = False
+        """It was given up, and its last events are still to come."""
+        self.over = False
+        """The task has come to its end and the robot is free."""
+
+    @property
+    def mode(self) -> Mode:
+        """Navigating, or paused."""
+        return Mode.PAUSED if self._steps_left == 0 and not self.is_stopping else Mode.NAVIGATING
+
+    def pause(self) -> None:
+        """Hold at the end of the control step under way."""
+        self._steps_left = 0
+
+    def resume(self) -> None:
+        """Go on."""
+        self._steps_left = None
+
+    def step(self) -> None:
+        """Do one control step, then hold."""
+        self._steps_left = 1
+
+    def cancel(self) -> None:
+        """Stop the robot and end the task as cancelled, as soon as the navigator has finished its thought."""
+        self.is_stopping = True
+        self._live.robot.stop()
+
+    def tick(self) -> None:
+        """Let a tick of robot time pass, or let the navigator think at the end of a control step."""
+        self._drain()
+        if self._thinking or self.over:
+            return
+        if self._owed_s > 0 and not self.is_stopping:
+            self._move()
+        if self.is_stopping or (self._owed_s <= 0 and self._steps_left != 0):
+            self._think()
+
+    def _move(self) -> None:
+        # The last tick takes all that is left, so that rounding never leaves a sliver of a control step.
+        duration = TICK_S if self._owed_s > 1.5 * TICK_S else self._owed_s
+        self._live.robot.advance(duration)
+        self._owed_s -= duration
+        if self._owed_s <= 0:
+            self._live.capture()
+
+    def _think(self) -> None:
+        if self.is_stopping:
+            self._cancel()
+        elif self._steps_left:
+            self._steps_left -= 1
+        self._live.capture()  # Events name images by their step, so the image comes first.
+        self._thinking = True
+        self._worker.submit(self._pull, self._pulled)
+
+    def _pull(self) -> bool:
+        """Run the navigator to the end of its control step; return whether it goes on. In the worker's thread."""
+        for event in self._query:
+            if isinstance(event, Tick):
+                return True
+            self._events.put(event)
+        return False
+
+    def _pulled(self, goes_on: bool) -> None:
+        self._thinking = False
+        self._drain()
+        if self.is_stopping or not goes_on:
+            self._live.robot.stop()
+        self._owed_s, self.over = CONTROL_STEP_S, not goes_on
+
+    def _drain(self) -> None:
+        while not self._events.empty():
+            self._live.emit(self._events.get())

@@ -1,0 +1,131 @@
+"""A recording in the page: the same moments as live, at any time one likes.
+
+Owns the place in time and the pictures on show. Never writes, and keeps no pictures but the one on show.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.graph.deltas import Cause
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.types import FrameId, Observation, Pose
+from ltvn_viz.session.live_run import TICK_S
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
+from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
+from ltvn_viz.timeline.run_timeline import RunMoment, RunTimeline
+
+
+class ObservationSource(Protocol):
+    """Where a replay finds the images of its frames."""
+
+    def observation(self, frame: FrameId) -> Observation:
+        """Read one image."""
+        ...
+
+
+class Playback:
+    """An open recording."""
+
+    mode = Mode.REPLAY
+
+    def __init__(
+        self,
+        name: str,
+        scene: str,
+        timeline: RunTimeline,
+        observations: ObservationSource,
+        *,
+        weights: str = "",
+        system: str = "",
+    ) -> None:
+        """Show the recording `name`, made in `scene`, from its beginning.
+
+        `weights` is the fingerprint of the network that it was made with, `system` the name of what planned, if known.
+        """
+        self.name, self.scene, self.weights, self.system = name, scene, weights, system
+        self.timeline, self._observations = timeline, observations
+        self._start_s = timeline.start_s
+        self.length_s = max(0.0, timeline.end_s - self._start_s)
+        self.time_s = 0.0
+        self.playing = False
+        self.breakpoint_monitor = BreakpointMonitor()
+        """What it stops at while it plays."""
+        self._shown: tuple[FrameId | None, CameraImage | None] = (None, None)
+
+    @property
+    def status(self) -> PlaybackStatus:
+        """Where in the recording we are."""
+        return PlaybackStatus(self.name, self.length_s, self.time_s, self.playing)
+
+    @property
+    def stamp(self) -> float:
+        """The place in time on the robot's clock, seconds; the end is the end, however it is rounded."""
+        return self.timeline.end_s if self.time_s >= self.length_s else self._start_s + self.time_s
+
+    def seek(self, time_s: float) -> None:
+        """Go to so many seconds after the beginning; beyond either end means the end."""
+        self.time_s = min(max(0.0, time_s), self.length_s)
+
+    def play(self, *, playing: bool) -> None:
+        """Run or hold; running from the end begins again."""
+        if playing and self.time_s >= self.length_s:
+            self.time_s = 0.0
+        self.playing = playing
+
+    def tick(self) -> None:
+        """Let a tick of recorded time pass."""
+        if not self.playing:
+            return
+        before, until = self.time_s, self.time_s + TICK_S
+        stop = self.breakpoint_monitor.first_between(self.timeline, self._start_s, before, until)
+        self.seek(until if stop is None else stop.time_s)
+        self.playing = stop is None and self.time_s < self.length_s
+        if stop is not None:
+            self.breakpoint_monitor.announce(stop)
+
+    def moment(self) -> RunMoment:
+        """Return the world at the present place in time."""
+        return self.timeline.at(self.stamp)
+
+    def camera(self, frame: FrameId | None) -> CameraImage | None:
+        """Return the picture of a frame; None when it cannot be read."""
+        if frame != self._shown[0]:
+            self._shown = frame, self._read(frame)
+        return self._shown[1]
+
+    def observation(self, frame: FrameId) -> Observation | None:
+        """Return an image of the recording, for a thumbnail; None when it has none."""
+        try:
+            return self._observations.observation(frame)
+        except LtvnError:
+            return None
+
+    def _read(self, frame: FrameId | None) -> CameraImage | None:
+        seen = None if frame is None else self.observation(frame)
+        return None if seen is None else CameraImage(seen.rgb, seen.depth)
+
+
+def build_timeline(frames: Sequence[tuple[FrameId, float, Pose]], events: Sequence[StampedEvent]) -> RunTimeline:
+    """Fold a recording's frames (step, stamp, pose) and events into a timeline.
+
+    Frames of a map that was loaded before the run say where its nodes are; they were not driven in this run.
+    """
+    timeline = RunTimeline()
+    loaded = _loaded_until(events)
+    for step, stamp, pose in frames:
+        if step <= loaded:
+            timeline.place(step, pose)
+        else:
+            timeline.frame(step, stamp, pose)
+    for stamped in events:
+        timeline.event(stamped)
+    return timeline
+
+
+def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:
+    for stamped in events[:1]:
+        if isinstance(stamped.event, GraphChanged) and stamped.event.delta.cause is Cause.LOAD:
+            return stamped.step
+    return -1

@@ -1,0 +1,95 @@
+"""A person drives, and the map grows from what the camera sees.
+
+Owns which images become keyframes and how far mapping may lag behind.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ltvn_core.geometry import relative
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.types import Observation, Pose, Twist
+from ltvn_viz.session.live_run import TICK_S, LiveRun
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.worker import Worker
+
+KEYFRAME_M = 0.12
+KEYFRAME_RAD = float(np.deg2rad(10))
+LAG_LIMIT = 50
+"""Keyframes that may wait for the mapper; older ones are left out of the map, never out of the recording."""
+
+
+class Teleop:
+    """Drive by hand."""
+
+    mode = Mode.TELEOP
+
+    def __init__(self, live: LiveRun, worker: Worker, offer: Callable[[Observation], Sequence[GraphDelta]]) -> None:
+        """Drive the live robot; `offer` gives an image to the map in the worker's thread and returns what changed."""
+        self._live, self._worker, self._offer = live, worker, offer
+        self._moving = False
+        self._waiting: deque[Observation] = deque(maxlen=LAG_LIMIT)
+        self._mapping = False
+        self._captured: Pose | None = None
+        self._keyframe: Pose | None = None
+
+    @property
+    def waiting(self) -> int:
+        """Keyframes that the map has not seen yet."""
+        return len(self._waiting)
+
+    def handle(self, twist: Twist | None) -> None:
+        """Pass on what the driver holds now; letting go stops the robot at once."""
+        if twist is not None:
+            self._live.robot.drive(twist)
+        elif self._moving:
+            self._live.robot.stop()
+        self._moving = twist is not None
+
+    def tick(self) -> None:
+        """Let time pass; at a new control step look, if anything moved."""
+        robot = self._live.robot
+        before = robot.step
+        robot.advance(TICK_S)
+        if self._live.observation is None or robot.step != before:
+            self._look()
+        self._map()
+
+    def _look(self) -> None:
+        pose = self._live.robot.state().odometry
+        if self._captured is not None and np.array_equal(pose, self._captured):
+            return  # A standing robot sees nothing new.
+        self._captured = pose
+        observation = self._live.capture()
+        if self._keyframe is None or _moved(self._keyframe, pose):
+            self._keyframe = pose
+            self._waiting.append(observation)
+
+    def _map(self) -> None:
+        if self._waiting and not self._mapping:
+            self._mapping = True
+            observation = self._waiting.popleft()
+            self._worker.submit(
+                lambda: self._offer(observation),
+                lambda deltas: self._mapped(observation, deltas),
+                otherwise=self._mapping_ended,
+            )
+
+    def _mapping_ended(self) -> None:
+        self._mapping = False
+
+    def _mapped(self, observation: Observation, deltas: Sequence[GraphDelta]) -> None:
+        self._mapping_ended()
+        if deltas:
+            # A recording that began while this image waited must hold it too, or its map would lack a picture.
+            self._live.recorder.frame(observation)
+        for delta in deltas:
+            self._live.emit(GraphChanged(delta))
+
+
+def _moved(before: Pose, after: Pose) -> bool:
+    step = relative(before, after)
+    return bool(np.hypot(step[0], step[1]) >= KEYFRAME_M or abs(step[2]) >= KEYFRAME_RAD)

@@ -1,0 +1,98 @@
+"""Everything the session's thread owns, in one place: the live run, the map's keeper, and the mode of the moment.
+
+Owns no rule of its own beyond how an activity is left; commands are carried out by `orders`, shown by `portrait`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, TypeAlias
+
+from ltvn_core.config import Method
+from ltvn_core.navigation.events import Severity
+from ltvn_core.types import Pose, Predictor
+from ltvn_viz.debugger.background_cache import BackgroundCache
+from ltvn_viz.debugger.context_builder import DebugContextBuilder
+from ltvn_viz.debugger.inspector import Inspector
+from ltvn_viz.debugger.question_registry import all_questions
+from ltvn_viz.session.activities.map_building import MapBuilding
+from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.activities.teleop import Teleop
+from ltvn_viz.session.camera_feed import FeedImage
+from ltvn_viz.session.fine_tuning import FineTuning
+from ltvn_viz.session.goals import Goals
+from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.rerun_viewers import rerun_unavailable
+from ltvn_viz.session.snapshot import JobProgress, Message
+from ltvn_viz.session.viewpoint import Viewpoint
+from ltvn_viz.session.worker import Worker
+
+Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
+
+
+class ImageFeed(Protocol):
+    """Pictures of the live camera for the person."""
+
+    def latest_image(self, pose: Pose) -> FeedImage:
+        """Ask for a picture from `pose` (3,) and return the newest."""
+        ...
+
+
+@dataclass
+class AppState:
+    """What plays now and with whom."""
+
+    scene: str
+    live: LiveRun
+    live_map: LiveMap
+    worker: Worker
+    library: RecordingLibrary
+    open_replay: Callable[[str], Playback]
+    """Reads a recording by its name in the library; runs in the worker's thread."""
+    feed: ImageFeed
+    goals: Goals
+    teleop: Teleop
+    fine_tuning: FineTuning
+    predictor_for: Callable[[Path], tuple[Predictor, Method]]
+    """Opens weights and the method that goes with them; runs in the worker's thread."""
+    last_recording: str | None = None
+    """The recording that was kept last."""
+    message: Message | None = None
+    work: JobProgress | None = None
+    """A job that the page should wait for, beside what an activity says itself."""
+    queries: int = 0
+    rerun: Callable[[Path], str] = rerun_unavailable
+    """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
+    viewpoint: Callable[[], Viewpoint | None] = lambda: None
+    """From where the person looks at the scene; None where there is no page."""
+    shown_stamp: float | None = None
+    """A stamp of the live run that the page shows instead of now."""
+
+    def __post_init__(self) -> None:
+        """Begin with a person driving."""
+        self.activity: Activity = self.teleop
+        self.inspector = Inspector(all_questions(self.live.breakpoint_monitor))
+        self.debug_contexts = DebugContextBuilder(BackgroundCache(self.worker, self.inspector.mark_stale))
+
+    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Show a message in the page."""
+        if self.message is None or (text, severity) != (self.message.text, self.message.severity):
+            # An error that comes back with every tick is one message.
+            self.message = Message(text, severity, self.message.number + 1 if self.message is not None else 1)
+
+    def cancel(self, notice: str) -> None:
+        """Leave a task before its end, and say so."""
+        if isinstance(self.activity, Navigation | MapBuilding):
+            self.activity.cancel()
+            self.say(notice)
+
+    def fail(self, text: str) -> None:
+        """After an error: the robot stands, a task is dropped, the page says why."""
+        self.live.robot.stop()
+        self.work = None
+        if isinstance(self.activity, Navigation | MapBuilding):
+            self.activity = self.teleop
+        self.say(text, Severity.ERROR)

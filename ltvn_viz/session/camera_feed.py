@@ -1,0 +1,90 @@
+"""The live camera for the person: larger than the method's picture, drawn in a thread of its own.
+
+The newest pose wins: while one picture is drawn, older wishes are dropped and counted. So showing never holds up
+driving.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ltvn_core.types import Depth, Pose, Rgb
+from ltvn_viz.session.snapshot import CameraImage
+
+logger = logging.getLogger(__name__)
+
+IMAGES_PER_S = 12.0
+
+
+class FeedImage(NamedTuple):
+    """A picture on show and how fresh it is."""
+
+    image: CameraImage | None
+    age_s: float
+    dropped: int
+    """Pictures that were never drawn because a newer one was wanted."""
+
+
+class _RenderRequest(NamedTuple):
+    """Where to look from, and when that was asked."""
+
+    pose: Pose
+    when: float
+
+
+class CameraFeed:
+    """Draws what is seen from the newest pose, some times a second."""
+
+    def __init__(
+        self, render: Callable[[Pose], tuple[Rgb, Depth]], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Start the thread; `render` is called in it alone."""
+        self._render, self._clock = render, clock
+        self._change = threading.Condition()
+        self._wanted: _RenderRequest | None = None
+        self._asked = _RenderRequest(np.full(3, np.nan), float("-inf"))
+        self._shown: tuple[CameraImage | None, _RenderRequest] = (None, self._asked)
+        self._dropped = 0
+        self._closing = False
+        self._thread = threading.Thread(target=self._draw_forever, name="camera feed", daemon=True)
+        self._thread.start()
+
+    def latest_image(self, pose: Pose) -> FeedImage:
+        """Ask for a picture from `pose` (3,) and return the newest one there is."""
+        now = self._clock()
+        with self._change:
+            if now - self._asked.when >= 1 / IMAGES_PER_S and not np.array_equal(pose, self._asked.pose):
+                self._dropped += self._wanted is not None
+                self._asked = self._wanted = _RenderRequest(pose, now)
+                self._change.notify()
+            image, wish = self._shown
+            # A picture of a robot that stands is as good as new, however old it is.
+            age_s = 0.0 if image is None or np.array_equal(pose, wish.pose) else now - wish.when
+            return FeedImage(image, age_s, self._dropped)
+
+    def close(self) -> None:
+        """End the thread."""
+        with self._change:
+            self._closing = True
+            self._change.notify()
+        self._thread.join(timeout=2.0)
+
+    def _draw_forever(self) -> None:
+        while (wish := self._next()) is not None:
+            try:
+                image = CameraImage(*self._render(wish.pose))
+            except Exception:
+                logger.exception("the camera view could not be drawn")
+                return
+            with self._change:
+                self._shown = image, wish
+
+    def _next(self) -> _RenderRequest | None:
+        with self._change:
+            self._change.wait_for(lambda: self._closing or self._wanted is not None)
+            wish, self._wanted = self._wanted, None
+            return None if self._closing else wish

@@ -1,0 +1,194 @@
+"""Carries out what a person asked for.
+
+Owns the meaning of each command. Whether it is legal now is `modes`; runs in the session's thread alone.
+"""
+
+from collections.abc import Sequence
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.navigation.events import GraphChanged, Severity
+from ltvn_core.types import FrameId, NodeId, Rgb
+from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.map_building import MapBuilding
+from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.fine_tuning_handlers import start_fine_tuning, use_weights
+from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
+from ltvn_viz.session.modes import Mode, refusal
+from ltvn_viz.session.seeking import seek, seek_mark
+from ltvn_viz.session.snapshot import JobProgress
+
+STALE_LINK = "That answer was replaced before your click arrived. Look again, and click what it says now."
+
+
+def handle(state: AppState, command: c.Command) -> None:
+    """Carry out a command, or say in the page why not."""
+    if (why_not := refusal(command, state.activity.mode)) is not None:
+        state.say(why_not, Severity.WARN)
+        return
+    try:
+        _carry_out(state, command)
+    except LtvnError as error:
+        state.say(str(error), Severity.ERROR)
+
+
+def _carry_out(state: AppState, command: c.Command) -> None:
+    match command:
+        case c.StopRobot():
+            _stop(state)
+        case c.Cancel():
+            state.cancel("Cancelled.")
+        case c.TakeOver():
+            state.cancel("You took over; the task was cancelled.")
+        case c.BuildMap():
+            state.activity = MapBuilding(state.live, state.worker, state.live_map.rebuild)
+        case c.FineTune(minutes):
+            start_fine_tuning(state, minutes)
+        case c.UseWeights():
+            use_weights(state)
+        case c.StopFineTuning():
+            state.fine_tuning.cancel()
+        case c.DismissWeights():
+            state.fine_tuning.dismiss()
+        case c.SelectGoal(node):
+            state.goals.selected = node
+        case c.PickNode(node):
+            _pick(state, node)
+        case c.ChooseQuestion() | c.FollowLink() | c.SubmitText() | c.PointAt():
+            _inspect(state, command)
+        case c.EditMap(deltas):
+            _change(state, deltas)
+        case c.NavigateTo(node):
+            _navigate(state, node)
+        case c.NavigateToImage(rgb):
+            _find_and_go(state, rgb)
+        case c.ReportError(text):
+            state.say(text, Severity.ERROR)
+        case c.StartRecording() | c.KeepRecording() | c.DiscardRecording():
+            _record(state, command)
+        case _:
+            _play(state, command)
+
+
+def _stop(state: AppState) -> None:
+    state.live.robot.stop()
+    if isinstance(state.activity, Navigation):
+        state.cancel("Stopped; the task was cancelled.")
+
+
+def _play(state: AppState, command: c.Command) -> None:
+    """Commands that mean something to a task or a replay under way."""
+    match command, state.activity:
+        case c.Pause(), Playback() as replay:
+            replay.play(playing=not replay.playing)
+        case c.Pause(), Navigation() as navigation:
+            navigation.resume() if navigation.mode is Mode.PAUSED else navigation.pause()
+        case c.StepOnce(), Navigation() as navigation:
+            navigation.step()
+        case c.Seek(time_s), _:
+            seek(state, time_s)
+        case c.SeekMark(kind, forwards), _:
+            seek_mark(state, kind, forwards=forwards)
+        case c.SeekBy(seconds), Playback() as replay:
+            replay.seek(replay.time_s + seconds)
+        case c.OpenRecording() as opening, _:
+            _open(state, opening)
+        case c.CloseRecording(), _:
+            state.activity = state.teleop
+
+
+def _inspect(state: AppState, command: c.Command) -> None:
+    inspector = state.inspector
+    match command:
+        case c.ChooseQuestion(name):
+            inspector.choose(
+                next((question for question in inspector.shown.offered if question == name), QuestionName.NONE)
+            )
+        case c.PointAt(node, target):
+            inspector.point_at(node, target)
+        case c.SubmitText(text):
+            _ask(state, inspector.handle_text(text))
+        case c.FollowLink(number):
+            _ask(state, inspector.link(number) or c.ReportError(STALE_LINK))
+
+
+def _ask(state: AppState, asked: c.Command | None) -> None:
+    if asked is not None:
+        handle(state, asked)
+
+
+def _change(state: AppState, deltas: Sequence[GraphDelta]) -> None:
+    def show(changed: Sequence[GraphDelta]) -> None:
+        for delta in changed:
+            state.live.emit(GraphChanged(delta))
+        state.debug_contexts.reindex_now()
+
+    state.worker.submit(lambda: state.live_map.change(deltas), show)
+
+
+def _pick(state: AppState, node: NodeId) -> None:
+    if state.inspector.is_on:
+        state.inspector.point_at(node)
+    elif state.activity is state.teleop:
+        _navigate(state, node)
+    elif not isinstance(state.activity, Playback):
+        state.goals.selected = node
+
+
+def _navigate(state: AppState, node: NodeId | None) -> None:
+    goal = state.goals.selected if node is None else node
+    if goal is None:
+        raise OptionError("Choose a goal first: click a node in the scene or a picture under “Go”.")
+    state.live.robot.stop()
+    state.goals.selected = goal
+    state.queries += 1
+    query = state.live_map.query(state.live.robot, goal, state.queries)
+    state.activity = Navigation(state.live, state.worker, goal, query, state.live_map.cancel)
+
+
+def _find_and_go(state: AppState, rgb: Rgb) -> None:
+    def find() -> tuple[Sequence[NodeId], Sequence[tuple[FrameId, Rgb]]]:
+        nodes = state.live_map.similar_nodes(rgb, SIMILAR_NODE_COUNT)
+        return nodes, state.live_map.node_images(nodes)
+
+    def go(found: tuple[Sequence[NodeId], Sequence[tuple[FrameId, Rgb]]]) -> None:
+        state.goals.offer_similar_nodes(*found)
+        if state.activity is state.teleop:
+            state.say("Going to the place that looks most like your picture. Others that look like it are shown below.")
+            _navigate(state, found[0][0])
+
+    state.worker.submit(find, go)
+
+
+def _record(state: AppState, command: c.Command) -> None:
+    recorder = state.live.recorder
+    # What the map has learned must be in the timeline before a recording begins with it, or ends.
+    state.worker.settle()
+    match command:
+        case c.StartRecording():
+            state.live.begin_recording(state.worker)
+        case c.KeepRecording():
+            state.last_recording = recorder.keep().name
+            state.say(f"Kept as {state.last_recording}. Open it under “Replay”.")
+        case c.DiscardRecording():
+            state.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
+
+
+def _open(state: AppState, asked: c.OpenRecording) -> None:
+    def show(replay: Playback) -> None:
+        state.work = None
+        if isinstance(state.activity, Navigation | MapBuilding):
+            state.say(f"{asked.name} was not opened, because a task began meanwhile. Open it when that is over.")
+            return
+        replay.breakpoint_monitor = state.live.breakpoint_monitor
+        replay.seek(asked.at_s)
+        state.activity = replay
+        for each in asked.then:
+            handle(state, each)
+
+    state.live.robot.stop()
+    state.work = JobProgress(f"Opening {asked.name}")
+    state.worker.submit(lambda: state.open_replay(asked.name), show)

@@ -1,0 +1,125 @@
+"""The network gets to know the place: at most one fine-tuning at a time, in a thread of its own.
+
+Learning takes minutes, and map and navigation go on meanwhile, so it does not share their thread; it starts from a
+file of weights and ends with a file. Owns its life: begun, cancelled, failed, done, and whether the result is offered.
+Which drive is learned from and how weights come into use is `orders`.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.training.fine_tuning_data import ProgressReporter
+from ltvn_core.verbs.background_finetuning import DriveSource, FineTuningRequest
+from ltvn_core.verbs.finetune import FineTunedWeights
+from ltvn_viz.session.fine_tuning_text import far_false_positives_grew, result_lines
+from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus
+from ltvn_viz.session.worker import Worker
+
+logger = logging.getLogger(__name__)
+
+Tune: TypeAlias = Callable[[FineTuningRequest, ProgressReporter, threading.Event], FineTunedWeights | None]
+"""Fine-tunes; None if it was cancelled. Runs in the learning thread."""
+
+
+class FineTuning:
+    """What becomes of the weights in use."""
+
+    def __init__(self, tune: Tune | None, weights: Path | None, executor: Executor) -> None:
+        """Teach `weights`, None being the shipped ones; where `tune` is None there is no network to teach."""
+        self._tune, self.weights, self._worker = tune, weights, Worker(executor)
+        self._cancelled = threading.Event()
+        self._status = FineTuningStatus()
+        self._told: tuple[float, str] = 0.0, ""
+        self._offer: Path | None = None
+
+    @property
+    def status(self) -> FineTuningStatus:
+        """What the page shows of it."""
+        if self._status.phase is not FineTuningPhase.LEARNING:
+            return self._status
+        share, doing = self._told
+        return replace(self._status, share=share, doing="stopping" if self._cancelled.is_set() else doing)
+
+    @property
+    def offer(self) -> Path:
+        """New weights that wait to be used; raises OptionError if there are none."""
+        if self._offer is None:
+            raise OptionError("There are no new weights to use; press “Learn from this drive” first.")
+        return self._offer
+
+    def begin(self, drive: DriveSource, output: Path, minutes: float) -> None:
+        """Learn from a drive; raises OptionError if there is no network, or if one learns already."""
+        self.require_free()
+        assert self._tune is not None
+        tune, request = self._tune, FineTuningRequest(drive, self.weights, output, minutes)
+        self._cancelled = cancelled = threading.Event()
+        self._offer, self._told = None, (0.0, "beginning")
+        self._status = FineTuningStatus(FineTuningPhase.LEARNING, drive.name)
+        self._worker.submit(lambda: self._run(lambda: tune(request, self._tell, cancelled)), self._ended)
+
+    def require_free(self) -> None:
+        """Raise OptionError if nothing can be learned now."""
+        if self._tune is None:
+            raise OptionError(
+                "The oracle compares by the simulator's own geometry, so there is no network to teach. Open the app "
+                "without --predictor oracle."
+            )
+        if self._status.phase is FineTuningPhase.LEARNING:
+            raise OptionError("The network is learning already; wait for it, or stop learning first.")
+
+    def cancel(self) -> None:
+        """Keep the weights in use and write none; takes effect at the next step of learning."""
+        self._cancelled.set()
+
+    def dismiss(self) -> None:
+        """Go on with the weights in use; new ones stay on disk."""
+        self._offer = None
+        self._status = FineTuningStatus()
+
+    def adopt(self, weights: Path) -> None:
+        """The next lesson starts from these."""
+        self.weights = weights
+        self.dismiss()
+
+    def collect(self) -> None:
+        """Deal with a lesson that is over."""
+        self._worker.collect()
+
+    def close(self) -> None:
+        """Give up and wait for the thread."""
+        self.cancel()
+        self._worker.close()
+
+    def _tell(self, share: float, doing: str) -> None:
+        self._told = share, doing
+
+    def _run(self, tune: Callable[[], FineTunedWeights | None]) -> FineTunedWeights | str | None:
+        """Return a failure as a sentence: the robot and its task have nothing to do with it and go on."""
+        try:
+            return tune()
+        except LtvnError as error:
+            return str(error)
+        except Exception as error:
+            logger.exception("learning failed")
+            return f"Learning failed ({type(error).__name__}: {error}). The log on the console says more."
+
+    def _ended(self, result: FineTunedWeights | str | None) -> None:
+        name = self._status.drive
+        match result:
+            case None:
+                self._status = FineTuningStatus(
+                    FineTuningPhase.IDLE, name, lines=("Stopped; the network is as it was.",)
+                )
+            case str(error):
+                self._status = FineTuningStatus(FineTuningPhase.FAILED, name, lines=(error,))
+            case FineTunedWeights():
+                worse = far_false_positives_grew(result)
+                self._offer = None if worse else result.weights
+                phase = FineTuningPhase.WORSE if worse else FineTuningPhase.LEARNED
+                self._status = FineTuningStatus(phase, name, lines=result_lines(result), path=str(result.weights))

@@ -1,0 +1,146 @@
+"""The live map with its pictures and the network that reads them; everything here runs in the worker's thread.
+
+Owns when the map is replaced as a whole. The decisions are `ltvn_core.graph`'s.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.errors import MapError
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta, NodeDropped
+from ltvn_core.graph.image_similarity import most_similar_nodes
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.online_builder import OnlineBuilder
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.episode import judge_goal_reached
+from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.types import FrameId, Intrinsics, NodeId, Observation, Predictor, Rgb
+from ltvn_viz.session.live_run import LiveRobot
+
+IMAGES_AT_ONCE = 64
+
+
+class LiveMap:
+    """A map that grows, is rebuilt, and is navigated by."""
+
+    def __init__(self, predictor: Predictor, method: Method, rng: np.random.Generator) -> None:
+        """Begin with an empty map."""
+        self._predictor, self.method, self._rng = predictor, method, rng
+        self.graph = TopologicalGraph()
+        self.keyframes = KeyframeStore(predictor)
+        self._online = self._new_online()
+        self._navigator: Navigator | None = None
+
+    @property
+    def fingerprint(self) -> str:
+        """Name of the weights in use."""
+        return self._predictor.fingerprint
+
+    @property
+    def predictor(self) -> Predictor:
+        """The network in use."""
+        return self._predictor
+
+    def change(self, deltas: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
+        """Change the map by hand; returns the deltas. Raises MapError, and changes nothing, if one does not fit."""
+        if len(deltas) > 1:
+            trial = self.graph.copy()
+            for delta in deltas:
+                trial.apply(delta)
+        for delta in deltas:
+            self.graph.apply(delta)
+        return deltas
+
+    def load(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> Sequence[GraphDelta]:
+        """Take a map with its pictures in place of the present one and return the deltas that make it up."""
+        self.keyframes = KeyframeStore(self._predictor)
+        self.keyframes.add(observations)
+        self._replace(graph)
+        return graph.deltas(Cause.LOAD)
+
+    def offer(self, observation: Observation) -> Sequence[GraphDelta]:
+        """Let the map grow by one picture; returns what changed."""
+        deltas = self._online.offer(observation)
+        for delta in deltas:
+            self.graph.apply(delta)
+        return deltas
+
+    def rebuild(self, progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
+        """Build anew from all pictures at hand; returns every change from the old map. Raises MapError for none."""
+        seen = self.observations()
+        if not seen:
+            raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
+        built = build(seen, self.keyframes, self._predictor, self.method, self._rng, progress=progress)
+        return self._replaced(built)
+
+    def rebuild_with(
+        self, predictor: Predictor, method: Method, progress: Callable[[int, int], None]
+    ) -> Sequence[GraphDelta]:
+        """Build anew from all pictures at hand with another network, which is used from then on.
+
+        Until the new map is whole nothing changes. Without pictures there is no map either, and only the network does.
+        """
+        seen, keyframes = self.observations(), KeyframeStore(predictor)
+        for first in range(0, len(seen), IMAGES_AT_ONCE):
+            progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
+            keyframes.add(seen[first : first + IMAGES_AT_ONCE])
+        built = build(seen, keyframes, predictor, method, self._rng, progress=progress) if seen else ()
+        self._predictor, self.method, self.keyframes = predictor, method, keyframes
+        return self._replaced(built)
+
+    def observations(self) -> Sequence[Observation]:
+        """Return all pictures at hand in the order they were taken."""
+        return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
+
+    def _replaced(self, built: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
+        fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
+        released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
+        self._replace(TopologicalGraph(built))
+        return [*fell, *released, *built]
+
+    def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
+        """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
+        if self._navigator is None:
+            self._navigator = Navigator(
+                robot, self.graph, self.keyframes, self._predictor, self.method, self._rng, intrinsics=Intrinsics()
+            )
+        return self._judged(robot, self._navigator.query(goal, query), goal)
+
+    def cancel(self) -> None:
+        """End the navigation task at its next pull, with its events. Safe from any thread."""
+        if self._navigator is not None:
+            self._navigator.cancel()
+
+    def _judged(self, robot: LiveRobot, events: Iterator[Event | Tick], goal: NodeId) -> Iterator[Event | Tick]:
+        for event in events:
+            yield event
+            if isinstance(event, QueryEnded) and event.outcome is not Outcome.CANCELLED:
+                truth = self.keyframes.observation(goal).exact_pose
+                if truth is not None:
+                    yield judge_goal_reached(event.query, robot.exact_pose, truth)
+
+    def map_observations(self) -> Sequence[Observation]:
+        """Return the pictures that make up the map: of its nodes and its reserve."""
+        return [self.keyframes.observation(frame) for frame in sorted([*self.graph.nodes, *self.graph.reserve])]
+
+    def node_images(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
+        """Return the pictures of those of `frames` that are still at hand."""
+        return [(frame, self.keyframes.observation(frame).rgb) for frame in frames if frame in self.keyframes]
+
+    def similar_nodes(self, rgb: Rgb, count: int) -> Sequence[NodeId]:
+        """Return the nodes that look most like a picture (H, W, 3), best first; raises MapError in an empty map."""
+        if not self.graph.nodes:
+            raise MapError("The map is empty, so there is nowhere to go yet; hold W A S D and drive a little first.")
+        return [node for node, _ in most_similar_nodes(rgb, self.keyframes, list(self.graph.nodes), count)]
+
+    def _replace(self, graph: TopologicalGraph) -> None:
+        self.graph = graph
+        self._online = self._new_online()
+        self._navigator = None
+
+    def _new_online(self) -> OnlineBuilder:
+        return OnlineBuilder(self.graph, self.keyframes, self._predictor, self.method)

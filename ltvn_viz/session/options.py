@@ -1,0 +1,38 @@
+"""What the command line may ask of the app."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ltvn_core.composition import PredictorName
+from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
+
+DEMO_SCENE = "demo"
+
+
+@dataclass(frozen=True)
+class AppOptions:
+    """What the app is to open."""
+
+    port: int = 8080
+    """Port on 127.0.0.1; 0 takes any free one."""
+    scene: str = DEMO_SCENE
+    """Scene to drive in; a map brings its own."""
+    map: Path | None = None
+    """Map to begin with; None takes the ready-made one in the demo scene, else an empty one."""
+    recordings: Path = Path("recordings")
+    """Folder for recordings."""
+    predictor: PredictorName = "network"
+    weights: Path | None = None
+    """Weights instead of the shipped ones."""
+    preset: str = "robust"
+    """Name of the method's settings."""
+    seed: int = 0
+    """Draws the robot's start and its odometry noise."""
+    tuner: BackgroundFineTuning = field(default_factory=BackgroundFineTuning)
+    """Teaches the network from the page."""
+    stream: int | None = None
+    """Port on 127.0.0.1 at which Rerun viewers can watch what is recorded."""
+    replay: str | None = None
+    """Name of a recording in the folder to open at once; then simulator and network may be missing."""
+    replay_at_s: float = 0.0
+    """Seconds after its beginning at which to show it first."""

@@ -1,0 +1,74 @@
+"""The folder of recordings: what is in it, and names that never overwrite.
+
+Owns every path the page may touch. A name from a browser is only ever looked up in the list of what is there.
+"""
+
+import os
+from datetime import datetime
+from itertools import count
+from pathlib import Path
+
+from ltvn_core.errors import RecordingError
+
+SUFFIX = ".rrd"
+DISCARDED = "discarded"
+
+
+class RecordingLibrary:
+    """Recordings in one folder."""
+
+    def __init__(self, folder: Path) -> None:
+        """Use `folder`, which is made when the first recording needs it."""
+        self.folder = folder
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the recordings, newest first."""
+        try:
+            with os.scandir(self.folder) as entries:
+                found = [(entry.stat().st_mtime, entry.name) for entry in entries if _is_recording(entry)]
+        except OSError:
+            return ()  # No folder yet, or none that can be read; a recording will say which when it begins.
+        return tuple(name for _, name in sorted(found, reverse=True))
+
+    def path(self, name: str) -> Path:
+        """Return the path of a recording of the list; raises RecordingError for anything else."""
+        if name not in self.names():
+            raise RecordingError(
+                f"There is no recording “{name}” in {self.folder}. Choose one of the list; files elsewhere must be "
+                "copied into that folder first."
+            )
+        return self.folder / name
+
+    def new_path(self, now: datetime) -> Path:
+        """Return a name for a new recording that nothing has yet; raises RecordingError when there can be none."""
+        return _free(self.folder, f"drive-{now:%Y%m%d-%H%M%S}")
+
+    def new_file(self, stem: str, suffix: str = SUFFIX) -> Path:
+        """Return a name for something made from a recording that nothing has yet; raises RecordingError."""
+        return _free(self.folder, stem, suffix)
+
+    def new_weights(self, drive: str, now: datetime) -> Path:
+        """Return a name that nothing has yet for weights that learned from a drive; raises RecordingError."""
+        return _free(self.folder, f"{Path(drive).stem}-learned-{now:%Y%m%d-%H%M%S}", ".safetensors")
+
+    def discard(self, path: Path) -> Path:
+        """Move a recording to the folder of discarded ones and return where it is now."""
+        return path.rename(_free(self.folder / DISCARDED, path.stem))
+
+
+def _is_recording(entry: os.DirEntry[str]) -> bool:
+    return entry.name.endswith(SUFFIX) and entry.is_file(follow_symlinks=False)
+
+
+def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(
+            f"Cannot write into {folder}: {error.strerror}. Choose another folder with --recordings."
+        ) from error
+    for number in count(1):
+        place = folder / (f"{stem}{suffix}" if number == 1 else f"{stem}-{number}{suffix}")
+        if not os.path.lexists(place):
+            return place
+    raise AssertionError("count() never ends")

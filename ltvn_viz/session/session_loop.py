@@ -1,0 +1,159 @@
+"""The one loop: takes commands, moves the robot's time, and shows what comes of it.
+
+Owns the pace, and what happens when something goes wrong. A single thread runs `run`; every other thread may only
+`send`, `wake` and `stop`. What a mode does is in `teleop`, `navigation`, `building` and `replay`; what a command means
+is in `orders`.
+"""
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from ltvn_core.errors import LtvnError
+from ltvn_core.types import Twist
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.map_building import MapBuilding
+from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.breakpoint_stop import handle_breakpoint
+from ltvn_viz.session.command_handlers import handle
+from ltvn_viz.session.live_run import TICK_S
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.snapshot_builder import SnapshotBuilder
+
+logger = logging.getLogger(__name__)
+
+QUEUE_LIMIT = 256
+"""More commands than this wait only if somebody floods the app; the rest is refused."""
+STALL_S = 0.5
+"""After a stall longer than this, the robot's time goes on from where it stood instead of catching up."""
+
+
+class TwistSource(Protocol):
+    """The seat of whoever drives by hand."""
+
+    def current_twist(self) -> Twist | None:
+        """Return the velocity asked for now, None when nobody drives."""
+        ...
+
+
+class Session:
+    """The running app without its page."""
+
+    def __init__(
+        self,
+        state: AppState,
+        driver: TwistSource,
+        publish: Callable[[Snapshot], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Put the parts together; nothing runs before `run` or `tick`. `publish` must not block."""
+        self._state, self._driver, self._publish, self._clock = state, driver, publish, clock
+        self._snapshot_builder = SnapshotBuilder(clock)
+        self._commands: deque[c.Command] = deque()
+        self._awake = threading.Event()
+        self._stopping = threading.Event()
+
+    @property
+    def mode(self) -> Mode:
+        """What the app is doing."""
+        return self._state.activity.mode
+
+    @property
+    def state(self) -> AppState:
+        """What the session runs; its own thread alone may change it."""
+        return self._state
+
+    def send(self, command: c.Command) -> None:
+        """Ask for something, from any thread; never blocks."""
+        if len(self._commands) < QUEUE_LIMIT:
+            self._commands.append(command)
+        else:
+            logger.warning("too many commands at once; left out %s", command)
+        self.wake()
+
+    def wake(self) -> None:
+        """Let the session look at commands and driver now rather than at its next tick. Safe from any thread."""
+        self._awake.set()
+
+    def stop(self) -> None:
+        """Let `run` return soon. Safe from any thread."""
+        self._stopping.set()
+        self.wake()
+
+    def run(self, max_ticks: int | None = None) -> None:
+        """Run in real time until `stop`, or for so many ticks; then the robot stands and the recording is kept."""
+        ticks, due = 0, self._clock()
+        try:
+            while not self._stopping.is_set() and (max_ticks is None or ticks < max_ticks):
+                self._awake.wait(max(0.0, due - self._clock()))
+                self._awake.clear()
+                self._guarded(self._react)
+                if self._clock() < due:
+                    continue  # Woken early: the command is carried out already, time is not due yet.
+                self._guarded(self._advance)
+                self._guarded(self._show)
+                ticks += 1
+                due = due + TICK_S if self._clock() - due < STALL_S else self._clock()
+        finally:
+            self.close()
+
+    def tick(self) -> None:
+        """React, let one tick of robot time pass, and publish; what `run` does, without waiting."""
+        self._guarded(self._react)
+        self._guarded(self._advance)
+        self._guarded(self._show)
+
+    def close(self) -> None:
+        """Stop the robot and keep the recording under way."""
+        self._state.live.robot.stop()
+        self._state.cancel("The app is closing.")
+        self._state.fine_tuning.cancel()
+        self._state.worker.close()
+        self._guarded(self._state.worker.collect)
+        self._state.fine_tuning.close()
+        if self._state.live.recorder.is_on:
+            logger.info("kept the recording %s", self._state.live.recorder.keep())
+
+    def _react(self) -> None:
+        """Let commands and held keys reach the robot."""
+        state = self._state
+        while self._commands:
+            handle(state, self._commands.popleft())
+        twist = self._driver.current_twist()
+        if twist is not None and isinstance(state.activity, Navigation) and not state.activity.is_stopping:
+            handle(state, c.TakeOver())
+        state.teleop.handle(twist if state.activity is state.teleop else None)
+
+    def _advance(self) -> None:
+        """Let a tick of robot time pass."""
+        state = self._state
+        state.worker.collect()
+        state.fine_tuning.collect()
+        state.activity.tick()
+        handle_breakpoint(state)
+        if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:
+            state.activity = state.teleop
+        if state.worker.pending == 0:
+            # Nobody changes the map now, so the recording may draw it.
+            state.live.recorder.graph(state.live_map.graph, state.live.robot.step, state.live.robot.stamp)
+
+    def _show(self) -> None:
+        self._publish(self._snapshot_builder.build(self._state))
+
+    def _guarded(self, part: Callable[[], None]) -> None:
+        """Run a part of the loop; whatever goes wrong there, the robot stands, the page says so, the loop goes on."""
+        try:
+            part()
+        except LtvnError as error:
+            self._state.fail(str(error))
+        except Exception as error:
+            logger.exception("the session failed")
+            self._state.fail(
+                f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped and what "
+                "was recorded is kept. The log on the console says more; please report it."
+            )

@@ -1,0 +1,134 @@
+"""What the page shows, as one frozen value.
+
+Live and replay make the same `Snapshot`; a layer or panel cannot tell which one it draws. Arrays are shared from one
+snapshot to the next while nothing changed, so comparing by identity tells what to redraw.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from ltvn_core.navigation.events import Severity
+from ltvn_core.types import Depth, NodeId, Rgb
+from ltvn_viz.debugger.inspector import NO_INSPECTION, Inspection
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.timeline.run_timeline import RunMoment
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraImage:
+    """What the camera sees: for the person, of any size."""
+
+    rgb: Rgb
+    """(H, W, 3)."""
+    depth: Depth
+    """(H, W) metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopRates:
+    """How well the loop keeps up."""
+
+    loop_hz: float = 0.0
+    frame_age_ms: float = 0.0
+    """Age of the picture on show."""
+    dropped: int = 0
+    """Pictures that were replaced before they were shown, since the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingStatus:
+    """Whether something is being recorded, and into what."""
+
+    name: str | None = None
+    """File under way; None when nothing is recorded."""
+    frames: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlaybackStatus:
+    """Which recording is open and where in it we are."""
+
+    name: str
+    length_s: float
+    time_s: float
+    """Seconds since its beginning."""
+    playing: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Something the person must read."""
+
+    text: str
+    severity: Severity
+    number: int
+    """Counts messages, so that the same words twice are two messages."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobProgress:
+    """A job that takes a while."""
+
+    label: str
+    share: float | None = None
+    """How much is done in [0, 1]; None when nobody knows."""
+
+
+class FineTuningPhase(StrEnum):
+    """Where fine-tuning stands."""
+
+    IDLE = "idle"
+    LEARNING = "learning"
+    LEARNED = "learned"
+    """New weights are on offer."""
+    WORSE = "worse"
+    """New weights are on disk, but call more far pairs reachable than the old ones."""
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class FineTuningStatus:
+    """What becomes of the network."""
+
+    phase: FineTuningPhase = FineTuningPhase.IDLE
+    drive: str = ""
+    """What is, or would be, learned from."""
+    share: float = 0.0
+    """How much is done in [0, 1]."""
+    doing: str = ""
+    lines: tuple[str, ...] = ()
+    """What came of the last lesson."""
+    path: str = ""
+    """Where the new weights lie."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """Everything the page shows at one instant."""
+
+    mode: Mode = Mode.TELEOP
+    scene: str = ""
+    """Name of the scene to draw."""
+    moment: RunMoment = field(default_factory=RunMoment)
+    camera: CameraImage | None = None
+    rates: LoopRates = LoopRates()
+    recording: RecordingStatus = RecordingStatus()
+    recordings: tuple[str, ...] = ()
+    """Files of the recordings folder, newest first."""
+    replay: PlaybackStatus | None = None
+    selected: NodeId | None = None
+    """The goal that was chosen; shown with a pin."""
+    gallery: tuple[NodeId, ...] = ()
+    """Nodes offered as goals by their pictures."""
+    similar_nodes: tuple[NodeId, ...] = ()
+    """Nodes that look like the uploaded picture, best first."""
+    message: Message | None = None
+    work: JobProgress | None = None
+    fine_tuning: FineTuningStatus = FineTuningStatus()
+    weights: str = ""
+    """Fingerprint of the weights in use."""
+    inspection: Inspection = NO_INSPECTION
+    """What the debugger shows."""
+    hint: str = ""
+    """What to do next."""

@@ -1,0 +1,90 @@
+"""Makes the snapshot of a stage: what the page shows of it now."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ltvn_viz.session.activities.map_building import MapBuilding
+from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.fine_tuning_handlers import drive_name
+from ltvn_viz.session.hints import hint
+from ltvn_viz.session.rate_meter import RateMeter
+from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot
+
+LIST_EVERY_S = 2.0
+"""How often the folder of recordings is looked through."""
+
+
+class SnapshotBuilder:
+    """Takes snapshots, and remembers what need not be looked up each time."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Measure rates by `clock`."""
+        self._clock = clock
+        self._meter = RateMeter(clock)
+        self._listed_at = float("-inf")
+        self._names: tuple[str, ...] = ()
+
+    def build(self, state: AppState) -> Snapshot:
+        """Return what the page should show now."""
+        self._meter.count()
+        activity = state.activity
+        snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
+        if state.inspector.is_on:
+            state.inspector.refresh(state.debug_contexts.build(state, snapshot.moment))
+        snapshot = replace(
+            snapshot,
+            mode=activity.mode,
+            rates=replace(snapshot.rates, loop_hz=self._meter.hz),
+            recording=state.live.recorder.status,
+            recordings=self._recordings(state),
+            message=state.message,
+            fine_tuning=_learning(state),
+            inspection=state.inspector.shown,
+            weights=state.live_map.fingerprint,
+            work=activity.work if isinstance(activity, MapBuilding) else state.work,
+        )
+        return replace(snapshot, hint=hint(snapshot))
+
+    def _recordings(self, state: AppState) -> tuple[str, ...]:
+        if self._clock() - self._listed_at >= LIST_EVERY_S:
+            self._listed_at, self._names = self._clock(), state.library.names()
+        under_way = state.live.recorder.status.name
+        return tuple(name for name in self._names if name != under_way)
+
+
+def _learning(state: AppState) -> FineTuningStatus:
+    status = state.fine_tuning.status
+    return status if status.phase is FineTuningPhase.LEARNING else replace(status, drive=drive_name(state))
+
+
+def _live(state: AppState) -> Snapshot:
+    robot = state.live.robot
+    shown = robot.stamp if state.shown_stamp is None else state.shown_stamp
+    moment, pose = state.live.timeline.at(shown), robot.exact_pose
+    moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
+    state.goals.refresh(moment.graph)
+    feed_image = state.feed.latest_image(pose)
+    return Snapshot(
+        scene=state.scene,
+        moment=moment,
+        camera=feed_image.image,
+        rates=LoopRates(frame_age_ms=1000 * feed_image.age_s, dropped=feed_image.dropped),
+        selected=state.goals.selected,
+        gallery=state.goals.gallery,
+        similar_nodes=state.goals.similar_nodes,
+    )
+
+
+def _replayed(replay: Playback) -> Snapshot:
+    moment = replay.moment()
+    return Snapshot(
+        scene=replay.scene,
+        moment=moment,
+        camera=replay.camera(moment.frame),
+        replay=replay.status,
+        selected=moment.progress.goal,
+    )

@@ -1,0 +1,1 @@
+"""What happened when: the run as the page looks at it."""

@@ -1,0 +1,90 @@
+"""Where a navigation task stands, folded from events.
+
+`apply_event(progress, event)` is a pure reducer, so the same code says how things stand live, in a replay, and at any
+moment between. Owns no graph: that is `history.GraphHistory`.
+"""
+
+from dataclasses import dataclass, replace
+
+from ltvn_core.graph import deltas
+from ltvn_core.navigation import events as e
+from ltvn_core.types import NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationProgress:
+    """How the navigation stands after some events."""
+
+    navigator: e.NavigatorState = e.NavigatorState.IDLE
+    query: int | None = None
+    """The task under way; None when none is."""
+    goal: NodeId | None = None
+    plan: tuple[NodeId, ...] = ()
+    plan_cost: float = 0.0
+    attempt: e.AttemptStarted | None = None
+    """The edge being driven."""
+    localised: e.Localised | None = None
+    """The latest comparison with the map."""
+    ended: e.QueryEnded | None = None
+    """How the latest task ended."""
+    judged: e.Judged | None = None
+    """In simulation, whether that was true."""
+    note: e.Note | None = None
+    """The latest thing to read."""
+    queries: int = 0
+    reached: int = 0
+    """Tasks that ended with the robot judging itself at the goal."""
+    collisions: int = 0
+    pruned: int = 0
+    added: int = 0
+    """Edges that navigation added."""
+
+
+def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgress:
+    """Return how things stand once `event` has happened."""
+    match event:
+        case e.StateChanged(state):
+            return replace(progress, navigator=state)
+        case e.QueryStarted(query, goal):
+            fresh = replace(progress, query=query, goal=goal, plan=(), attempt=None, localised=None)
+            return replace(fresh, ended=None, judged=None, queries=progress.queries + 1)
+        case e.Localised():
+            return replace(progress, localised=event)
+        case e.Planned(_, nodes, cost):
+            return replace(progress, plan=nodes, plan_cost=cost)
+        case e.AttemptStarted():
+            return replace(progress, attempt=event)
+        case e.AttemptEnded():
+            return replace(progress, attempt=None)
+        case e.Collided():
+            return replace(progress, collisions=progress.collisions + 1)
+        case e.QueryEnded():
+            return _after_end(progress, event)
+        case e.Judged():
+            return replace(progress, judged=event)
+        case e.Note():
+            return replace(progress, note=event)
+        case e.GraphChanged():
+            return _after_change(progress, event)
+    return progress
+
+
+def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationProgress:
+    arrived = event.outcome is e.Outcome.ARRIVED
+    return replace(
+        progress,
+        navigator=e.NavigatorState.IDLE,
+        query=None,
+        plan=(),
+        attempt=None,
+        ended=event,
+        reached=progress.reached + arrived,
+    )
+
+
+def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> NavigationProgress:
+    if isinstance(event.delta, deltas.EdgePruned):
+        return replace(progress, pruned=progress.pruned + 1)
+    if isinstance(event.delta, deltas.EdgeAdded) and event.query is not None:
+        return replace(progress, added=progress.added + 1)
+    return progress

@@ -1,0 +1,94 @@
+"""`ltvn app | replay`: the page in the browser."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.verb import Summary, Verb
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class AppSummary:
+    """The page is closed again."""
+
+    scene: str
+    port: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class AppVerb(Verb):
+    """Open the page: drive, map, click a goal, watch. Without options: the demo apartment and its ready-made map."""
+
+    port: int = 8080
+    """Port on 127.0.0.1; 0 takes any free one."""
+    scene: str = "demo"
+    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
+    map: Path | None = None
+    """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
+    recordings: Path = Path("recordings")
+    """Folder in which recordings are written and found."""
+    predictor: Literal["network", "oracle"] = "network"
+    """What compares images: the trained network, or the simulator's own geometry."""
+    weights: Path | None = None
+    """Weights to use instead of the shipped ones."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The method's settings: robust is ours, paper is the literal method."""
+    seed: int = 0
+    """Draws the robot's start and the odometry noise."""
+    stream: int | None = None
+    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
+
+    def run(self) -> Summary:
+        """Serve the page until interrupted; raises LtvnError."""
+        return _serve(self, replay=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayVerb(Verb):
+    """Open the page on a recording, with a slider over its time."""
+
+    recording: Positional[Path]
+    """The .rrd file."""
+    at: float = 0.0
+    """Seconds after its beginning at which to show it first."""
+    port: int = 8080
+    """Port on 127.0.0.1; 0 takes any free one."""
+
+    def run(self) -> Summary:
+        """Serve the page until interrupted; raises LtvnError."""
+        from ltvn_core.recording.info import read_info
+
+        if not self.recording.exists():
+            raise RecordingError(f"{self.recording} does not exist; give the path of a .rrd recording.")
+        scene = read_info(self.recording).scene
+        app = AppVerb(port=self.port, scene=scene, recordings=self.recording.parent)
+        return _serve(app, replay=self.recording.name, at_s=self.at)
+
+
+def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummary:
+    from ltvn_viz.app import AppOptions, run_app
+
+    run_app(
+        AppOptions(
+            port=options.port,
+            scene=options.scene,
+            map=options.map,
+            recordings=options.recordings,
+            predictor=options.predictor,
+            weights=options.weights,
+            preset=options.preset,
+            seed=options.seed,
+            stream=announce_stream(options.stream),
+            replay=replay,
+            replay_at_s=at_s,
+        ),
+        say=_LOG.info,
+    )
+    return AppSummary(options.scene, options.port)

@@ -1,0 +1,210 @@
+"""The page with a recording open, and a person's hands in its “Why” tab; for the browser tests and the pictures.
+
+Owns how one asks, clicks, types and waits. What is asked is the business of whoever uses it.
+"""
+
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import viser
+from playwright.sync_api import Browser, Locator, Page, ViewportSize
+
+from ltvn_viz.app import AppOptions, RunningApp
+from ltvn_viz.debugger.inspector import Inspection
+from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.commands import ChooseQuestion, Command, PointAt
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.viewpoint import Point
+from tests.browser.running_app import running_app
+
+RECORDINGS = Path(__file__).parents[2] / "recordings"
+PATIENCE_S = 240.0
+WINDOW: ViewportSize = {"width": 1040, "height": 680}
+
+_IS_SHOWN = """html => {
+  const wanted = document.createElement("div");
+  wanted.innerHTML = html;
+  const shown = [...document.querySelectorAll("div.lt")].map(each => each.outerHTML);
+  return shown.includes(wanted.firstElementChild.outerHTML);
+}"""
+
+
+@dataclass(frozen=True)
+class DebuggerPage:
+    """A page that shows a recording, its “Why” tab open."""
+
+    app: RunningApp
+    page: Page
+    folder: Path
+    """The recordings folder; files that the page makes go there."""
+
+    @property
+    def answer(self) -> Locator:
+        """What the tool on show says."""
+        return self.page.locator(".lt-why")
+
+    def ask(self, question: QuestionName) -> Locator:
+        """Choose a question of the list, and return where its answer will stand."""
+        box = self.page.get_by_label("Question", exact=True).locator("visible=true")
+        if self.shown.question is not question:
+            self.until(lambda: box.input_value() == self.shown.question.value)
+            box.click()
+            self.page.get_by_role("option", name=question.value, exact=True).click()
+            self.until(lambda: self.shown.question is question)
+        return self.settled()
+
+    def follow(self, label: str | re.Pattern[str]) -> None:
+        """Click the first link whose whole label is this, and wait until the page has answered."""
+        self.settled()  # What an older view said may be meant otherwise than what the app says now.
+        before, link = self.shown, self.link(label)
+        command = self.app.session.state.inspector.link(int(link.get_attribute("data-id") or -1))
+        link.click()
+        self.until(lambda: self._handled(command, before))
+        self.settled()
+
+    def _handled(self, command: Command | None, before: Inspection) -> bool:
+        match command:
+            case ChooseQuestion(question):
+                return self.shown.question.value == question
+            case PointAt(node, target) if target is not None:
+                return self.shown.selection.edge == (node, target)
+            case PointAt(node):
+                return self.shown.selection.node == node
+        return self.shown is not before
+
+    def link(self, label: str | re.Pattern[str]) -> Locator:
+        """Return the first link with this label."""
+        whole = re.compile(f"^{re.escape(label)}$") if isinstance(label, str) else label
+        return self.answer.locator("a", has_text=whole).first
+
+    def go_to_the_robot(self) -> None:
+        """Leave the recording, if one is open, by the link of what only helps live."""
+        if self.is_replay:
+            self.ask(QuestionName.COACH)
+            self.follow("go back to the robot")
+            self.until(lambda: not self.is_replay)
+
+    def cut_what_differs(self, other: str) -> None:
+        """At the robot, compare its map with another one, and cut the first edge that differs by hand."""
+        self.go_to_the_robot()
+        self.ask(QuestionName.COMPARE)
+        if "choose another" in self.shown.html:
+            self.follow("choose another")
+        self.follow(other)
+        self.says("believed differently")
+        self.answer.locator("table").nth(1).locator("a").first.click()
+        self.says("its pictures and attempts")
+        self.ask(QuestionName.HAND)
+        self.follow(re.compile("^cut "))
+        self.says("undo")
+
+    def tell(self, text: str) -> None:
+        """Type something into the tool's field and press the button beside it."""
+        before = self.shown
+        field = self.page.locator("input:not([readonly]):visible, textarea:visible").last
+        field.fill(text)
+        self.page.get_by_role("button", name="Tell", exact=True).click()
+        self.until(lambda: self.shown is not before)
+        self.settled()
+
+    def settled(self) -> Locator:
+        """Wait until the page shows what the app says, and return it."""
+        self.until(lambda: (html := self.shown.html) != "" and self.page.evaluate(_IS_SHOWN, html))
+        return self.answer
+
+    def says(self, *words: str) -> str:
+        """Wait until the answer has all these words in it and is at work no more, and return it as text."""
+        self.until(lambda: all(word in self.shown.html for word in words) and "…</div>" not in self.shown.html)
+        return self.settled().inner_text()
+
+    def until(self, holds: Callable[[], bool]) -> None:
+        """Wait until something holds in the app."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not holds():
+            assert time.monotonic() < deadline, f"never happened; the answer is: {self.answer.inner_text()}"
+            self.page.wait_for_timeout(50)
+
+    def drive(self, key: str, holds: Callable[[], bool]) -> None:
+        """Hold a key until something holds in the app."""
+        self.page.keyboard.down(key)
+        try:
+            self.until(holds)
+        finally:
+            self.page.keyboard.up(key)
+
+    def look_from(self, position: Point, look_at: Point) -> None:
+        """Move the page's camera, as orbiting does."""
+        (client,) = self._clients.values()
+        client.camera.position, client.camera.look_at = position, look_at
+
+    def link_to_share(self, words: str) -> str:
+        """Wait until the link of “Show somebody” has these words in it, and return its address."""
+        link = self.answer.locator(f'a[href*="{words}"]')
+        link.wait_for()
+        return link.get_attribute("href") or ""
+
+    def open_link(self, address: str) -> None:
+        """Open a link in place of the page, as whoever got it does."""
+        before = set(self._clients)
+        self.page.goto(f"{self.app.server.url}&{address.removeprefix('/?')}")
+        self.until(lambda: len(self._clients) == 1 and not before & set(self._clients))
+        self.page.get_by_role("tab", name="Why").click()
+
+    def looks_from(self, position: Point, look_at: Point) -> bool:
+        """Tell whether that is where the page's camera stands, to the centimetre."""
+        (client,) = self._clients.values()
+        seen = client.camera.position, client.camera.look_at
+        return np.allclose(seen, (position, look_at), atol=0.01) and client.camera.up_direction[2] > 0.99
+
+    @property
+    def _clients(self) -> dict[int, viser.ClientHandle]:
+        return self.app.server.viser.get_clients()
+
+    @property
+    def seconds(self) -> float:
+        """Where in the recording the page is."""
+        activity = self.app.session.state.activity
+        assert isinstance(activity, Playback)
+        return activity.time_s
+
+    @property
+    def is_replay(self) -> bool:
+        """Tell whether the recording is on show, not the robot."""
+        return self.app.session.mode is Mode.REPLAY
+
+    @property
+    def is_playing(self) -> bool:
+        """Tell whether the recording runs."""
+        activity = self.app.session.state.activity
+        return isinstance(activity, Playback) and activity.playing
+
+    @property
+    def shown(self) -> Inspection:
+        """What the app shows in the tab."""
+        return self.app.session.state.inspector.shown
+
+
+@contextmanager
+def open_debugger(chromium: Browser, folder: Path, name: str, *, at_s: float = 0.0) -> Iterator[DebuggerPage]:
+    """Open a page on a copy of a shipped recording, the other one beside it, with the “Why” tab open."""
+    for path in RECORDINGS.glob("demo-*.rrd"):
+        shutil.copy(path, folder)
+    options = AppOptions(port=0, map=folder / "demo-map.rrd", recordings=folder, replay=name, replay_at_s=at_s)
+    with running_app(options) as app:
+        page = chromium.new_page(viewport=WINDOW)
+        page.set_default_timeout(PATIENCE_S * 1000)
+        try:
+            page.goto(app.server.url)
+            page.get_by_role("tab", name="Why").click()
+            debugger = DebuggerPage(app, page, folder)
+            debugger.until(lambda: app.session.mode is Mode.REPLAY)
+            yield debugger
+        finally:
+            page.close()

@@ -1,0 +1,93 @@
+"""The real page on a flat world, for browser tests: everything but simulator and network is the app's own."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from ltvn_core.simulation.locobot_model import locobot_glb
+from ltvn_viz.layers.lights_and_camera import set_initial_camera
+from ltvn_viz.page_layout import PageAssets, build_layout
+from ltvn_viz.painter import Painter
+from ltvn_viz.server.driver_seat import DriverSeat
+from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.session.session_loop import Session
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.socket_handlers import drive_listener
+from tests.core.flat_world import FlatWorld, two_rooms
+from tests.viz.session_harness import SessionHarness
+
+WAY = ((1.0, 1.0), (1.0, 2.0), (3.0, 2.0), (5.0, 2.0), (5.0, 3.2))
+"""A tour through the door of the two rooms."""
+
+
+PATIENCE_S = 30.0
+"""A page drawn by software takes its time."""
+
+
+@dataclass(frozen=True)
+class FlatApp:
+    """A page that is up and running."""
+
+    server: GuardedServer
+    harness: SessionHarness
+    session: Session
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[FlatApp]:
+    """Serve the page with a map of both rooms; recordings go into `folder`."""
+    harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=ThreadPoolExecutor(1))
+    # A page drawn by software may stall for longer than the lease of a real one.
+    with GuardedServer(seat=DriverSeat(lease_s=2.0)) as server:
+        server.add_route("/thumb/", harness.thumbnails.get)
+        set_initial_camera(server.viser, (0, 0), (6, 4))
+        painters: list[Painter] = []
+        session = Session(harness.state, server.seat, lambda snapshot: _show(harness, painters[0], snapshot))
+        assets = PageAssets(lambda _: _glb(harness.world), locobot_glb())
+        painters.append(Painter(build_layout(server.viser, session.send, assets), server.viser.atomic))
+        painters[0].start()
+        server.listen(drive_listener(session))
+        thread = threading.Thread(target=session.run, name="session")
+        thread.start()
+        try:
+            yield FlatApp(server, harness, session)
+        finally:
+            session.stop()
+            thread.join(timeout=10)
+            painters[0].close()
+
+
+def until(app: FlatApp, holds: Callable[[Snapshot], bool], patience_s: float = PATIENCE_S) -> Snapshot:
+    """Wait until what the page is told to show fulfils something."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        now = app.harness.now if app.harness.shown else Snapshot()
+        if holds(now):
+            return now
+        time.sleep(0.02)
+    raise AssertionError(f"never happened; at last {app.harness.now}")
+
+
+def _show(harness: SessionHarness, painter: Painter, snapshot: Snapshot) -> None:
+    harness.shown[:] = [snapshot]
+    painter.publish(snapshot)
+
+
+def _glb(world: FlatWorld) -> bytes:
+    parts = []
+    for start, end in world.walls:
+        along = end - start
+        wall = trimesh.creation.box((float(np.hypot(*along)) + 0.1, 0.1, 0.4))
+        wall.apply_transform(trimesh.transformations.rotation_matrix(np.arctan2(along[1], along[0]), (0, 0, 1)))
+        wall.apply_translation([*(start + end) / 2, 0.2])
+        parts.append(wall)
+    exported = trimesh.Scene(parts).export(file_type="glb")
+    assert isinstance(exported, bytes)
+    return exported

@@ -1,0 +1,83 @@
+"""Take the README's picture of the page: the robot on its way to a picture of the gallery.
+
+    python -m tests.browser.page_screenshot
+
+Needs Chromium.
+"""
+
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import Page, ViewportSize, sync_playwright
+
+from ltvn_core.config import ROBUST
+from ltvn_core.graph.planner import Planner
+from ltvn_core.types import Pose
+from ltvn_viz.app import AppOptions, RunningApp
+from ltvn_viz.session.modes import Mode
+from tests.browser.chromium import chromium_path
+from tests.browser.conftest import FLAGS
+from tests.browser.running_app import running_app
+from tests.browser.screenshots import save
+
+OUTPUT = Path(__file__).parents[2] / "docs" / "images" / "page.png"
+WINDOW: ViewportSize = {"width": 1400, "height": 900}
+MOST_BYTES = 300_000
+PATIENCE_S = 240.0
+UNDERWAY_M = 2.0
+"""So far the robot has come when the picture is taken."""
+
+
+def main() -> int:
+    """Take the picture."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        sync_playwright() as playwright,
+        running_app(AppOptions(port=0, recordings=Path(folder), seed=1)) as app,
+    ):
+        browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
+        page = browser.new_page(viewport=WINDOW)
+        page.set_default_timeout(PATIENCE_S * 1000)
+        page.goto(app.server.url)
+        page.get_by_text("Next:").wait_for()
+        page.add_style_tag(content=".mantine-Notification-root {display: none !important}")
+        page.get_by_role("tab", name="Go").click()
+        _set_out(app, page)
+        save(page, OUTPUT, MOST_BYTES)
+        browser.close()
+    return 0
+
+
+def _set_out(app: RunningApp, page: Page) -> None:
+    """Click the picture with the longest way, and wait until the robot is well on it."""
+    robot, live_map = app.session.state.live.robot, app.session.state.live_map
+    start, pictures = robot.exact_pose.copy(), page.locator(".lt-gallery img")
+    pictures.first.wait_for()
+    here = min(live_map.graph.nodes, key=lambda node: _gap_m(live_map.keyframes.observation(node).exact_pose, start))
+    planner = Planner(live_map.graph, ROBUST.planning)
+    goals = [int(picture.get_attribute("data-id") or -1) for picture in pictures.all()]
+    ways = [planner.plan(here, goal).cost for goal in goals]
+    pictures.nth(int(np.argmax(ways))).click()
+    _until(lambda: app.session.mode is Mode.NAVIGATING)
+    _until(lambda: _gap_m(robot.exact_pose, start) > UNDERWAY_M)
+
+
+def _gap_m(a: Pose | None, b: Pose) -> float:
+    return math.inf if a is None else float(np.hypot(*(a - b)[:2]))
+
+
+def _until(holds: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not holds():
+        if time.monotonic() > deadline:
+            raise TimeoutError("The robot did not set out.")
+        time.sleep(0.05)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

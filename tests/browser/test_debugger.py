@@ -1,0 +1,243 @@
+"""The thirteen tools of the “Why” tab as a person uses them, in a real browser, on a good run and on one with faults.
+
+The faults were planted by `ltvn plant`: an edge through a wall, an edge between look-alike places, missing edges. The
+tests know none of them beforehand; they follow links from “it failed” to the edge that is to blame.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser
+
+from ltvn_core.recording.reader import Recording
+from ltvn_viz.debugger.question import QuestionName
+from tests.browser.debugger_page import RECORDINGS, DebuggerPage, open_debugger
+
+Faults: TypeAlias = dict[str, set[tuple[int, int]]]
+"""Planted edges by kind."""
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def fault(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DebuggerPage]:
+    """The recording with planted faults."""
+    with open_debugger(chromium, tmp_path_factory.mktemp("recordings"), "demo-fault.rrd") as debugger:
+        yield debugger
+
+
+@pytest.fixture(scope="module")
+def planted() -> Faults:
+    """Return the planted edges by kind, as the recording's own settings tell them."""
+    found: Faults = {}
+    for each in Recording.open(RECORDINGS / "demo-fault.rrd").meta.config["faults"]:
+        found.setdefault(each["kind"], set()).update((source, target) for source, target in each["edges"])
+    return found
+
+
+def edges_in(text: str) -> list[tuple[int, int]]:
+    """Return the edges that a text names, in its order."""
+    return [(int(source), int(target)) for source, target in re.findall(r"(\d+) → (\d+)", text)]
+
+
+def go_to_failure(debugger: DebuggerPage, query: int) -> str:
+    """Ask what failed, click the moment of a query, and return what is said of it."""
+    debugger.ask(QuestionName.FAILURES)
+    debugger.says("queries failed")
+    row = debugger.answer.locator("tbody tr").nth(query)
+    row.locator("a").first.click()
+    return debugger.says(f"Now in <b>query {query}</b>")
+
+
+def test_a_failed_query_leads_to_the_edge_through_the_wall(fault: DebuggerPage, planted: Faults) -> None:
+    told = go_to_failure(fault, 0)
+    assert "4 of 4 queries failed" in told
+    assert "collision" in told
+    fault.follow(re.compile("^edge "))
+    edge = fault.shown.selection.edge
+    assert edge in planted["spurious-edge"]
+    fault.follow(QuestionName.BLAME)
+    assert f"planned 1 edge to {edge[1]}" in fault.says("Why was it chosen?", "The best path without it costs")
+    attempts = fault.ask(QuestionName.EDGE)
+    fault.says("Predicted: ")
+    assert attempts.locator("figure img").count() == 2
+    assert attempts.get_by_text("failed (blocked)").count() >= 3
+    fault.ask(QuestionName.TRUTH)
+    fault.says("precision")
+    spurious = fault.answer.locator("table").first.inner_text()
+    assert "cannot be driven" in spurious
+    assert f"{edge[0]} → {edge[1]}" in spurious
+
+
+def test_imagining_the_edge_away_shows_the_way_around(fault: DebuggerPage) -> None:
+    go_to_failure(fault, 0)
+    fault.follow(re.compile("^edge "))
+    fault.ask(QuestionName.WHAT_IF)
+    fault.follow(re.compile("^without "))
+    assert re.search(r"\d\d nodes at cost [\d.]+, instead of 2 nodes", fault.says("instead of"))
+    fault.follow("forget")
+
+
+def test_a_wrong_arbaseline_leads_to_the_pair_of_perceptual_aliases(fault: DebuggerPage, planted: Faults) -> None:
+    assert "wrong arrival" in go_to_failure(fault, 2)
+    fault.follow(re.compile("^edge "))
+    edge = fault.shown.selection.edge
+    assert edge in planted["look-alike"]
+    fault.follow(QuestionName.EDGE)
+    fault.says("Predicted: ")
+    assert fault.answer.locator("figure img").count() == 2
+    fault.ask(QuestionName.WHERE)
+    fault.says("nodes near enough")
+    fault.follow(re.compile("^search for places"))
+    told = fault.says("look-alike pairs", "an edge joins them")
+    assert f"{min(edge)} ↔ {max(edge)}" in told
+    fault.follow(f"{min(edge)} ↔ {max(edge)}")
+    assert fault.shown.selection.edge == (min(edge), max(edge))
+
+
+def test_no_path_leads_to_an_edge_that_is_missing(fault: DebuggerPage, planted: Faults) -> None:
+    assert "no path" in go_to_failure(fault, 3)
+    fault.follow(QuestionName.TRUTH)
+    fault.says("missing", "way in the map")
+    listed = edges_in(fault.answer.locator("table").nth(1).inner_text())
+    missing = next(edge for edge in listed if edge in planted["missing-edge"])
+    fault.follow(f"{missing[0]} → {missing[1]}")
+    fault.ask(QuestionName.WHAT_IF)
+    fault.follow(f"with {missing[0]}->{missing[1]}")
+    fault.says("with ", "forget")
+    fault.follow("forget")
+
+
+def test_the_history_leads_to_the_prune(fault: DebuggerPage) -> None:
+    go_to_failure(fault, 0)
+    fault.ask(QuestionName.TIME)
+    row = fault.answer.locator("tr", has_text="pruned")
+    row.locator("a", has_text="›").click()
+    fault.says("pruned (attempt)")
+    assert fault.seconds == pytest.approx(9.6, abs=0.2)
+
+
+def test_a_replay_stops_at_a_breakpoint_that_was_typed(fault: DebuggerPage) -> None:
+    go_to_failure(fault, 1)
+    fault.ask(QuestionName.BREAK)
+    fault.tell("prune")
+    assert "once" in fault.says("Met <b>once</b>")
+    fault.page.keyboard.press("Escape")
+    fault.page.get_by_role("tab", name="Replay").click()
+    fault.page.get_by_role("button", name="Play").click()
+    fault.until(lambda: fault.seconds > 9.0 and not fault.is_playing)
+    assert fault.seconds == pytest.approx(9.6, abs=0.2)
+    fault.page.get_by_role("tab", name="Why").click()
+    fault.follow("remove")
+
+
+def test_the_map_is_compared_with_the_good_one(fault: DebuggerPage, planted: Faults) -> None:
+    fault.ask(QuestionName.COMPARE)
+    fault.follow("demo-map.rrd")
+    told = fault.says("nodes", "edges", "pieces")
+    differing = {*edges_in(told)}
+    assert differing & planted["look-alike"], told
+    assert differing & planted["missing-edge"], told
+    fault.follow("choose another")
+
+
+def test_a_moment_is_saved_for_somebody_else(fault: DebuggerPage) -> None:
+    go_to_failure(fault, 2)
+    fault.ask(QuestionName.SHARE)
+    fault.follow("save this moment")
+    assert "Written: " in fault.says("Written: ")
+    (saved,) = fault.folder.glob("moment-*.rrd")
+    assert Recording.open(saved).events
+    assert [*fault.folder.glob("test_moment_*.py")]
+
+
+def test_a_link_shows_the_moment_the_edge_and_the_same_side_of_them(fault: DebuggerPage) -> None:
+    go_to_failure(fault, 2)
+    fault.follow(re.compile("^edge "))
+    edge, seconds = fault.shown.selection.edge, fault.seconds
+    fault.ask(QuestionName.SHARE)
+    fault.look_from((1.5, -2.0, 6.0), (2.5, 1.0, 0.25))
+    address = fault.link_to_share("camera=1.5,-2,6,2.5,1,0.25,0,0,1")
+    fault.look_from((0.0, 0.0, 9.0), (0.0, 1.0, 0.0))
+    go_to_failure(fault, 0)
+
+    fault.open_link(address)
+
+    fault.until(lambda: fault.shown.selection.edge == edge and fault.shown.question is QuestionName.EDGE)
+    fault.until(lambda: fault.looks_from((1.5, -2.0, 6.0), (2.5, 1.0, 0.25)))
+    assert fault.seconds == pytest.approx(seconds, abs=0.01)
+
+
+def test_a_link_with_a_broken_camera_says_so_and_shows_the_rest(fault: DebuggerPage) -> None:
+    fault.open_link("/?replay=demo-fault.rrd&at=3&tool=edge&edge=1489-2621&camera=1,2,3,1,2,3,0,0,1")
+    fault.until(lambda: fault.shown.selection.edge == (1489, 2621))
+    fault.page.get_by_text("a view that makes no sense").first.wait_for()
+    start = fault.app.server.viser.initial_camera
+    fault.until(lambda: fault.looks_from(tuple(start.position), tuple(start.look_at)))
+    assert fault.seconds == pytest.approx(3.0, abs=0.01)
+
+
+def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: DebuggerPage) -> None:
+    fault.ask(QuestionName.COACH)
+    assert "The coach helps while one drives" in fault.answer.inner_text()
+    fault.follow("go back to the robot")
+    fault.until(lambda: not fault.is_replay)
+    assert "pieces" in fault.says("Loops not closed") or "one piece" in fault.answer.inner_text()
+
+
+def test_the_coach_goes_along_while_somebody_drives(fault: DebuggerPage) -> None:
+    """The keys drive although the list of questions was used last."""
+    fault.go_to_the_robot()
+    robot = fault.app.session.state.live.robot
+    fault.ask(QuestionName.FAILURES)
+    fault.ask(QuestionName.COACH)
+    before, start = advice(fault.says("% new")), robot.exact_pose[:2].copy()
+
+    fault.drive("w", lambda: float(np.hypot(*(robot.exact_pose[:2] - start))) > 0.4)
+    fault.drive("a", lambda: all(now != then for now, then in zip(advice(fault.shown.html), before, strict=True)))
+
+    told = advice(fault.says("% new"))
+    assert told[0] != before[0]
+    assert fault.shown.answer.overlay.ghosts
+
+
+def advice(html: str) -> tuple[str, str]:
+    """Return the coach's hint and how new it says the view is."""
+    text = re.sub(r"<[^>]+>", "\n", html)
+    hint, novelty = text.strip().split("\n")[0], re.search(r"view now is (\d+ ?%) new", text)
+    assert novelty, text
+    return hint, novelty[1]
+
+
+def test_an_edge_is_cut_and_put_back_by_hand(fault: DebuggerPage) -> None:
+    edges = fault.app.session.state.live_map.graph.edges
+    before = len(edges)
+    fault.cut_what_differs("demo-fault.rrd")
+    assert len(edges) == before - 1
+    fault.follow("undo")
+    fault.until(lambda: len(edges) == before)
+
+
+@pytest.fixture(scope="module")
+def drive(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DebuggerPage]:
+    """The good recording."""
+    with open_debugger(chromium, tmp_path_factory.mktemp("recordings"), "demo-drive.rrd", at_s=175.0) as debugger:
+        yield debugger
+
+
+def test_on_a_good_run_every_question_has_an_answer(drive: DebuggerPage) -> None:
+    for question in QuestionName:
+        if question is not QuestionName.NONE:
+            assert drive.ask(question).inner_text().strip(), question
+    assert drive.app.session.state.message is None
+
+
+def test_a_good_run_opens_in_rerun_from_the_page(drive: DebuggerPage) -> None:
+    drive.ask(QuestionName.SHARE)
+    drive.follow("open in Rerun")
+    drive.says("Rerun is open here")
+    link = drive.answer.get_by_text("Rerun is open here")
+    assert (link.get_attribute("href") or "").startswith("http://127.0.0.1:")

@@ -1,0 +1,90 @@
+"""The app as `ltvn app` opens it, in the demo apartment, with the simulator's own geometry instead of the network."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from ltvn_viz.app import AppOptions, RunningApp
+from ltvn_viz.session.modes import Mode
+from tests.browser.running_app import running_app
+
+pytestmark = pytest.mark.browser
+
+PATIENCE_S = 90.0
+
+expect.set_options(timeout=PATIENCE_S * 1000)
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
+    folder = tmp_path_factory.mktemp("recordings")
+    options = AppOptions(port=0, predictor="oracle", recordings=folder)
+    with running_app(options, lease_s=2.0) as app:
+        yield app
+
+
+@pytest.fixture(scope="module")
+def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
+    page = chromium.new_page(viewport={"width": 900, "height": 560})
+    page.set_default_timeout(PATIENCE_S * 1000)
+    page.goto(app.server.url)
+    page.get_by_text("Next:").wait_for()
+    next(iter(app.server.viser.get_clients().values())).get_render(60, 80, timeout=PATIENCE_S)  # The scene is drawn.
+    yield page
+    page.close()
+
+
+def until(holds: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert time.monotonic() < deadline, "never happened"
+        time.sleep(0.05)
+
+
+def count(page: Page, what: str) -> int:
+    """Read a number of the Drive tab."""
+    cell = page.locator(".lt-table div", has_text=re.compile(rf"\d{what}$"))
+    return int(cell.locator("b").inner_text().replace(",", ""))
+
+
+def test_one_drives_and_the_map_grows_records_and_watches_it_again(app: RunningApp, page: Page) -> None:
+    expect(page.get_by_text("Hold W A S D or the arrow keys")).to_be_visible()
+    page.get_by_role("button", name=re.compile("^Record")).click()
+    expect(page.locator(".lt-mode[data-rec='1']")).to_be_visible()
+    for key in "dddd":
+        page.keyboard.down(key)
+        page.wait_for_timeout(1500)
+        page.keyboard.up(key)
+    until(lambda: count(page, "nodes") >= 3)
+    page.get_by_role("button", name=re.compile("^Keep")).click()
+    expect(page.get_by_text("Kept as").first).to_be_visible()
+    page.get_by_role("tab", name="Replay").click()
+    page.get_by_role("button", name="Open", exact=True).click()
+    until(lambda: app.session.mode is Mode.REPLAY)
+    slider = page.get_by_role("slider").locator("visible=true").first
+    slider.focus()
+    slider.press("End")
+    expect(page.get_by_text(re.compile(r"\d\d images, \d+ nodes"))).to_be_visible()
+    page.get_by_role("button", name="Back to the robot").click()
+    until(lambda: app.session.mode is Mode.TELEOP)
+
+
+def test_a_polite_kill_ends_the_app_in_order(tmp_path: Path) -> None:
+    program = Path(sys.executable).with_name("ltvn")
+    command = [str(program), "app", "--port", "0", "--predictor", "oracle"]
+    process = subprocess.Popen(
+        [*command, "--recordings", str(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+    )
+    assert process.stderr is not None
+    said = next(line for line in process.stderr if "http://127.0.0.1" in line)
+    assert "token=" in said
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=60) == 0
+    process.stderr.close()

@@ -1,0 +1,305 @@
+"""Driving through the door in a real browser: what moves the robot, everything that must stop it, and who may drive.
+
+The robot's end is a queue of what the server told the app, with the times at which it did.
+"""
+
+import contextlib
+import itertools
+import queue
+import signal
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+
+import numpy as np
+import psutil
+import pytest
+import viser
+from playwright.sync_api import Browser, BrowserContext, Page
+
+from ltvn_core.types import Twist
+from ltvn_viz.server.drive_socket import DriveListener
+from ltvn_viz.server.driver_seat import DriverSeat, StopReason
+from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.keymap import Action
+
+pytestmark = pytest.mark.browser
+
+STOP_WITHIN_S = 0.3
+PATIENCE_S = 20.0
+FIELD = "input[value=here]"
+
+
+@dataclass
+class ReceivedInput:
+    """What the app was told, each thing with its time."""
+
+    drives: "queue.Queue[tuple[float, Twist]]" = dataclass_field(default_factory=queue.Queue)
+    stops: "queue.Queue[tuple[float, StopReason]]" = dataclass_field(default_factory=queue.Queue)
+    actions: "queue.Queue[tuple[Action, int | None]]" = dataclass_field(default_factory=queue.Queue)
+
+    def listener(self) -> DriveListener:
+        return DriveListener(
+            on_drive=lambda _, twist: self.drives.put((time.monotonic(), twist)),
+            on_stop=lambda _, reason: self.stops.put((time.monotonic(), reason)),
+            on_action=lambda _, action, target: self.actions.put((action, target)),
+        )
+
+    def forget(self) -> None:
+        for told in (self.drives, self.stops, self.actions):
+            while not told.empty():
+                told.get_nowait()
+
+    def next_stop(self) -> tuple[float, StopReason]:
+        return self.stops.get(timeout=PATIENCE_S)
+
+    def next_drive(self) -> Twist:
+        return self.drives.get(timeout=PATIENCE_S)[1]
+
+
+@dataclass(frozen=True)
+class DrivePage:
+    """A server, what it told, and pages on it."""
+
+    server: GuardedServer
+    told: ReceivedInput
+    context: BrowserContext
+    field: viser.GuiInputHandle[str]
+    clients: "itertools.count[int]" = dataclass_field(default_factory=lambda: itertools.count(1))
+
+    def open(self) -> Page:
+        """Open a page and wait until it may drive."""
+        page = self.context.new_page()
+        page.goto(self.server.url)
+        page.locator(FIELD).wait_for()
+        self.wait_until_armed(next(self.clients))
+        self.told.forget()
+        return page
+
+    def wait_until_armed(self, client: int) -> None:
+        """Wait until an input of this client, who is counted from 1, would move the robot."""
+        self.wait_until(lambda: self.server.seat.state_of(client).is_armed)
+
+    def wait_until(self, holds: Callable[[], bool]) -> None:
+        """Wait until something holds on the server."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not holds():
+            assert time.monotonic() < deadline, "it never happened"
+            time.sleep(0.01)
+
+    def hold(self, page: Page, key: str = "w") -> None:
+        """Hold a key and wait until the robot is told to move."""
+        page.bring_to_front()
+        page.keyboard.down(key)
+        self.told.next_drive()
+
+
+@pytest.fixture
+def door(chromium: Browser) -> Iterator[DrivePage]:
+    """A door with the lease of a real one, for tests of how soon the robot stops."""
+    with GuardedServer() as server:
+        yield from opened(server, chromium)
+
+
+@pytest.fixture
+def patient_door(chromium: Browser) -> Iterator[DrivePage]:
+    """A door for tests of anything else: a page drawn by software may stall for longer than the real lease."""
+    with GuardedServer(seat=DriverSeat(lease_s=5.0)) as server:
+        yield from opened(server, chromium)
+
+
+def opened(server: GuardedServer, chromium: Browser) -> Iterator[DrivePage]:
+    told = ReceivedInput()
+    server.listen(told.listener())
+    server.scene.add_box("/thing", dimensions=(1.0, 1.0, 1.0), cast_shadow=False)
+    field = server.gui.add_text("Name", initial_value="here")
+    context = chromium.new_context(viewport={"width": 800, "height": 500})
+    context.set_default_timeout(PATIENCE_S * 1000)
+    yield DrivePage(server, told, context, field)
+    context.close()
+
+
+def renderers() -> list[psutil.Process]:
+    processes = psutil.Process().children(recursive=True)
+    alive = [process for process in processes if process.status() != psutil.STATUS_ZOMBIE]
+    return [process for process in alive if "--type=renderer" in " ".join(process.cmdline())]
+
+
+def test_held_keys_drive_and_letting_go_stops_within_300_ms(door: DrivePage) -> None:
+    page = door.open()
+    page.keyboard.down("w")
+    assert door.told.next_drive().linear_m_s > 0
+    page.keyboard.down("ArrowLeft")
+    both = door.told.next_drive()
+    while both.angular_rad_s == 0:
+        both = door.told.next_drive()
+    assert both.linear_m_s > 0
+    page.keyboard.up("ArrowLeft")
+    released = time.monotonic()
+    page.keyboard.up("w")
+    stopped, reason = door.told.next_stop()
+    assert reason is StopReason.RELEASED
+    assert stopped - released <= STOP_WITHIN_S
+
+
+@pytest.mark.parametrize(
+    "lose",
+    [
+        pytest.param(
+            lambda page: page.evaluate("window.dispatchEvent(new Event('blur'))"), id="the window loses focus"
+        ),
+        pytest.param(lambda page: page.goto("about:blank"), id="the page is left"),
+        pytest.param(lambda page: page.close(), id="the tab is closed"),
+        pytest.param(
+            lambda page: page.evaluate(f"document.querySelector('{FIELD}').focus()"), id="a text field gets focus"
+        ),
+        pytest.param(lambda page: page.keyboard.press("Space"), id="Space is pressed"),
+        pytest.param(lambda page: [process.kill() for process in renderers()], id="the page is killed"),
+        pytest.param(
+            lambda page: [process.send_signal(signal.SIGSTOP) for process in renderers()], id="the page freezes"
+        ),
+    ],
+)
+def test_the_robot_stops_within_300_ms_when(door: DrivePage, lose: Callable[[Page], object]) -> None:
+    page = door.open()
+    door.hold(page)
+    door.told.forget()
+    begun = time.monotonic()
+    try:
+        lose(page)
+        stopped, _ = door.told.next_stop()
+    finally:
+        for process in renderers():
+            with contextlib.suppress(psutil.Error):
+                process.send_signal(signal.SIGCONT)
+    # The stop may even come first: closing a page takes the browser longer than it takes the socket.
+    assert stopped - begun <= STOP_WITHIN_S
+
+
+def test_a_hidden_page_stops_the_robot(door: DrivePage) -> None:
+    page = door.open()
+    door.hold(page)
+    page.evaluate(
+        "Object.defineProperty(document, 'hidden', {value: true});document.dispatchEvent(new Event('visibilitychange'))"
+    )
+    assert door.told.next_stop()[1] is StopReason.RELEASED
+
+
+def test_a_page_that_thaws_with_the_key_still_down_does_not_start_the_robot_again(door: DrivePage) -> None:
+    page = door.open()
+    door.hold(page)
+    frozen = renderers()
+    for process in frozen:
+        process.send_signal(signal.SIGSTOP)
+    assert door.told.next_stop()[1] is StopReason.INPUT_LOST
+    door.told.forget()
+    for process in frozen:
+        process.send_signal(signal.SIGCONT)
+    page.get_by_text("Input lost: release the keys to go on").wait_for()
+    assert door.told.drives.empty()
+    page.keyboard.up("w")
+    door.wait_until_armed(1)
+    assert door.told.drives.empty()
+    door.hold(page)
+
+
+def test_a_key_held_across_a_stop_drives_only_after_it_was_let_go(patient_door: DrivePage) -> None:
+    page = patient_door.open()
+    patient_door.hold(page)
+    patient_door.server.stop_robot()
+    patient_door.told.next_stop()
+    page.get_by_text("release the keys to go on").wait_for()
+    assert patient_door.server.seat.current_twist() is None
+    page.keyboard.up("w")
+    patient_door.wait_until_armed(1)
+    patient_door.hold(page)
+
+
+def test_a_hung_server_thread_cannot_keep_the_robot_moving(door: DrivePage) -> None:
+    page = door.open()
+    door.hold(page)
+    hung, go_on = queue.Queue[None](), queue.Queue[None]()
+
+    def hang() -> None:
+        hung.put(None)
+        go_on.get(timeout=PATIENCE_S)
+
+    loop = door.server._drive._loop
+    assert loop is not None
+    loop.call_soon_threadsafe(hang)
+    hung.get(timeout=PATIENCE_S)
+    door.told.forget()
+    begun = time.monotonic()
+    try:
+        stopped, reason = door.told.next_stop()
+    finally:
+        go_on.put(None)
+    assert reason is StopReason.INPUT_LOST
+    assert stopped - begun <= STOP_WITHIN_S
+
+
+def test_of_two_browsers_one_drives_and_both_may_stop(patient_door: DrivePage, chromium: Browser) -> None:
+    ann = patient_door.open()
+    other = chromium.new_context(viewport={"width": 800, "height": 500})
+    bob = other.new_page()
+    bob.goto(patient_door.server.url)
+    patient_door.wait_until_armed(2)
+    patient_door.hold(ann)
+    bob.keyboard.down("w")
+    bob.get_by_text("drives: take over first").wait_for()
+    assert patient_door.server.seat.state_of(1).driver == 1
+    bob.keyboard.up("w")
+    bob.keyboard.press("Space")
+    assert patient_door.told.next_stop()[1] is StopReason.STOPPED
+    assert patient_door.server.seat.current_twist() is None
+    ann.keyboard.up("w")
+    bob.get_by_role("button", name="take over driving").click()
+    patient_door.wait_until(lambda: patient_door.server.seat.state_of(2).driver == 2)
+    patient_door.wait_until_armed(2)
+    patient_door.told.forget()
+    patient_door.hold(bob)
+    other.close()
+
+
+def test_typing_drives_nothing(patient_door: DrivePage) -> None:
+    page = patient_door.open()
+    page.locator(FIELD).click()
+    patient_door.told.forget()
+    page.keyboard.type("wasd")
+    patient_door.wait_until(lambda: "wasd" in patient_door.field.value)
+    assert patient_door.told.drives.empty()
+    assert patient_door.told.actions.empty()
+
+
+def test_the_viewers_camera_stands_still_while_the_robot_drives(patient_door: DrivePage) -> None:
+    page = patient_door.open()
+    patient_door.wait_until(lambda: len(patient_door.server.viser.get_clients()) == 1)
+    client = next(iter(patient_door.server.viser.get_clients().values()))
+    before = np.array(client.camera.position)
+    patient_door.hold(page)
+    for _ in range(10):
+        patient_door.told.next_drive()
+    page.keyboard.up("w")
+    patient_door.told.next_stop()
+    assert np.allclose(client.camera.position, before, atol=1e-3)
+
+
+def test_the_pad_drives_while_it_is_pressed(patient_door: DrivePage) -> None:
+    page = patient_door.open()
+    box = page.get_by_role("button", name="drive forward").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    assert patient_door.told.next_drive().linear_m_s > 0
+    page.mouse.up()
+    assert patient_door.told.next_stop()[1] is StopReason.RELEASED
+
+
+def test_a_clicked_image_and_a_pressed_key_reach_the_app(patient_door: DrivePage) -> None:
+    patient_door.server.gui.add_html('<b data-ltvn-action="goal" data-id="17">a picture</b>')
+    page = patient_door.open()
+    page.get_by_text("a picture").click()
+    assert patient_door.told.actions.get(timeout=PATIENCE_S) == (Action.GOAL, 17)
+    page.keyboard.press("r")
+    assert patient_door.told.actions.get(timeout=PATIENCE_S) == (Action.RECORD, None)

@@ -1,0 +1,79 @@
+"""A link that was sent by somebody, in a real browser: the page shows what they saw, or says what is missing."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from ltvn_viz.app_setup import open_replay
+from ltvn_viz.debugger.question import QuestionName, Selection
+from ltvn_viz.debugger.share_question import SAVE_EXCERPT
+from ltvn_viz.session.share_links import link
+from tests.browser.flat_app import FlatApp, serving, until
+
+pytestmark = pytest.mark.browser
+
+PATIENCE_S = 120.0
+DRIVE = "demo-drive.rrd"
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
+    """The page, with the demo's drive in its folder."""
+    folder = tmp_path_factory.mktemp("recordings")
+    shutil.copy(Path(__file__).parents[2] / "recordings" / DRIVE, folder / DRIVE)
+    with serving(folder) as app:
+        app.harness.state.open_replay = lambda name: open_replay(app.harness.library, name)
+        yield app
+
+
+@pytest.fixture(scope="module")
+def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
+    page = chromium.new_page(viewport={"width": 1000, "height": 640})
+    page.set_default_timeout(PATIENCE_S * 1000)
+    yield page
+    page.close()
+
+
+def opened(app: FlatApp, page: Page, address: str) -> None:
+    """Open a link, with the key that the terminal printed."""
+    page.goto(f"{app.server.url}&{address.removeprefix('/?')}")
+    page.get_by_text("Next:").wait_for()
+
+
+def test_a_link_shows_the_recording_the_moment_and_the_edge(app: FlatApp, page: Page) -> None:
+    source, target = 728, 724
+    opened(app, page, link(DRIVE, 42.5, QuestionName.EDGE, Selection(None, (source, target))))
+
+    now = until(app, lambda now: now.replay is not None and bool(now.inspection.html), PATIENCE_S)
+
+    assert now.replay is not None
+    assert (now.replay.name, now.replay.time_s) == (DRIVE, 42.5)
+    assert now.inspection.selection.edge == (source, target)
+    page.get_by_role("tab", name="Why").click()
+    page.get_by_text(f"{source} → {target}").first.wait_for()
+    assert "replay" not in page.url
+    assert "token" not in page.url
+
+
+def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, page: Page) -> None:
+    page.get_by_role("tab", name="Why").click()
+    boxes = page.locator("input:visible").all()
+    next(box for box in boxes if box.input_value() == QuestionName.EDGE.value).click()
+    page.get_by_role("option", name=QuestionName.SHARE.value).click()
+    copied = page.get_by_role("link", name="Link to this moment").get_attribute("href") or ""
+    assert re.fullmatch(r"/\?replay=demo-drive\.rrd&at=42\.5&edge=728-724&tool=edge", copied)
+
+    page.get_by_text(SAVE_EXCERPT).click()
+
+    expect(page.get_by_text("Written: moment-demo-drive")).to_be_visible(timeout=PATIENCE_S * 1000)
+    assert list(app.harness.library.folder.glob("moment-*.rrd"))
+
+
+def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(app: FlatApp, page: Page) -> None:
+    opened(app, page, "/?replay=<b>gone.rrd&at=3")
+    page.get_by_text("There is no recording").first.wait_for()
+    assert until(app, lambda now: now.message is not None, PATIENCE_S).message is not None

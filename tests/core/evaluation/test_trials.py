@@ -1,0 +1,108 @@
+"""Trials: resumable, the same however they are cut into pieces, and never mixed with those of other settings."""
+
+from pathlib import Path
+
+import pytest
+from joblib import Parallel
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.failure_recordings import record_failures
+from ltvn_core.evaluation.protocol import EvaluationProtocol
+from ltvn_core.evaluation.results import TrialResult, load_results, save_results
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
+from ltvn_core.navigation.events import QueryEnded
+from ltvn_core.recording.reader import Recording
+from tests.core.simulation.two_room_mesh import box_house, save
+
+EPISODES = 4
+
+
+def _plan(folder: Path, *, seed: int = 0, step_limit: int = 250, goals: int = 4, preset: str = "robust") -> TrialPlan:
+    """Plan a trial in a house of two rooms."""
+    if not (house := folder / "house.glb").exists():
+        save(box_house(), house)
+    protocol = EvaluationProtocol(loops=1, goals=goals, episodes=EPISODES, step_limit=step_limit)
+    return TrialPlan(scene=str(house), seed=seed, preset=preset, predictor="oracle", protocol=protocol)
+
+
+def _run(plan: TrialPlan, folder: Path, episodes: int = EPISODES) -> TrialResult:
+    parallel = Parallel(n_jobs=1, return_as="generator_unordered")
+    done: list[int] = []
+    maps: list[int] = []
+    progress = EvaluationProgress(maps.append, done.append)
+    (trial,) = run_trials([plan], folder, episodes=episodes, command="test", parallel=parallel, progress=progress)
+    assert (sum(done), maps) == (episodes, [1])
+    return trial
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("evaluation")
+
+
+@pytest.fixture(scope="module")
+def trial(folder: Path) -> TrialResult:
+    return _run(_plan(folder), folder)
+
+
+def test_an_episode_goes_the_same_way_when_it_is_run_again_alone(trial: TrialResult, folder: Path) -> None:
+    again = _run(_plan(folder), folder, episodes=2)
+
+    assert again.episodes == trial.episodes[:2]
+
+
+def test_more_episodes_begin_with_the_same_ones(trial: TrialResult, folder: Path) -> None:
+    more = _run(_plan(folder), folder, episodes=EPISODES + 1)
+
+    assert more.episodes[:EPISODES] == trial.episodes
+    assert len(more.episodes) == EPISODES + 1
+
+
+def test_what_is_done_is_not_done_again(trial: TrialResult, folder: Path) -> None:
+    files = TrialFiles.of(_plan(folder), folder)
+    made = {path: path.stat().st_mtime_ns for path in (files.drive, files.map(), files.trial(EPISODES))}
+
+    _run(_plan(folder), folder)
+
+    assert {path: path.stat().st_mtime_ns for path in made} == made
+
+
+def test_results_of_other_settings_are_refused_and_not_overwritten(trial: TrialResult, folder: Path) -> None:
+    with pytest.raises(OptionError, match=r"made with other settings \(protocol\)"):
+        _run(_plan(folder, step_limit=300), folder)
+
+
+def test_a_drive_of_other_settings_is_not_taken_for_ones_own(trial: TrialResult, folder: Path) -> None:
+    with pytest.raises(OptionError, match=r"made with other settings \(goals\)"):
+        _run(_plan(folder, preset="paper", goals=5), folder)
+
+
+def test_the_oracle_reaches_its_goals_and_its_map_has_no_spurious_edge(trial: TrialResult) -> None:
+    assert sum(episode.reached for episode in trial.episodes) >= EPISODES - 1
+    assert trial.map.spurious_edges == 0
+    assert all(0 < episode.spl <= 1 for episode in trial.episodes if episode.reached)
+
+
+def test_a_failed_episode_is_recorded_as_it_went(folder: Path) -> None:
+    hasty = _plan(folder, seed=1, step_limit=5)
+    files, failed = TrialFiles.of(hasty, folder), _run(hasty, folder, episodes=2)
+
+    assert record_failures(hasty, files, failed, 1) == 1
+
+    recording = Recording.open(files.failure(0))
+    ended = [stamped.event for stamped in recording.events if isinstance(stamped.event, QueryEnded)]
+    assert [end.steps for end in ended] == [failed.episodes[0].steps]
+
+
+def test_results_are_read_as_they_were_written(trial: TrialResult, tmp_path: Path) -> None:
+    save_results(tmp_path / "a.trial.json", trial)
+
+    assert load_results(tmp_path / "a.trial.json", TrialResult) == trial
+
+
+def test_a_broken_result_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.trial.json").write_text('{"scene": 3}')
+
+    with pytest.raises(OptionError, match=r"a\.trial\.json holds no TrialResult"):
+        load_results(tmp_path / "a.trial.json", TrialResult)

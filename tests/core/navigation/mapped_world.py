@@ -1,0 +1,96 @@
+"""A flat world with its map and its robot, in which navigation is tried. Holds no test."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.graph.beliefs import initial_belief
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, NodeAdded, PoseRow
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.operators import node_from_observation
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
+from ltvn_core.navigation.events import Event
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.types import NodeId, Observation, Pose
+from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, observation_at, one_room, tour, two_rooms
+
+PRESETS = pytest.mark.parametrize("method", [ROBUST, PAPER], ids=["robust", "paper"])
+WAY = [(0.8, 0.8), (2.3, 0.8), (2.3, 2.0), (3.8, 2.0), (5.2, 0.8), (5.2, 3.2), (3.8, 2.0), (2.2, 2.0), (0.8, 3.2)]
+FIRST_STEP = 100_000
+
+
+@dataclass
+class MappedWorld:
+    """A world with a map of it and a robot in it."""
+
+    world: FlatWorld
+    robot: FlatRobot
+    graph: TopologicalGraph
+    keyframes: KeyframeStore
+    predictor: FlatPredictor
+    method: Method
+    poses: dict[NodeId, Pose]
+
+    def navigator(self) -> Navigator:
+        return Navigator(self.robot, self.graph, self.keyframes, self.predictor, self.method, np.random.default_rng(0))
+
+    def go(self, goal: NodeId, query: int = 0, navigator: Navigator | None = None) -> tuple[Episode, list[Event]]:
+        events: list[Event] = []
+        episode = run_episode(
+            navigator or self.navigator(),
+            goal,
+            query,
+            advance=self.robot.advance,
+            verdict=lambda: judge_goal_reached(query, self.robot.pose, self.poses[goal]),
+            consume=events.append,
+        )
+        return episode, events
+
+    def nearest(self, x: float, y: float) -> NodeId:
+        return min(self.graph.nodes, key=lambda node: math.dist(self.poses[node][:2], (x, y)))
+
+
+def map_world(world: FlatWorld, images: list[Observation], method: Method, *, drift: float = 0.0) -> MappedWorld:
+    predictor = FlatPredictor(world)
+    keyframes = KeyframeStore(predictor)
+    graph = TopologicalGraph(build(images, keyframes, predictor, method, np.random.default_rng(0)))
+    poses = {seen.step: seen.exact_pose for seen in images if seen.exact_pose is not None}
+    robot = FlatRobot(world, poses[images[0].step].tolist(), first_step=FIRST_STEP, drift=drift)
+    return MappedWorld(world, robot, graph, keyframes, predictor, method, poses)
+
+
+def mapped_rooms(method: Method, **options: float) -> MappedWorld:
+    return map_world(two_rooms(), list(tour(WAY)), method, **options)
+
+
+def mapped_corridor(method: Method, *, lie: bool = False) -> MappedWorld:
+    """Return a map of seven nodes in a row in one room, 0.6 m apart, and beside them nothing."""
+    images = [observation_at(np.array([0.6 + 0.6 * k, 1.0, 0.0]), k) for k in range(7)]
+    place = map_world(one_room(), images[:1], method)
+    for seen in images[1:]:
+        place.keyframes.add([seen])
+        place.graph.apply(NodeAdded(node_from_observation(seen), Cause.BUILD))
+        for source, target, dx in ((seen.step - 1, seen.step, 0.6), (seen.step, seen.step - 1, -0.6)):
+            join_nodes(place, source, target, dx)
+    place.poses.update({seen.step: seen.exact_pose for seen in images if seen.exact_pose is not None})
+    return place
+
+
+def join_nodes(place: MappedWorld, source: NodeId, target: NodeId, dx: float) -> None:
+    belief = initial_belief(0.9, abs(dx), place.method.believing)
+    place.graph.apply(EdgeAdded(Edge(source, target, PoseRow(dx, 0.0, 0.0), belief), Cause.BUILD))
+
+
+def events_of(kind: type, events: list[Event]) -> list:
+    return [event for event in events if isinstance(event, kind)]
+
+
+def block_corridor(place: MappedWorld) -> None:
+    """Put a wall between the third and the fourth node that the predictor does not know of."""
+    wall = np.array([[[2.1, 0.0], [2.1, 4.0]]])
+    place.robot.world = FlatWorld(np.concatenate([place.world.walls, wall]))

@@ -1,0 +1,67 @@
+"""The controller gets there, forwards or backwards, within the limits and without dithering."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import compose, relative
+from ltvn_core.navigation.controller import drives_backwards, steer
+from ltvn_core.types import Waypoint
+
+DRIVING = ROBUST.driving
+waypoints = st.builds(
+    lambda x, y, yaw: np.array([x, y, yaw]), st.floats(-1.5, 1.5), st.floats(-1.0, 1.0), st.floats(-1.2, 1.2)
+)
+
+
+def driven(waypoint: Waypoint, steps: int = 300) -> tuple[Waypoint, list[float]]:
+    """Return what is left after driving, and the speeds on the way."""
+    pose, backwards, speeds = np.zeros(3), drives_backwards(waypoint), []
+    for _ in range(steps):
+        twist = steer(relative(pose, waypoint), DRIVING, backwards=backwards)
+        if twist is None:
+            return relative(pose, waypoint), speeds
+        assert abs(twist.linear_m_s) <= DRIVING.speed_m_s + 1e-9
+        assert abs(twist.angular_rad_s) <= DRIVING.turn_rad_s + 1e-9
+        pose = compose(pose, np.array([twist.linear_m_s * 0.1, 0.0, twist.angular_rad_s * 0.1]))
+        speeds.append(twist.linear_m_s)
+    raise AssertionError(f"never reached {waypoint}")
+
+
+@settings(max_examples=100)
+@given(waypoints)
+def test_every_waypoint_is_reached(waypoint: Waypoint) -> None:
+    left, _ = driven(waypoint)
+    assert np.hypot(left[0], left[1]) < 0.2
+    assert abs(left[2]) < DRIVING.yaw_tolerance_rad
+
+
+@settings(max_examples=100)
+@given(waypoints)
+def test_an_attempt_is_driven_either_forwards_or_backwards(waypoint: Waypoint) -> None:
+    _, speeds = driven(waypoint)
+    assert min(speeds, default=0.0) >= 0 or max(speeds) <= 0
+
+
+def test_what_lies_behind_is_reached_backwards() -> None:
+    _, speeds = driven(np.array([-1.0, 0.0, 0.0]))
+    assert min(speeds) < -0.3
+
+
+def test_the_robot_turns_before_it_drives_aside() -> None:
+    twist = steer(np.array([0.1, 1.0, 0.0]), DRIVING, backwards=False)
+    assert twist is not None
+    assert twist.linear_m_s == 0
+    assert twist.angular_rad_s > 0
+
+
+def test_where_the_robot_is_already_there_is_nothing_to_drive() -> None:
+    assert steer(np.array([0.02, 0.01, 0.01]), DRIVING, backwards=False) is None
+
+
+@pytest.mark.parametrize("yaw", [0.8, -0.8])
+def test_a_turn_on_the_spot_drives_nowhere(yaw: float) -> None:
+    _, speeds = driven(np.array([0.0, 0.0, yaw]))
+    assert set(speeds) == {0.0}

@@ -1,0 +1,123 @@
+"""The depth images stop or bend the robot for what stands in its way, and for nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ltvn_core.config import ROBUST
+from ltvn_core.navigation.obstacle_avoidance import collision_free_command
+from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points
+from ltvn_core.types import Intrinsics, Twist
+from tests.core.flat_world import observation_at
+
+LENS = Intrinsics()
+AHEAD = Twist(0.5, 0.0)
+STRAIGHT = replace(ROBUST.driving, swerve=False)
+
+
+def scene(*boxes: tuple[float, float, float, float]) -> np.ndarray:
+    """Return the depth of a floor and upright posts (distance, left edge, right edge, height)."""
+    rows, columns = np.mgrid[0:72, 0:96]
+    left = -(columns + 0.5 - 48) / LENS.focal_px
+    up = -(rows + 0.5 - 36) / LENS.focal_px
+    depth = np.where(up < 0, LENS.height_m / np.maximum(-up, 1e-6), 8.0)
+    for away, left_edge, right_edge, height in boxes:
+        hit = (left * away < left_edge) & (left * away > right_edge) & (up * away + LENS.height_m < height)
+        depth = np.where(hit & (away < depth), away, depth)
+    return np.where(depth < 8.0, depth, 0.0).astype(np.float32)
+
+
+def command(depth: np.ndarray, length_m: float = 2.0, twist: Twist = AHEAD) -> Twist | None:
+    return collision_free_command(twist, obstacle_points(depth, LENS), length_m, ROBUST.driving)
+
+
+def test_an_empty_floor_is_free() -> None:
+    assert len(obstacle_points(scene(), LENS)) == 0
+    assert command(scene()) == AHEAD
+
+
+def test_points_lie_where_the_camera_sees_them() -> None:
+    points = obstacle_points(scene((0.9, 0.5, 0.3, 0.5)), LENS)
+    assert np.allclose(points[:, 0], 0.9)
+    assert points[:, 1].min() > 0.28
+    assert points[:, 1].max() < 0.52
+
+
+def test_a_wall_across_the_way_stops_the_robot_in_time_and_not_before() -> None:
+    wall = scene((0.5, 5.0, -5.0, 3.0))
+    assert command(wall) is None
+    assert command(wall, length_m=0.2) == AHEAD
+    assert command(scene((1.2, 5.0, -5.0, 3.0))) == AHEAD
+
+
+def test_a_door_frame_beside_the_way_does_not_bother_the_robot() -> None:
+    assert command(scene((0.5, 1.0, 0.27, 2.0), (0.5, -0.27, -1.0, 2.0))) == AHEAD
+
+
+def test_a_post_on_the_left_moves_the_detour_to_the_right() -> None:
+    post = scene((0.45, 0.3, 0.12, 0.6))
+    adjusted = command(post)
+    assert adjusted is not None
+    assert adjusted.angular_rad_s < 0
+    assert 0 < adjusted.linear_m_s < AHEAD.linear_m_s
+    assert collision_free_command(AHEAD, obstacle_points(post, LENS), 2.0, STRAIGHT) is None
+
+
+def test_what_hangs_overhead_and_two_stray_pixels_stop_nothing() -> None:
+    depth = scene()
+    depth[:20] = 1.0
+    depth[40, 48] = depth[42, 48] = 0.3
+    assert command(depth) == AHEAD
+
+
+def test_a_turn_on_the_spot_is_always_allowed() -> None:
+    turn = Twist(0.0, 1.0)
+    assert command(scene((0.2, 5.0, -5.0, 3.0)), twist=turn) == turn
+
+
+def test_a_robot_too_near_to_something_may_leave_it() -> None:
+    beside = np.array([[0.0, 0.19]] * 10)
+    assert collision_free_command(AHEAD, beside, 1.0, STRAIGHT) == AHEAD
+    before = np.array([[0.19, 0.0]] * 10)
+    assert collision_free_command(AHEAD, before, 1.0, STRAIGHT) is None
+    assert collision_free_command(Twist(-0.5, 0.0), before, 1.0, STRAIGHT) == Twist(-0.5, 0.0)
+
+
+def test_what_was_seen_before_is_remembered_where_it_was() -> None:
+    obstacles = ObstacleMemory(LENS)
+    obstacles.add(replace(observation_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6))))
+    passed = obstacles.nearby_points(np.array([1.4, 0.0, 0.0]))
+    assert np.allclose(passed[:, 0], -0.4, atol=1e-6)
+    assert collision_free_command(Twist(-0.5, 0.0), passed, 1.0, STRAIGHT) is None
+    turned = obstacles.nearby_points(np.array([1.0, 0.5, np.pi / 2]))
+    assert np.isclose(turned[:, 0].mean(), -0.5, atol=0.02)
+
+
+@pytest.mark.parametrize("count", [1, 40])
+def test_memory_is_bounded_and_one_image_counts_once(count: int) -> None:
+    obstacles = ObstacleMemory(LENS)
+    image = replace(observation_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6)))
+    for k in range(count):
+        obstacles.add(replace(image, step=k))
+        obstacles.add(replace(image, step=k))
+    assert len(obstacles.nearby_points(np.zeros(3))) == min(count, 12) * len(obstacle_points(image.depth, LENS))
+
+
+def test_a_collision_that_no_image_showed_is_remembered_for_a_while() -> None:
+    obstacles = ObstacleMemory(LENS)
+    obstacles.add(observation_at(np.zeros(3), 1))
+    obstacles.bump(np.zeros(3), backwards=False)
+    here = obstacles.nearby_points(np.zeros(3))
+    assert collision_free_command(AHEAD, here, 1.0, STRAIGHT) is None
+    assert collision_free_command(Twist(-0.5, 0.0), here, 1.0, STRAIGHT) == Twist(-0.5, 0.0)
+    obstacles.add(observation_at(np.zeros(3), 200))
+    assert len(obstacles.nearby_points(np.zeros(3))) == 0
+
+
+def test_through_a_narrow_gap_the_robot_goes_slowly() -> None:
+    gap = np.array([[0.3, 0.2]] * 5 + [[0.3, -0.2]] * 5)
+    through = collision_free_command(AHEAD, gap, 1.0, ROBUST.driving)
+    assert through is not None
+    assert 0 < through.linear_m_s < 0.5 * AHEAD.linear_m_s
+    assert through.angular_rad_s == 0

@@ -1,0 +1,84 @@
+"""Two places that look the same: the way there tells the robot which of them it is at."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import ROBUST, Method
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.types import Features, Prediction
+from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, tour
+
+APART = np.array([7.0, 0.0, 0.0, 0.0])
+WAY = [(0.6, 1.0), (13.4, 1.0), (0.6, 1.0)]
+"""There and back along a corridor."""
+CREDULOUS = replace(ROBUST, localising=replace(ROBUST.localising, trail_reach=0))
+"""Believes to be at a place by its looks alone."""
+
+
+@dataclass
+class AliasedPredictor(FlatPredictor):
+    """Cannot tell the stretch of the corridor from 3 m to 5 m from the one from 10 m to 12 m."""
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        sources, targets = (np.asarray(each, np.float64) for each in np.broadcast_arrays(sources, targets))
+        answer = super().predict(sources, targets)
+        for shift in (APART, -APART):
+            fooled = _inside(sources) & _inside(targets) & (np.abs(sources - shift - targets)[:, 0] < 2)
+            other = super().predict(sources[fooled], targets[fooled] + shift)
+            answer.reachability[fooled], answer.waypoints[fooled] = other
+        return answer
+
+
+def _inside(features: Features) -> NDArray[np.bool_]:
+    x = np.asarray(features[:, 0], np.float64)
+    return ((x > 3) & (x < 5)) | ((x > 10) & (x < 12))
+
+
+def drive(method: Method, start_x: float, goal_x: float) -> tuple[Episode, TopologicalGraph]:
+    world = FlatWorld(np.array(box(14.0, 2.0)))
+    images, predictor = list(tour(WAY)), AliasedPredictor(world)
+    keyframes = KeyframeStore(predictor)
+    graph = TopologicalGraph(build(images, keyframes, predictor, method, np.random.default_rng(0)))
+    poses = {seen.step: seen.exact_pose for seen in images if seen.exact_pose is not None}
+    ahead = [node for node in graph.nodes if abs(poses[node][2]) < 0.1]
+    goal = min(ahead, key=lambda node: abs(poses[node][0] - goal_x))
+    robot = FlatRobot(world, [start_x, 1.0, 0.0], first_step=100_000)
+    method = replace(method, maintain=False)
+    navigator = Navigator(robot, graph, keyframes, predictor, method, np.random.default_rng(0))
+    episode = run_episode(
+        navigator,
+        goal,
+        0,
+        advance=robot.advance,
+        verdict=lambda: judge_goal_reached(0, robot.pose, poses[goal]),
+        consume=lambda event: None,
+    )
+    return episode, graph
+
+
+def test_the_robot_passes_the_perceptual_alias_of_its_goal() -> None:
+    assert not drive(CREDULOUS, 0.8, 11.0)[0].reached
+    assert drive(ROBUST, 0.8, 11.0)[0].reached
+
+
+def test_no_edge_leads_from_a_place_to_its_perceptual_alias() -> None:
+    _, graph = drive(ROBUST, 0.8, 1.5)
+    x = {node: waypoint.odometry[0] for node, waypoint in graph.nodes.items()}
+    assert all(abs(x[source] - x[target]) < 2 for source, target in graph.edges)
+
+
+def test_a_node_from_which_attempts_keep_failing_is_doubted_until_it_is_trusted_again() -> None:
+    memory = QueryMemory(ROBUST.planning, ROBUST.localising)
+    for _ in range(ROBUST.localising.doubt_after_failures):
+        assert not memory.doubted
+        memory.record_failure_from(3)
+    assert memory.doubted == {3}
+    memory.clear_doubts()
+    assert not memory.doubted

@@ -1,0 +1,103 @@
+"""The predictor answers the same however pairs are batched, and refuses what it cannot read."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from ltvn_core.errors import ImageError
+from ltvn_core.network.image_features import pack, row_length, unpack
+from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.predictor import NetworkPredictor
+from ltvn_core.types import Predictor
+from tests.core.network.tiny_data import SMALL, tiny_observations
+
+
+@pytest.fixture(scope="module")
+def predictor() -> NetworkPredictor:
+    torch.manual_seed(3)
+    return NetworkPredictor(PairNetwork(SMALL), "abc")
+
+
+def test_it_is_a_predictor_with_one_row_of_features_per_image(predictor: NetworkPredictor) -> None:
+    usable: Predictor = predictor
+    features = usable.encode(tiny_observations(3))
+    assert features.shape == (3, row_length(SMALL))
+    assert features.dtype == np.float16
+    assert usable.encode([]).shape == (0, row_length(SMALL))
+    assert usable.fingerprint == "abc"
+
+
+def test_predictions_are_probabilities_and_waypoints_in_float64(predictor: NetworkPredictor) -> None:
+    features = predictor.encode(tiny_observations(6))
+    reachability, waypoints = predictor.predict(features[:3], features[3:])
+    assert reachability.shape == (3,)
+    assert waypoints.shape == (3, 3)
+    assert reachability.dtype == waypoints.dtype == np.float64
+    assert ((reachability >= 0) & (reachability <= 1)).all()
+    assert (np.abs(waypoints[:, 2]) <= np.pi).all()
+
+
+def test_one_source_meets_all_targets_as_if_repeated(predictor: NetworkPredictor) -> None:
+    features = predictor.encode(tiny_observations(8))
+    single = predictor.predict(features[:1], features)
+    repeated = predictor.predict(np.repeat(features[:1], 8, axis=0), features)
+    np.testing.assert_allclose(single.reachability, repeated.reachability, atol=1e-5)
+    np.testing.assert_allclose(single.waypoints, repeated.waypoints, atol=1e-4)
+
+
+def test_batching_changes_neither_features_nor_predictions(predictor: NetworkPredictor) -> None:
+    observations = tiny_observations(6)
+    together = predictor.encode(observations)
+    apart = np.concatenate([predictor.encode([each]) for each in observations])
+    np.testing.assert_allclose(together.astype(float), apart.astype(float), atol=4e-3)
+    whole = predictor.predict(together, together[::-1])
+    parts = [predictor.predict(together[k : k + 1], together[5 - k : 6 - k]) for k in range(6)]
+    np.testing.assert_allclose(whole.reachability, np.concatenate([p.reachability for p in parts]), atol=1e-5)
+
+
+def test_cached_features_give_what_the_network_gives_directly(predictor: NetworkPredictor) -> None:
+    features = predictor.encode(tiny_observations(4))
+    direct = unpack(torch.from_numpy(features), SMALL)
+    assert torch.equal(pack(direct), torch.from_numpy(features))
+    with torch.inference_mode():
+        network = predictor._network
+        output = network.compare(direct.take(torch.tensor([0, 1])), direct.take(torch.tensor([2, 3])))
+    found = predictor.predict(features[:2], features[2:])
+    np.testing.assert_allclose(found.reachability, network.reachability(output.logit).numpy(), atol=1e-6)
+
+
+def test_the_prefilter_compares_the_best_in_full_and_rates_the_others_below_them() -> None:
+    network = PairNetwork(SMALL)
+    features = NetworkPredictor(network, "").encode(tiny_observations(40))
+    targets = np.tile(features, (6, 1))
+    full = NetworkPredictor(network, "", prefilter_from=None).predict(features[:1], targets)
+    quick = NetworkPredictor(network, "").predict(features[:1], targets)
+    compared = quick.waypoints.any(axis=1)
+    assert compared.sum() == 96
+    np.testing.assert_allclose(quick.reachability[compared], full.reachability[compared], atol=1e-5)
+    assert quick.reachability[~compared].max() <= quick.reachability[compared].min()
+
+
+def test_an_image_of_another_size_is_refused_with_advice(predictor: NetworkPredictor) -> None:
+    observation = tiny_observations(1)[0]
+    small = replace(observation, rgb=observation.rgb[::2, ::2], depth=observation.depth[::2, ::2])
+    with pytest.raises(ImageError, match="intake"):
+        predictor.encode([small])
+
+
+def test_features_of_another_width_or_number_are_refused(predictor: NetworkPredictor) -> None:
+    features = predictor.encode(tiny_observations(3))
+    with pytest.raises(ValueError, match="must be"):
+        predictor.predict(features[:, :-1], features[:, :-1])
+    with pytest.raises(ValueError, match="one to one"):
+        predictor.predict(features[:2], features)
+
+
+def test_depth_without_any_return_gives_finite_predictions(predictor: NetworkPredictor) -> None:
+    blind = [replace(each, depth=np.zeros_like(each.depth)) for each in tiny_observations(2)]
+    features = predictor.encode(blind)
+    reachability, waypoints = predictor.predict(features, features)
+    assert np.isfinite(reachability).all()
+    assert np.isfinite(waypoints).all()

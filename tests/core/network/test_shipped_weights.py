@@ -1,0 +1,51 @@
+"""The shipped weights do in an unseen apartment what their card says, and the prefilter keeps what matters."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, encode_images, evaluate_drives
+from ltvn_core.network.predictor import load_predictor
+from ltvn_core.network.weights_file import SHIPPED_BASELINE_WEIGHTS, SHIPPED_WEIGHTS, read_card, weights_fingerprint
+from ltvn_core.training.held_out_scenes import TEST_SCENES, drives
+
+pytest.importorskip("embreex")
+
+
+@lru_cache
+def drive() -> LabelledDrive:
+    return drives(TEST_SCENES[:1], images=230)[0]
+
+
+def test_the_card_belongs_to_the_weights_and_both_are_small() -> None:
+    assert read_card(SHIPPED_WEIGHTS)["fingerprint"] == weights_fingerprint(SHIPPED_WEIGHTS)
+    assert SHIPPED_WEIGHTS.stat().st_size < 20e6
+
+
+def test_far_pairs_are_rarely_called_reachable_where_most_near_ones_are() -> None:
+    figures = evaluate_drives(load_predictor(), [drive()], np.random.default_rng(0), limit=3000)
+    assert figures.far_fpr_at_tpr60 == 0
+    assert figures.near_tpr_at_half >= 0.9
+
+
+def test_the_prefilter_keeps_nearly_all_that_full_comparison_ranks_first() -> None:
+    full, quick = load_predictor(prefilter_from=None), load_predictor()
+    features = encode_images(full, drive().rgb, drive().depth_mm)
+    kept = []
+    for source in range(0, len(features), 23):
+        everything = full.predict(features[source : source + 1], features).reachability
+        filtered = quick.predict(features[source : source + 1], features).reachability
+        first = np.argsort(-everything)[:6]
+        assert filtered[first[:2]] == pytest.approx(everything[first[:2]], abs=1e-4)
+        kept.extend(np.isclose(filtered[first], everything[first], atol=1e-4))
+    assert np.mean(kept) > 0.9
+
+
+@pytest.mark.parametrize("rival", ["sptm", "ving"])
+def test_a_baselines_card_belongs_to_its_weights_and_names_its_start(rival: str) -> None:
+    card = read_card(SHIPPED_BASELINE_WEIGHTS[rival])
+    assert card["fingerprint"] == weights_fingerprint(SHIPPED_BASELINE_WEIGHTS[rival])
+    assert card["parent"] == weights_fingerprint(SHIPPED_WEIGHTS)
+    assert card["after"]["auc"] > card["before"]["auc"]
+    assert not [name for name in card["trained_on"]["scenes"] if not name.startswith("train-")]

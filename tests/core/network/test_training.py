@@ -1,0 +1,149 @@
+"""Training lowers the loss, goes on after an interruption as if nothing had happened, and keeps the best weights."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ltvn_core.errors import DatasetError, WeightsError
+from ltvn_core.geometry import relative
+from ltvn_core.network.metrics.pair_evaluation import evaluate_all_pairs, evaluate_drives
+from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
+from ltvn_core.network.optimization.hard_negative_mining import FarCriterion, mine_hard_negatives
+from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+from ltvn_core.network.optimization.mixed_precision import MixedPrecision
+from ltvn_core.network.optimization.platt_scaling import fit_platt
+from ltvn_core.network.optimization.trainer import Trainer, learning_rate_schedule
+from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, train, train_distributed
+from ltvn_core.network.predictor import load_predictor
+from ltvn_core.network.training_examples import BatchSampler, HardNegative
+from tests.core.network.tiny_data import SMALL, tiny_data, tiny_drive, tiny_shard
+
+PLAN = Hyperparameters(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)
+FULL = MixedPrecision(bfloat16=False)
+
+
+def trainer() -> Trainer:
+    return Trainer(PLAN, SMALL)
+
+
+def test_a_few_steps_lower_the_loss() -> None:
+    sampler, learning = BatchSampler([tiny_shard()]), trainer()
+    losses = [learning.step(sampler, FULL, 0.1 + step / 100).total for step in range(40)]
+    assert np.mean(losses[-5:]) < 0.85 * np.mean(losses[:5])
+
+
+def test_a_resumed_training_equals_an_uninterrupted_one(tmp_path: Path) -> None:
+    sampler, straight = BatchSampler([tiny_shard()]), trainer()
+    straight.confusions = [HardNegative(0, 0, 20)]
+    for step in range(4):
+        if step == 2:
+            save_checkpoint(straight, tmp_path / "c.safetensors", seconds=1.5)
+        straight.step(sampler, FULL, 0.2)
+    resumed = trainer()
+    assert restore_checkpoint(resumed, tmp_path / "c.safetensors") == 1.5
+    for _ in range(2):
+        resumed.step(sampler, FULL, 0.2)
+    for part in ("network", "average"):
+        expected, found = getattr(straight, part).state_dict(), getattr(resumed, part).state_dict()
+        for name, value in expected.items():
+            torch.testing.assert_close(found[name], value, msg=name)
+
+
+def test_a_checkpoint_of_another_plan_or_a_cut_one_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.safetensors"
+    save_checkpoint(trainer(), path, seconds=0.0)
+    with pytest.raises(WeightsError, match="another plan"):
+        restore_checkpoint(Trainer(replace(PLAN, alpha=9.0), SMALL), path)
+    path.write_bytes(path.read_bytes()[:-50])
+    with pytest.raises(WeightsError, match="not a whole checkpoint"):
+        restore_checkpoint(trainer(), path)
+
+
+def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, minutes=None, steps=3, validations=1, minings=1, mined_scenes=1, validation_pairs=40)
+    result = train(tiny_data(), plan, tmp_path)
+    assert result.steps == 3
+    assert result.best is not None
+    assert result.best.drives is not None
+    assert result.best.drives.far_pairs == tiny_drive().far.sum()
+    assert (tmp_path / "validation.jsonl").read_text().count("\n") == 1
+    predictor = load_predictor(result.weights)
+    assert len(predictor.fingerprint) == 12
+    pairs, drives = evaluate_all_pairs(predictor, [tiny_drive()])
+    assert pairs.pairs == 40 * 39
+    assert drives == evaluate_drives(predictor, [tiny_drive()], np.random.default_rng(0))
+
+
+def test_two_processes_train_one_network(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, minutes=None, steps=2, validations=1, minings=0, validation_pairs=20)
+    result = train_distributed(tiny_data, plan, tmp_path, processes=2)
+    assert result.steps == 2
+    assert result.best is not None
+    assert len(load_predictor(result.weights).fingerprint) == 12
+
+
+def test_an_error_in_a_process_is_told_as_it_is(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="no data today"):
+        train_distributed(no_data, TrainingPlan(PLAN, minutes=None, steps=2), tmp_path, processes=2)
+
+
+def no_data() -> TrainingData:
+    raise DatasetError("no data today")
+
+
+def test_metrics_that_cannot_be_written_end_training_and_leave_what_was_kept(tmp_path: Path) -> None:
+    plan = TrainingPlan(PLAN, minutes=None, steps=4, validations=2, minings=0, validation_pairs=20)
+    train(tiny_data(), plan, tmp_path)
+    kept = (tmp_path / "weights.safetensors").read_bytes()
+    (tmp_path / "validation.jsonl").unlink()
+    (tmp_path / "validation.jsonl").mkdir()
+    with pytest.raises(WeightsError, match="free some space"):
+        train(tiny_data(), replace(plan, steps=8), tmp_path)
+    assert (tmp_path / "weights.safetensors").read_bytes() == kept
+
+
+def test_positives_are_drawn_more_evenly_over_distance_than_they_occur() -> None:
+    shard, sampler = tiny_shard(), BatchSampler([tiny_shard()])
+    batches = [sampler.draw(np.random.default_rng(seed), groups=6, pairs_per_group=12) for seed in range(20)]
+
+    def far_share(waypoints: np.ndarray) -> float:
+        return float((np.hypot(waypoints[:, 0], waypoints[:, 1]) > 0.8).mean())
+
+    drawn = [b.waypoints(b.sources[b.reachable], b.targets[b.reachable]) for b in batches]
+    reachable = shard.reachable
+    existing = relative(shard.poses[shard.sources[reachable]], shard.poses[shard.targets[reachable]])
+    assert far_share(np.concatenate(drawn)) > far_share(existing)
+
+
+def test_a_batch_holds_both_ends_of_each_confusion_as_a_negative() -> None:
+    shard, sampler = tiny_shard(), BatchSampler([tiny_shard()])
+    batch = sampler.draw(np.random.default_rng(0), groups=3, pairs_per_group=2, confusions=[HardNegative(0, 0, 30)])
+    assert not batch.reachable[-1]
+    np.testing.assert_array_equal(batch.poses[batch.sources[-1]], shard.poses[0])
+    np.testing.assert_array_equal(batch.poses[batch.targets[-1]], shard.poses[30])
+
+
+def test_mined_confusions_are_far_pairs() -> None:
+    shard, learning = tiny_shard(), trainer()
+    found = mine_hard_negatives(
+        learning.average, FULL, shard, 0, FarCriterion(), np.random.default_rng(0), images=30, candidates=50, above=0.0
+    )
+    assert found
+    for confusion in found:
+        pair = shard.poses[[confusion.source, confusion.target]]
+        assert FarCriterion().pairs(pair[:1], pair[1:])[0, 0]
+
+
+def test_the_rate_rises_then_falls() -> None:
+    assert learning_rate_schedule(0.0, 0.1) < learning_rate_schedule(0.05, 0.1) < learning_rate_schedule(0.1, 0.1) == 1
+    assert learning_rate_schedule(1.0, 0.1) == pytest.approx(0.01)
+
+
+def test_calibration_recovers_a_known_scale_and_offset() -> None:
+    rng = np.random.default_rng(0)
+    logits = rng.normal(0, 2, 20000)
+    positive = rng.random(20000) < 1 / (1 + np.exp(-(0.5 * logits - 0.7)))
+    assert fit_platt(logits, positive) == pytest.approx((0.5, -0.7), abs=0.06)

@@ -1,0 +1,95 @@
+"""Weights survive a round trip, and everything that is not weights is refused in plain words."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.network.architecture import StackedArchitecture
+from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.predictor import load_predictor
+from ltvn_core.network.weights_file import card_path, load_weights, read_card, save_weights
+from tests.core.network.tiny_data import SMALL
+
+
+def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:
+    network = PairNetwork(SMALL)
+    fingerprint = save_weights(network, tmp_path / "w.safetensors", {"figures": 1})
+    loaded = load_weights(tmp_path / "w.safetensors")
+    assert loaded.size == SMALL
+    for name, value in network.state_dict().items():
+        assert torch.equal(loaded.state_dict()[name], value), name
+    assert read_card(tmp_path / "w.safetensors") == {"fingerprint": fingerprint, "figures": 1}
+    assert load_predictor(tmp_path / "w.safetensors").fingerprint == fingerprint
+
+
+def test_equal_weights_have_equal_fingerprints_and_others_differ(tmp_path: Path) -> None:
+    network = PairNetwork(SMALL)
+    first, again = (save_weights(network, tmp_path / f"{name}.safetensors") for name in "ab")
+    with torch.no_grad():
+        network.place_line.add_(1)
+    assert first == again != save_weights(network, tmp_path / "c.safetensors")
+
+
+def test_missing_weights_are_named(tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match="there are no weights"):
+        load_predictor(tmp_path / "nothing.safetensors")
+
+
+def test_cut_and_foreign_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    save_weights(PairNetwork(SMALL), path)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(WeightsError, match="not a whole safetensors file"):
+        load_weights(path)
+    path.write_bytes(b"\x80\x04pickled")
+    with pytest.raises(WeightsError, match="not a whole safetensors file"):
+        load_weights(path)
+    save_file({"x": torch.zeros(1)}, path)
+    with pytest.raises(WeightsError, match="something else"):
+        load_weights(path)
+
+
+def test_weights_of_another_architecture_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    state = PairNetwork(SMALL).state_dict()
+    save_file(state, path, {"ltvn": json.dumps({"schema": "ltvn-weights-1", "name": "siamese"})})
+    with pytest.raises(WeightsError, match=r"w\.safetensors: .*'siamese'.*aligned-pairs, stacked"):
+        load_weights(path)
+    save_file(state, path, {"ltvn": json.dumps({"schema": "ltvn-weights-1", "name": "stacked"})})
+    with pytest.raises(WeightsError, match="damaged"):
+        load_weights(path)
+    stacked = {"schema": "ltvn-weights-1", **asdict(StackedArchitecture())}
+    save_file(state, path, {"ltvn": json.dumps(stacked)})
+    with pytest.raises(WeightsError, match="do not fit"):
+        load_weights(path)
+    save_weights(PairNetwork(), path)
+    text = path.read_bytes().replace(b'\\"tokens\\": 96', b'\\"tokens\\": 64')
+    path.write_bytes(text)
+    with pytest.raises(WeightsError, match="do not fit"):
+        load_weights(path)
+
+
+def test_weights_with_numbers_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    network = PairNetwork(SMALL)
+    with torch.no_grad():
+        network.place_line[0] = torch.nan
+    save_weights(network, tmp_path / "w.safetensors")
+    with pytest.raises(WeightsError, match="not finite"):
+        load_weights(tmp_path / "w.safetensors")
+
+
+def test_an_unwritable_place_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(WeightsError, match="could not be written"):
+        save_weights(PairNetwork(SMALL), tmp_path / "file" / "w.safetensors")
+
+
+def test_a_damaged_card_is_an_error(tmp_path: Path) -> None:
+    card_path(tmp_path / "w.safetensors").write_text("{")
+    with pytest.raises(WeightsError, match="card"):
+        read_card(tmp_path / "w.safetensors")

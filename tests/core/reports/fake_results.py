@@ -1,0 +1,182 @@
+"""Small made-up results of an evaluation, for tests of its report."""
+
+import numpy as np
+
+from ltvn_core.evaluation.results import (
+    EdgeCalibrationBin,
+    EpisodeResult,
+    EvaluationResults,
+    FailureCause,
+    LifelongPoint,
+    LifelongQuery,
+    LifelongResult,
+    MapDrawing,
+    MapTruthMetrics,
+    TrialResult,
+)
+
+ODDS = {"ltvn": 0.88, "sptm": 0.45, "ving": 0.55}
+"""Made-up success of each method."""
+
+
+def make_episode(number: int, odds: float, rng: np.random.Generator) -> EpisodeResult:
+    """One episode that reaches its goal with these odds."""
+    reached = bool(rng.random() < odds)
+    failure = None if reached else list(FailureCause)[int(rng.choice(6, p=[0.1, 0.3, 0.25, 0.2, 0.05, 0.1]))]
+    shortest = float(rng.uniform(2, 12))
+    return EpisodeResult(
+        episode=number,
+        start=int(rng.integers(2000)),
+        goal=int(rng.integers(2000)),
+        reached=reached,
+        outcome="arrived" if reached or failure is FailureCause.WRONG_ARRIVAL else "step limit",
+        failure=failure,
+        trigger=failure,
+        steps=int(rng.integers(60, 900)),
+        collisions=int(rng.poisson(0.4 if reached else 4)),
+        path_m=shortest * float(rng.uniform(1, 1.6)),
+        shortest_m=shortest,
+        position_error_m=float(rng.uniform(0, 0.7)) if reached else float(rng.uniform(0.8, 6)),
+        yaw_error_rad=float(rng.uniform(0, 0.4)),
+    )
+
+
+def make_floorplan(nodes: int, spurious: int, rng: np.random.Generator) -> MapDrawing:
+    """A ring-shaped corridor with nodes along it."""
+    free = tuple(
+        "".join("." if 3 < x < 77 and 3 < y < 57 and not (20 < x < 60 and 20 < y < 40) else "#" for x in range(81))
+        for y in range(61)
+    )
+    way = np.linspace(0, 2 * np.pi, nodes, endpoint=False)
+    x, y = 4 + 3 * np.cos(way) + rng.normal(0, 0.15, nodes), 3 + 2.2 * np.sin(way) + rng.normal(0, 0.15, nodes)
+    edges = [
+        (i, (i + hop) % nodes, float(rng.beta(8, 1.5)), False) for i in range(nodes) for hop in (1, 2, -1) if nodes > 2
+    ]
+    bad = [
+        (int(i), int(i + nodes // 2) % nodes, float(rng.uniform(0.2, 0.9)), True)
+        for i in rng.integers(0, nodes, spurious)
+    ]
+    rows = tuple((i, float(x[i]), float(y[i]), float(way[i] + np.pi / 2)) for i in range(nodes))
+    return MapDrawing((0.0, 0.0), 0.1, free, rows, (*edges, *bad))
+
+
+def make_trial(
+    scene: str = "tune-1",
+    method: str = "ltvn",
+    seed: int = 0,
+    *,
+    finetuned: bool = True,
+    preset: str = "robust",
+    without: tuple[str, ...] = (),
+    queries: int = 0,
+    episodes: int = 20,
+    odds: float | None = None,
+    nodes: int | None = None,
+    spurious: int = 3,
+    plan: bool = True,
+) -> TrialResult:
+    """One trial of made-up episodes."""
+    rng = np.random.default_rng([seed, episodes, len(method), queries, finetuned])
+    odds = ODDS[method] * (1.0 if finetuned else 0.7) * (0.7 if preset == "paper" else 1) if odds is None else odds
+    nodes = (90 if method == "ltvn" else 1200) + int(rng.integers(20)) if nodes is None else nodes
+    return TrialResult(
+        scene=scene,
+        method=method,
+        preset=preset,
+        without=without,
+        finetuned=finetuned,
+        seed=seed,
+        queries=queries,
+        images=1200 + seed,
+        fingerprint="0123abcd",
+        map=MapTruthMetrics(
+            nodes=nodes, edges=3 * nodes + spurious, spurious_edges=spurious, pieces=1, goals_connected=10
+        ),
+        floorplan=make_floorplan(nodes, spurious, rng) if plan else None,
+        episodes=tuple(make_episode(number, odds, rng) for number in range(episodes)),
+        wall_s=61.0,
+        version="0.1.0",
+        command=f"ltvn evaluate --scene {scene} --method {method} --episodes {episodes} --seed {seed}",
+    )
+
+
+def make_lifelong_result(
+    scene: str = "tune-1", seed: int = 0, *, points: int = 4, episodes: int = 20
+) -> LifelongResult:
+    """A run of queries that gets better."""
+    rng = np.random.default_rng(seed)
+    return LifelongResult(
+        scene=scene,
+        preset="robust",
+        without=(),
+        seed=seed,
+        points=tuple(_a_point(scene, seed, 100 * number, episodes, rng) for number in range(points)),
+        queries=tuple(_a_query(number, rng) for number in range(100 * (points - 1))),
+        version="0.1.0",
+        command=f"ltvn lifelong --scene {scene} --seed {seed} --queries {100 * (points - 1)}",
+    )
+
+
+def _a_point(scene: str, seed: int, queries: int, episodes: int, rng: np.random.Generator) -> LifelongPoint:
+    odds = 0.97 - 0.12 * np.exp(-queries / 150)
+    nodes, spurious = 90 + queries // 50, int(12 * np.exp(-queries / 120))
+    trial = make_trial(
+        scene, seed=seed, queries=queries, episodes=episodes, odds=float(odds), nodes=nodes, spurious=spurious
+    )
+    bins = np.linspace(0, 1, 6)
+    cells = [
+        EdgeCalibrationBin(
+            low, low + 0.2, int(10 ** (1 + 2 * low)), low + 0.12, min(1.0, low + float(rng.uniform(0, 0.2)))
+        )
+        for low in bins[:-1]
+    ]
+    return LifelongPoint(queries, trial, tuple(cells))
+
+
+def _a_query(number: int, rng: np.random.Generator) -> LifelongQuery:
+    fading = np.exp(-number / 120)
+    pruned = int(rng.poisson(0.35 * fading))
+    return LifelongQuery(
+        query=number,
+        reached=bool(rng.random() < 0.9),
+        outcome="arrived",
+        steps=200,
+        collisions=int(rng.poisson(0.3)),
+        pruned=pruned,
+        pruned_bad=int(rng.binomial(pruned, 0.9)),
+        added_nodes=int(rng.random() < 0.02),
+        added_edges=(added := int(rng.poisson(0.1))),
+        added_spurious=int(rng.binomial(added, 0.05)),
+        nodes=90 + number // 50,
+        edges=273 + number // 10,
+        spurious_edges=int(12 * fading),
+    )
+
+
+def few_results() -> EvaluationResults:
+    """Results of two methods in two scenes with two seeds, one without fine-tuning, and of two lifelong runs."""
+    trials = [
+        trial
+        for scene in ("tune-1", "tune-2")
+        for seed in (0, 1)
+        for trial in (make_trial(scene, seed=seed), make_trial(scene, "sptm", seed=seed, nodes=200))
+    ]
+    before = make_trial("tune-1", finetuned=False, without=("fine-tuning",))
+    return EvaluationResults(
+        (*trials, before), (make_lifelong_result(seed=0, points=3), make_lifelong_result(seed=1, points=3))
+    )
+
+
+def many_results(episodes: int = 60) -> EvaluationResults:
+    """Results of four methods in two scenes with two seeds, before and after fine-tuning, and of a lifelong run."""
+    kinds = [("ltvn", "robust"), ("ltvn", "paper"), ("sptm", "robust"), ("ving", "robust")]
+    trials = [
+        make_trial(scene, method, seed, finetuned=finetuned, preset=preset, episodes=episodes)
+        for scene in ("tune-1", "tune-2")
+        for method, preset in kinds
+        for finetuned in (False, True)
+        for seed in (0, 1)
+    ]
+    return EvaluationResults(
+        tuple(trials), tuple(make_lifelong_result("tune-1", seed, points=5, episodes=episodes) for seed in (0, 1))
+    )

@@ -1,0 +1,69 @@
+"""`ltvn report --page` writes tables and pictures between the marks of docs/results.md and leaves the rest alone."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.results import EvaluationResults, save_results
+from ltvn_core.reports.evaluation_blocks import FIGURE_KINDS, fill_results_page, markdown_tables
+from ltvn_core.reports.evaluation_files import find_results
+from ltvn_core.reports.figure_style import MAX_BYTES, FigurePalette
+from ltvn_core.verbs.report import ReportSummary, ReportVerb
+from tests.core.reports.fake_results import make_lifelong_result, make_trial
+
+PAGE = Path(__file__).parents[3] / "docs" / "results.md"
+INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
+
+
+def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for number, trial in enumerate(
+        (make_trial(), make_trial(method="sptm", nodes=200), make_trial(without=("pruning",)))
+    ):
+        save_results(folder / f"{number}.trial.json", trial)
+    save_results(folder / "ltvn-100-20.lifelong.json", make_lifelong_result(points=2))
+    page_file, images = tmp_path / "docs" / "results.md", tmp_path / "docs" / "images"
+    page_file.parent.mkdir()
+    page_file.write_text(PAGE.read_text())
+    pictures = fill_results_page(find_results(folder).results, INK, page=page_file, images=images)
+    text = page_file.read_text()
+    links = re.findall(r"!\[[^]]*\]\((?!images/results/house-)([^)]*)\)", text)
+    assert {page_file.parent / link for link in links} == set(pictures)
+    assert "No results yet." not in text
+    for path in pictures:
+        assert path.stat().st_size <= MAX_BYTES
+        assert len(np.unique(np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3), axis=0)) > 5
+
+
+def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> None:
+    save_results(tmp_path / "ltvn-20.trial.json", make_trial(plan=False))
+    page_file = tmp_path / "results.md"
+    page_file.write_text(
+        "".join(
+            f"<!-- {name}: begin -->\n<!-- {name}: end -->\n"
+            for name in ("main", "house-main", "house-causes-pictures")
+        )
+    )
+    house = ReportVerb(
+        folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="house"
+    )
+    made = house.run()
+    assert isinstance(made, ReportSummary)
+    assert [path.name for path in made.pictures] == ["house-causes.png"]
+    first, second = page_file.read_text().split("<!-- main: end -->")
+    assert "tune-1" not in first
+    assert "tune-1" in second
+    with pytest.raises(OptionError, match="flat-main"):
+        replace(house, section="flat").run()
+
+
+def test_the_page_in_the_repository_has_every_block() -> None:
+    text = PAGE.read_text()
+    for name in [*markdown_tables(EvaluationResults()), *(f"{kind}-pictures" for kind in FIGURE_KINDS)]:
+        assert text.count(f"<!-- {name}: begin -->") == text.count(f"<!-- {name}: end -->") == 1

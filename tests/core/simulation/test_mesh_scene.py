@@ -1,0 +1,222 @@
+"""Scenes that somebody else made: what a robot in them relies on, and what is said when a file is no scene."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from ltvn_core.composition import open_simulation
+from ltvn_core.errors import SceneError
+from ltvn_core.recording.reader import Recording
+from ltvn_core.simulation.meshes.mesh_textures import TextureCollector
+from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
+from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.types import Intrinsics, Twist
+from ltvn_core.verbs.collect import CollectSummary, CollectVerb
+from ltvn_viz.layers.cutaway import CUT_HEIGHT_M, cut_away
+from tests.core.simulation.two_room_mesh import BLUE, HEIGHT, RED, box_house, save
+
+LENS = Intrinsics()
+KINDS = [
+    ("house.glb", "texture", "y"),
+    ("house.glb", "vertex", "y"),
+    ("house.glb", "texture", "z"),
+    ("house.gltf", "texture", "y"),
+    ("house.obj", "material", "z"),
+    ("house.obj", "texture", "y"),
+    ("house.ply", "vertex", "z"),
+    ("house.ply", "vertex", "y"),
+]
+
+
+@pytest.fixture(params=KINDS, ids=lambda kind: "-".join(kind))
+def house(request: pytest.FixtureRequest, tmp_path: Path) -> Scene:
+    file, paint, up = request.param
+    return load_scene(str(save(box_house(paint, up=up, ground=1.3), tmp_path / file)))
+
+
+@pytest.fixture
+def plain(tmp_path: Path) -> Path:
+    return save(box_house(), tmp_path / "plain.glb")
+
+
+def seen(scene: Scene, pose: tuple[float, float, float]) -> tuple[np.ndarray, float]:
+    """Colour and depth in the middle of the picture from a pose."""
+    rgb, depth = EmbreeRenderer(scene.surfaces).render(np.array(pose), LENS)
+    return rgb[36, 48].astype(float), float(depth[36, 48])
+
+
+def extent(scene: Scene) -> float:
+    """Where the floor's middle is along y, which a y-up file turns over or not."""
+    rows, _ = np.nonzero(scene.clearance.navigable)
+    return float(scene.clearance.origin[1] + (rows.mean() + 0.5) * scene.clearance.resolution_m)
+
+
+def test_the_floor_lies_at_zero_and_the_free_floor_is_indoors(house: Scene) -> None:
+    assert house.name == "house"
+    assert house.surfaces.vertices[:, 2].max() == pytest.approx(HEIGHT + 0.1, abs=0.02)
+    poses = house.clearance.sample_poses(np.random.default_rng(0), 200)
+    assert poses[:, 0].min() > 0.15
+    assert poses[:, 0].max() < 5.85
+    assert np.ptp(poses[:, 1]) < 4.0
+    assert (poses[:, 0] < 2.7).any()
+    assert (poses[:, 0] > 3.3).any()
+    assert house.area_m2 == pytest.approx(24.0, rel=0.15)
+
+
+def test_the_camera_sees_the_walls_at_their_depth_and_in_their_colours(house: Scene) -> None:
+    middle = extent(house)
+    red, to_west = seen(house, (1.5, middle, np.pi))
+    blue, to_east = seen(house, (4.0, middle, 0.0))
+    assert (to_west, to_east) == (pytest.approx(1.5, abs=0.01), pytest.approx(2.0, abs=0.01))
+    for colour, painted in ((red, RED), (blue, BLUE)):
+        share = colour / np.array(painted)
+        assert share.min() > 0.5
+        assert np.ptp(share) < 0.15
+
+
+def test_a_wall_stops_the_robot(plain: Path) -> None:
+    simulation = open_simulation(str(plain), seed=0, start=np.array([1.0, 2.0, np.pi]))
+    for _ in range(60):
+        simulation.robot.drive(Twist(0.4, 0.0))
+        simulation.robot.advance(0.1)
+    assert simulation.robot.collisions == 1
+    assert 0.15 < simulation.robot.exact_pose[0] < 0.3
+    simulation.robot.close()
+
+
+def test_the_doorway_is_a_way_between_the_rooms(plain: Path) -> None:
+    way = load_scene(str(plain)).clearance.path((1.0, 3.5), (5.0, 3.5))
+    assert way is not None
+    at_the_wall = way[np.abs(way[:, 0] - 3.0).argmin()]
+    assert 1.5 < at_the_wall[1] < 2.5
+
+
+def test_seen_from_above_the_ceiling_is_gone_and_the_walls_are_closed(plain: Path) -> None:
+    scene = load_scene(str(plain))
+    cut = cut_away(scene.surfaces)
+    assert cut.vertices[cut.faces][:, :, 2].max() < CUT_HEIGHT_M + 0.05
+    corners = cut.vertices[cut.faces]
+    lids = cut.only(np.asarray(np.all(corners[:, :, 2] > CUT_HEIGHT_M - 1e-3, axis=1)))
+    area = trimesh.Trimesh(lids.vertices, lids.faces, process=False).area
+    assert 1.5 < area < 4.0
+
+
+def test_a_terrain_around_the_house_is_not_where_the_robot_starts(tmp_path: Path) -> None:
+    house = box_house()
+    house.add_geometry(trimesh.creation.box(bounds=[(-20, -20, -0.2), (26, 24, -0.02)]))
+    scene = load_scene(str(save(house, tmp_path / "garden.glb")))
+    poses = scene.clearance.sample_poses(np.random.default_rng(0), 100)
+    assert poses[:, :2].min() > 0
+    assert poses[:, 0].max() < 6
+
+
+def test_of_a_house_without_a_ceiling_the_rooms_are_kept(tmp_path: Path) -> None:
+    house = box_house()
+    house.delete_geometry([name for name, part in house.geometry.items() if part.bounds[0, 2] > 2])
+    scene = load_scene(str(save(house, tmp_path / "open.glb")))
+    assert np.count_nonzero(scene.clearance.navigable) * 0.0025 == pytest.approx(18, rel=0.2)
+
+
+def test_a_gibson_folder_is_a_scene_with_its_own_floor_and_map(tmp_path: Path) -> None:
+    folder = tmp_path / "Space"
+    save(box_house(ground=0.4), folder / "mesh_z_up.obj")
+    (folder / "floors.txt").write_text("3.2\n0.4\n")
+    free = np.zeros((1600, 1600), np.uint8)
+    free[800:1200, 800:1100] = 255  # The west room: x from 0 to 3 m, y from 0 to 4 m.
+    cv2.imwrite(str(folder / "floor_trav_0.png"), free)
+    scene = load_scene(str(folder))
+    poses = scene.clearance.sample_poses(np.random.default_rng(0), 100)
+    assert scene.name == "Space"
+    assert poses[:, 0].max() < 3.0
+    assert seen(scene, (1.5, 2.0, np.pi))[1] == pytest.approx(1.5, abs=0.01)
+
+
+def test_the_notes_beside_a_mesh_say_its_unit_and_which_way_is_up(tmp_path: Path) -> None:
+    path = save(box_house(scale=1000.0, up="y"), tmp_path / "millimetres.glb")
+    (tmp_path / "millimetres.json").write_text('{"scale": 0.001, "up": "y"}')
+    assert load_scene(str(path)).area_m2 == pytest.approx(24.0, rel=0.15)
+
+
+def test_a_scene_is_found_again_by_the_address_that_a_recording_remembers(
+    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    address = load_scene("plain.glb").address
+    assert Path(address) == plain
+    (tmp_path / "elsewhere").mkdir()
+    moved = plain.rename(tmp_path / "elsewhere" / "plain.glb")
+    load_scene.cache_clear()
+    with pytest.raises(SceneError, match="does not exist"):
+        load_scene(address)
+    monkeypatch.chdir(moved.parent)
+    assert Path(load_scene(address).address) == moved
+
+
+def test_a_recording_remembers_the_file_of_its_scene(
+    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    collected = CollectVerb(output=tmp_path / "tour.rrd", scene="plain.glb", loops=1).run()
+    assert isinstance(collected, CollectSummary)
+    assert collected.scene == "plain"
+    assert collected.collisions == 0
+    assert Recording.open(tmp_path / "tour.rrd").meta.scene == str(plain)
+
+
+def test_a_colour_that_runs_over_a_large_face_is_kept() -> None:
+    part = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [0, 4, 0]], [[0, 1, 2]], process=False)
+    part.visual.vertex_colors = np.array([[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]], np.uint8)  # pyright: ignore
+    table = TextureCollector(linear_factors=False)
+    painted = table.paint(part)
+    near_red = painted.triangles.sum(axis=(1, 2)).argmin()
+    column, row = (painted.corner_uv[near_red, 0] * (256, -256)).astype(int)
+    assert table.textures()[0][row - 1, column, 0] > 220
+
+
+def wrong(tmp_path: Path, kind: str) -> Path:
+    path = tmp_path / f"{kind}.ply"
+    if kind == "text":
+        path.write_text("no mesh at all")
+    elif kind == "points":
+        trimesh.PointCloud(np.random.default_rng(0).random((50, 3))).export(path)
+    elif kind == "narrow":
+        save(trimesh.Scene([trimesh.creation.box(extents=(3.0, 0.3, 2.0))]), path)
+    elif kind == "millimetres":
+        save(box_house("vertex", scale=1000.0), path)
+    elif kind == "doll":
+        save(box_house("vertex", scale=0.01), path)
+    elif kind == "folder":
+        path.mkdir()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("missing", "does not exist"),
+        ("text", "cannot be read as a PLY"),
+        ("points", "no triangles"),
+        ("narrow", "no floor that is wide enough"),
+        ("millimetres", '"scale": 0.001'),
+        ("doll", "no indoor scene in metres"),
+        ("folder", "no mesh_z_up.obj"),
+    ],
+)
+def test_what_is_no_scene_is_refused_with_the_reason(tmp_path: Path, kind: str, said: str) -> None:
+    path = wrong(tmp_path, kind)
+    with pytest.raises(SceneError, match=said) as refused:
+        load_scene(str(path))
+    assert str(path) in str(refused.value)
+
+
+def test_other_formats_and_wrong_notes_are_refused(plain: Path) -> None:
+    with pytest.raises(SceneError, match=r"\.glb, \.gltf, \.obj, \.ply"):
+        load_scene(str(plain.rename(plain.with_suffix(".fbx"))))
+    path = save(box_house(), plain)
+    path.with_suffix(".json").write_text('{"up": "north"}')
+    with pytest.raises(SceneError, match='"up" is "y" or "z"'):
+        load_scene(str(path))

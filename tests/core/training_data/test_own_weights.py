@@ -1,0 +1,87 @@
+"""Each system of the comparison gets weights that know one drive, once."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from ltvn_core.composition import SystemName
+from ltvn_core.errors import WeightsError
+from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
+from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.weights_file import load_weights, read_card, save_weights, weights_fingerprint
+from ltvn_core.training.fine_tuning_data import CALIBRATION_SCENES, REHEARSAL_SCENES
+from ltvn_core.training.system_fine_tuning import fine_tune_for_system
+from ltvn_core.training_data.pose_sampling import ClusterSampling
+from ltvn_core.training_data.random_walk import WalkRecipe
+from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
+from ltvn_core.training_data.shards import shard_path, write_shard
+from tests.core.network.tiny_data import SMALL
+from tests.core.training_data.box_world import two_rooms
+from tests.core.training_data.example_drive import observations_at, poses_along
+
+WAY = poses_along((1.0, 1.0), (3.2, 1.0), (3.2, 3.3), (6.5, 3.3), (6.5, 1.0))
+PLAN = FineTuningPlan(
+    Hyperparameters(groups=4, confusions=1, hard=6, random=4, rate=1e-3), minutes=None, steps=2, minings=1, judge=False
+)
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Path:
+    torch.manual_seed(0)
+    save_weights(PairNetwork(SMALL), tmp_path / "start.safetensors")
+    return tmp_path / "start.safetensors"
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    recipe = DatasetRecipe(clusters=6, sampling=ClusterSampling(size=6))
+    for name in ("train-00", "tune-0"):
+        write_shard(make_shard(two_rooms(name), recipe), shard_path(tmp_path / "data", name))
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def walks(tmp_path: Path) -> Path:
+    for name in (*REHEARSAL_SCENES, *CALIBRATION_SCENES):
+        walk = WalkRecipe(walks=1, images=48).make(two_rooms(name))
+        write_shard(replace(walk, recipe=WalkRecipe().text()), shard_path(tmp_path / "data" / "walks", name))
+    return tmp_path / "data"
+
+
+def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, start: Path, dataset: Path) -> None:
+    output = tmp_path / "scene-0.safetensors"
+    made = fine_tune_for_system("ltvn", observations_at(WAY), start, PLAN, tmp_path / "work", output, data=dataset)
+    assert made == output
+    assert weights_fingerprint(output) != weights_fingerprint(start)
+    assert load_weights(output).size == SMALL
+    card = read_card(output)
+    assert (card["parent"], card["steps"], card["before"]) == (weights_fingerprint(start), 2, None)
+    assert not (tmp_path / "work").exists()
+
+
+@pytest.mark.parametrize("system", ["sptm", "ving"])
+def test_a_baseline_learns_the_same_drive_by_time_alone(
+    tmp_path: Path, start: Path, walks: Path, system: SystemName
+) -> None:
+    output = tmp_path / f"scene-0-{system}.safetensors"
+    fine_tune_for_system(system, observations_at(WAY), start, PLAN, tmp_path / "work", output, data=walks)
+    assert weights_fingerprint(output) != weights_fingerprint(start)
+    assert load_weights(output).size == SMALL
+    card = read_card(output)
+    assert (card["run"]["system"], card["run"]["simulated"]) == (system, list(REHEARSAL_SCENES))
+    assert card["plan"]["minings"] == 0
+
+
+def test_the_same_weights_are_not_made_twice_and_others_not_overwritten(
+    tmp_path: Path, start: Path, dataset: Path
+) -> None:
+    output, seen = tmp_path / "scene-0.safetensors", observations_at(WAY)
+    fine_tune_for_system("ltvn", seen, start, PLAN, tmp_path / "work", output, data=dataset)
+    written = output.stat().st_mtime_ns
+    fine_tune_for_system("ltvn", seen, start, PLAN, tmp_path / "work", output, data=dataset)
+    assert output.stat().st_mtime_ns == written
+    with pytest.raises(WeightsError, match="made otherwise; nothing is overwritten"):
+        fine_tune_for_system("ltvn", seen, start, replace(PLAN, steps=1), tmp_path / "work", output, data=dataset)

@@ -1,0 +1,41 @@
+"""The whole main job without a browser, as the README promises it: collect, build, navigate, record."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ltvn_core.navigation.events import Judged
+from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.map_file import load_map
+from ltvn_core.recording.reader import Recording
+
+QUERIES = 20
+KEYS = {"frames", "nodes", "edges", "queries", "reached", "collisions", "pruned", "added", "recording", "wall_s"}
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize(("predictor", "least"), [("oracle", 19), ("network", 16)])
+def test_the_demo_reaches_its_goals_and_its_recording_tells_all(predictor: str, least: int, tmp_path: Path) -> None:
+    summary = demonstrate(predictor, tmp_path)
+    assert summary.keys() >= KEYS
+    assert summary["queries"] == QUERIES
+    assert summary["reached"] >= least
+    verify(tmp_path / "drive.rrd")
+    recording = Recording.open(tmp_path / "drive.rrd")
+    assert recording.final_graph() == load_map(tmp_path / "map.rrd").graph
+    verdicts = [stamped.event for stamped in recording.events if isinstance(stamped.event, Judged)]
+    assert sum(verdict.reached for verdict in verdicts) == summary["reached"]
+
+
+def demonstrate(predictor: str, folder: Path) -> dict[str, Any]:
+    """Run the README's command and return what it says."""
+    options = ["--headless", "--queries", str(QUERIES), "--seed", "7", "--json", "-", "--predictor", predictor]
+    files = ["--recording", str(folder / "drive.rrd"), "--map", str(folder / "map.rrd")]
+    run = subprocess.run(
+        [sys.executable, "-m", "ltvn_core.cli", "demo", *options, *files], capture_output=True, text=True, check=True
+    )
+    return json.loads(run.stdout)

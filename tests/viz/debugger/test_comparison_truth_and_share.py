@@ -1,0 +1,194 @@
+"""Comparing, truth and sharing in the Why tab, on a live flat world and on the demo's recording."""
+
+import re
+import shutil
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.recording.reader import Recording
+from ltvn_core.types import Observation
+from ltvn_viz import palette
+from ltvn_viz.app_setup import open_replay
+from ltvn_viz.debugger.comparison_question import BEFORE_FIRST_QUERY
+from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
+from ltvn_viz.debugger.question import NOTHING_SELECTED, QuestionName
+from ltvn_viz.debugger.share_question import OPEN_IN_RERUN, SAVE_EXCERPT, SAVE_MAP
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.share_links import commands_from_link
+from ltvn_viz.session.snapshot import Snapshot
+from tests.viz.session_harness import SessionHarness
+
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+
+
+@pytest.fixture
+def demo(tmp_path: Path) -> SessionHarness:
+    """The demo's drive, open at its end, beside its map."""
+    for name in ("demo-drive.rrd", "demo-map.rrd"):
+        shutil.copy(RECORDINGS / name, tmp_path / name)
+    harness = SessionHarness(tmp_path, mapped=False)
+    harness.state.open_replay = lambda name: open_replay(harness.library, name)
+    harness.do(c.OpenRecording("demo-drive.rrd", 1e9), ticks=2)
+    return harness
+
+
+def words(snapshot: Snapshot) -> str:
+    """Return what the tool says, without its markup."""
+    return unescape(re.sub(r"<[^>]+>", " ", snapshot.inspection.html))
+
+
+def follow(harness: SessionHarness, label: str) -> Snapshot:
+    """Click the link with these words."""
+    found = re.search(rf'data-id="(\d+)">{re.escape(label)}</a>', unescape(harness.now.inspection.html))
+    assert found, f"no link {label!r} in: {words(harness.now)}"
+    return harness.do(c.FollowLink(int(found[1])), ticks=3)
+
+
+def colours(snapshot: Snapshot) -> set[palette.Rgb8]:
+    return {each.colour for each in snapshot.inspection.answer.overlay.strokes}
+
+
+def test_a_drive_is_compared_with_the_map_of_another_drive(demo: SessionHarness) -> None:
+    demo.do(c.ChooseQuestion(QuestionName.COMPARE))
+    shown = follow(demo, "demo-map.rrd")
+
+    assert "nodes are in both, known by their pose" in words(shown)
+    assert (
+        {palette.EDGE_ADDED, palette.EDGE_REMOVED}
+        <= colours(shown)
+        <= {palette.EDGE_ADDED, palette.EDGE_REMOVED, palette.PLAN}
+    )
+    first = shown.inspection.answer.links[1]
+    assert isinstance(first, c.PointAt)
+    pointed = demo.do(c.PointAt(first.node, first.target), ticks=2)
+    assert f"{first.node} → {first.target}" in words(pointed)
+    assert {first.node, first.target} == set(pointed.inspection.answer.overlay.nodes)
+
+
+def test_a_run_is_compared_with_what_its_map_was_before_it_learned(demo: SessionHarness) -> None:
+    demo.do(c.ChooseQuestion(QuestionName.COMPARE))
+    shown = follow(demo, f"{BEFORE_FIRST_QUERY}")
+    assert "known by their id" in words(shown)
+    assert palette.PLAN in colours(shown)
+    assert not re.search(r"believed differently: 0\b", words(shown))
+
+
+def test_a_recording_to_compare_with_that_is_not_there_or_broken_is_said_in_words(demo: SessionHarness) -> None:
+    demo.do(c.ChooseQuestion(QuestionName.COMPARE))
+    demo.do(c.SubmitText("gone.rrd"))
+    assert demo.now.message is not None
+    assert "gone.rrd" in demo.now.message.text
+
+    (demo.library.folder / "holiday.rrd").write_bytes(b"not a recording")
+    shown = demo.do(c.SubmitText("holiday.rrd"), ticks=3)
+    assert "holiday.rrd" in words(shown)
+    assert shown.mode is Mode.REPLAY
+    assert "demo-map.rrd" in words(follow(demo, "choose another"))
+
+
+def test_maps_of_different_scenes_are_compared_by_metrics_alone(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    shutil.copy(RECORDINGS / "demo-map.rrd", tmp_path / "demo-map.rrd")
+    harness.do(c.ChooseQuestion(QuestionName.COMPARE))
+    shown = harness.do(c.SubmitText("demo-map.rrd"), ticks=3)
+    assert "different scenes" in words(shown)
+    assert "the live run" in words(shown)
+
+
+def test_the_truth_of_the_demo_is_told_with_strokes(demo: SessionHarness) -> None:
+    shown = demo.do(c.ChooseQuestion(QuestionName.TRUTH), ticks=3)
+    assert "of the edges can be driven" in words(shown)
+    assert "attempts: p foretold" in words(shown)
+    assert colours(shown) <= {palette.EDGE_REMOVED, palette.EDGE_ADDED}
+    assert "<circle" in shown.inspection.html
+
+
+def test_without_truth_one_sentence_says_why(demo: SessionHarness) -> None:
+    case = demo.state.debug_contexts.build(demo.state, demo.now.moment)
+
+    def outside(frame: int) -> Observation | None:
+        seen = case.observation(frame)
+        return seen and Observation(seen.rgb, seen.depth, seen.odometry, seen.stamp, seen.step)
+
+    for observation in (outside, lambda _: None):
+        assert (
+            "Nobody knows the truth here"
+            in GroundTruthQuestion().answer(replace(case, observation=observation), NOTHING_SELECTED).html
+        )
+
+
+def test_a_truth_whose_scene_is_gone_is_said_in_words(tmp_path: Path) -> None:
+    shown = SessionHarness(tmp_path).do(c.ChooseQuestion(QuestionName.TRUTH), ticks=3)
+    assert "no scene 'flat'" in words(shown)
+    assert shown.message is None
+
+
+def test_the_live_run_says_how_it_can_be_shared(tmp_path: Path) -> None:
+    assert "press R" in words(SessionHarness(tmp_path).do(c.ChooseQuestion(QuestionName.SHARE)))
+
+
+def test_the_link_leads_back_to_the_moment_and_the_edge(demo: SessionHarness) -> None:
+    source, target = next(iter(demo.state.debug_contexts.build(demo.state, demo.now.moment).graph.edges))
+    shown = demo.do(c.ChooseQuestion(QuestionName.SHARE), c.PointAt(source, target), c.Seek(3.0), ticks=2)
+    address = re.search(r'href="/\?([^"]+)"', shown.inspection.html)
+    assert address
+
+    demo.do(c.Seek(0.0), c.ChooseQuestion(""), c.PointAt(source))
+    again = demo.do(*commands_from_link(unescape(address[1])), ticks=2)
+
+    assert again.replay is not None
+    assert np.isclose(again.replay.time_s, 3.0, atol=0.011)
+    assert again.inspection.question is QuestionName.EDGE
+    assert again.inspection.selection.edge == (source, target)
+
+
+def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(demo: SessionHarness) -> None:
+    shown = demo.do(*commands_from_link("replay=gone.rrd&at=3&tool=edge&edge=1-2"), ticks=3)
+    assert shown.message is not None
+    assert "gone.rrd" in shown.message.text
+    assert shown.inspection.question is QuestionName.NONE
+    assert demo.do(c.Seek(1.0)).mode is Mode.REPLAY
+
+
+def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo: SessionHarness) -> None:
+    demo.do(c.ChooseQuestion(QuestionName.SHARE))
+    before = set(demo.library.folder.iterdir())
+    shown = follow(demo, SAVE_EXCERPT)
+    assert "Written: moment-demo-drive" in words(shown)
+    follow(demo, SAVE_EXCERPT)
+
+    written = sorted(set(demo.library.folder.iterdir()) - before)
+    moments, tests = [p for p in written if p.suffix == ".rrd"], [p for p in written if p.suffix == ".py"]
+    assert (len(moments), len(tests)) == (2, 2)
+    assert Recording.open(moments[0]).final_graph().edges == Recording.open(moments[1]).final_graph().edges
+    compile(tests[0].read_text(), str(tests[0]), "exec")
+    assert sum(name in tests[0].read_text() for name in (p.name for p in moments)) == 1
+
+
+def test_the_map_is_written_as_a_page_and_a_figure_that_ask_nothing_of_others(demo: SessionHarness) -> None:
+    demo.do(c.ChooseQuestion(QuestionName.SHARE))
+    follow(demo, SAVE_MAP)
+    page, figure = (next(demo.library.folder.glob(f"map-*{end}")).read_text() for end in (".html", ".svg"))
+    assert figure.startswith("<svg")
+    assert not re.search(r"(src|href)=[\"']?https?:", page + figure)
+
+
+def test_rerun_is_opened_by_a_link_and_a_failure_is_said_in_words(demo: SessionHarness) -> None:
+    demo.state.rerun = lambda path: f"http://127.0.0.1:1/{path.name}"
+    demo.do(c.ChooseQuestion(QuestionName.SHARE))
+    assert 'href="http://127.0.0.1:1/demo-drive.rrd" target="_blank"' in follow(demo, OPEN_IN_RERUN).inspection.html
+
+    def broken(path: Path) -> str:
+        raise RecordingError("no viewer here")
+
+    demo.state.rerun = broken
+    demo.do(c.Seek(1.0), ticks=2)
+    failed = words(follow(demo, OPEN_IN_RERUN))
+    assert "no viewer here" in failed
+    assert SAVE_EXCERPT in failed

@@ -1,0 +1,247 @@
+"""Questions about the past: why it is so, what happened when, what failed; and the keys that go from event to event."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.analysis.timeline_records import MarkKind
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, Node, NodeAdded, PoseRow
+from ltvn_core.navigation import events as e
+from ltvn_core.types import CONTROL_STEP_S
+from ltvn_viz import palette
+from ltvn_viz.app_setup import open_replay
+from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.socket_handlers import command_for
+from tests.viz.session_harness import SessionHarness
+
+
+class Past(SessionHarness):
+    """A session that remembers two queries: the first failed and cost an edge, the second arrived and found a node."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.wait()  # With its first image the run begins.
+        self.pruned, self.kept = list(self.state.live_map.graph.edges)[:2]
+        self._first()
+        self._second()
+
+    def happens(self, *events: e.Event) -> float:
+        """Let events happen, one each step; return when the last did, seconds."""
+        for event in events:
+            self.robot.advance()
+            self.state.live.timeline.event(e.StampedEvent(self.robot.step, self.robot.stamp, event))
+        return self.robot.stamp
+
+    def _first(self) -> None:
+        source, target = self.pruned
+        self.begins_s = self.happens(e.QueryStarted(1, target))
+        self.happens(e.Localised(1, source, source, 0.3, 0.9, None, 0.2, "global"))
+        self.happens(e.Planned(1, self.pruned, 1.0))
+        for _ in range(30):
+            self.happens(e.StateChanged(e.NavigatorState.DRIVING))
+        self.happens(e.AttemptStarted(1, 1, source, target, source, PoseRow(1.0, 0.0, 0.0), 0.9))
+        ended = e.AttemptEnded(
+            1, 1, source, target, source, e.AttemptEnd.TIMEOUT, 2.0, 0.1, succeeded=False, reason="too <far>"
+        )
+        self.wrong_s = self.happens(ended)
+        belief = Belief(0.1, 1.0, 0.02)
+        self.happens(e.GraphChanged(BeliefUpdated(*self.pruned, belief, 1, 0, Cause.ATTEMPT), 1, 1))
+        self.pruned_s = self.happens(e.GraphChanged(EdgePruned(*self.pruned, Cause.ATTEMPT), 1, 1))
+        self.happens(e.QueryEnded(1, target, e.Outcome.STEP_LIMIT, 40, 0, 1.0))
+
+    def _second(self) -> None:
+        self.second_s = self.happens(e.QueryStarted(2, self.kept[1]))
+        self.happens(e.Planned(2, self.kept, 1.0))
+        self.state.live.timeline.place(90_000, np.array([2.0, 1.0, 0.0]))
+        self.happens(e.GraphChanged(NodeAdded(Node(90_000, PoseRow(1.0, 1.0, 0.0)), Cause.EXPAND), 2))
+        self.happens(e.QueryEnded(2, self.kept[1], e.Outcome.ARRIVED, 10, 0, 1.0))
+
+    def seconds(self, stamp: float) -> float:
+        return stamp - self.state.live.timeline.start_s
+
+
+@pytest.fixture
+def past(tmp_path: Path) -> Past:
+    """A live run with a past."""
+    return Past(tmp_path)
+
+
+def words(snapshot: Snapshot) -> str:
+    return re.sub(r"<[^>]+>", "", snapshot.inspection.html)
+
+
+def follow(past: Past, label: str) -> Snapshot:
+    """Follow the first link of which the label contains these words."""
+    found = re.findall(r'data-id="(\d+)">([^<]*)</a>', past.now.inspection.html)
+    number = next(int(number) for number, text in found if label in text)
+    return past.do(c.FollowLink(number))
+
+
+def test_a_pruned_edge_is_told_from_birth_over_its_failed_attempt_to_its_end(past: Past) -> None:
+    told = words(past.do(c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*past.pruned)))
+
+    assert "Why is it gone?" in told
+    assert told.index("came in") < told.index("Attempt 1 in query 1 failed") < told.index("It was pruned after")
+    assert "too &lt;far&gt;" in told
+    assert "Why was it chosen?" in told
+
+
+def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past: Past) -> None:
+    past.do(c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*past.pruned))
+
+    told = words(past.do(c.Seek(past.seconds(past.begins_s))))
+
+    assert "Why is p =" in told
+    assert "Later it leaves the map" in told
+    assert "Why is it gone?" not in told
+
+
+def test_an_edge_that_never_was_can_be_asked_for_by_numbers_and_is_compared_by_the_network(past: Past) -> None:
+    nodes = list(past.state.live_map.graph.nodes)
+    source, target = nodes[0], nodes[-1]
+    past.do(c.ChooseQuestion(QuestionName.BLAME))
+
+    told = words(past.do(c.SubmitText(f"{source} {target}"), ticks=3))
+
+    assert "Why is it missing?" in told
+    assert "The network would" in told
+    assert past.do(c.SubmitText("three")).message is not None
+
+
+def test_two_nodes_without_an_edge_offer_the_question_between_them_and_name_what_was_pruned(past: Past) -> None:
+    nodes = list(past.state.live_map.graph.nodes)
+    past.do(c.ChooseQuestion(QuestionName.BLAME), c.PickNode(nodes[-1]), c.PickNode(past.pruned[0]))
+
+    assert "Why is node" in words(past.now)
+    assert "Edges that were pruned here" in words(past.now)
+    assert "There never was" in words(follow(past, "Why is there no edge"))
+
+
+def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -> None:
+    counted = past.do(c.ChooseQuestion(QuestionName.TIME))
+
+    assert counted.inspection.answer.overlay.nodes == {90_000: palette.EDGE_ADDED}
+    assert len(counted.inspection.answer.overlay.strokes) == 1
+    assert "<svg" in counted.inspection.html
+
+    before = past.do(c.SeekMark(MarkKind.PRUNE, forwards=False))
+    assert before.moment.stamp == pytest.approx(past.pruned_s, abs=1e-3)
+    assert before.inspection.answer.overlay.nodes == {}
+    assert len(before.inspection.answer.overlay.strokes) == 1
+
+
+def test_keys_go_from_query_to_query_and_from_event_to_event_and_back_to_now(past: Past) -> None:
+    def press(action: Action) -> Snapshot:
+        command = command_for(action, None)
+        assert command is not None
+        return past.do(command)
+
+    assert press(Action.QUERY_BEFORE).moment.stamp == pytest.approx(past.second_s, abs=1e-3)
+    assert press(Action.QUERY_BEFORE).moment.stamp == pytest.approx(past.begins_s, abs=1e-3)
+    assert press(Action.EVENT_AFTER).moment.stamp == pytest.approx(past.begins_s + CONTROL_STEP_S, abs=1e-3)
+    assert press(Action.EVENT_BEFORE).moment.stamp == pytest.approx(past.begins_s, abs=1e-3)
+    assert press(Action.QUERY_AFTER).moment.stamp == pytest.approx(past.second_s, abs=1e-3)
+    press(Action.QUERY_AFTER)
+    assert past.state.shown_stamp is None
+
+
+def test_where_there_is_nothing_before_the_page_says_so(past: Past) -> None:
+    past.do(c.SeekMark(MarkKind.QUERY_START, forwards=False), c.SeekMark(MarkKind.QUERY_START, forwards=False))
+
+    shown = past.do(c.SeekMark(MarkKind.QUERY_START, forwards=False))
+
+    assert shown.message is not None
+    assert "no query before" in shown.message.text
+
+
+def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> None:
+    listed = past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
+    assert "1 of 2 queries failed" in words(listed)
+
+    there = follow(past, f"{past.seconds(past.wrong_s) - 1.0:.1f} s")
+
+    assert there.moment.stamp == pytest.approx(past.wrong_s - 1.0, abs=0.11)
+    assert "Now in query 1" in words(there)
+    assert len(there.inspection.answer.overlay.strokes) == 1
+    assert follow(past, "edge").inspection.selection.edge == past.pruned
+
+
+def test_failures_can_be_narrowed_down_to_one_cause(past: Past) -> None:
+    past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
+
+    follow(past, "1")
+
+    assert "show all" in words(past.now)
+    assert "show all" not in words(follow(past, "show all"))
+    assert past.do(c.SubmitText("bad luck")).message is not None
+
+
+def test_the_debugger_works_the_same_in_a_replay(past: Past) -> None:
+    past.do(c.StartRecording())
+    writer = past.writers[-1]
+    writer.events.extend(past.state.live.timeline.events[-40:])
+    past.do(c.KeepRecording(), c.OpenRecording(writer.path.name), ticks=2)
+    assert past.now.mode is Mode.REPLAY
+
+    past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.TIME))
+    assert len(past.now.inspection.answer.overlay.strokes) == 1
+    past.do(c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*past.pruned))
+    assert "Why is it gone?" in words(past.now)
+
+
+def test_a_dip_of_success_leads_to_its_queries_and_to_the_edges_it_touched(past: Past) -> None:
+    goal = past.kept[1]
+    for query in range(3, 27):
+        past.happens(e.QueryStarted(query, goal))
+        if query == 16:
+            past.happens(e.GraphChanged(EdgePruned(*past.kept, Cause.ATTEMPT), query))
+        past.happens(e.QueryEnded(query, goal, e.Outcome.ARRIVED if query < 15 else e.Outcome.LOST, 10, 0, 1.0))
+
+    told = words(past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2))
+
+    assert "Dip: success fell by 100 % from query 14 to query 24" in told
+    assert "1 edges went" in told
+    assert f"{past.kept[0]} → {past.kept[1]} pruned" in told
+
+
+@pytest.fixture(scope="module")
+def faulty() -> Playback:
+    """The recording with planted faults: a wall that the map ignores, a look-alike pair, a missing edge."""
+    return open_replay(RecordingLibrary(Path(__file__).parents[3] / "recordings"), "demo-fault.rrd")
+
+
+def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(past: Past, faulty: Playback) -> None:
+    past.state.open_replay = lambda _: faulty
+    listed = words(past.do(c.OpenRecording("demo-fault.rrd"), c.ChooseQuestion(QuestionName.FAILURES), ticks=3))
+    assert "4 of 4 queries failed" in listed
+    assert all(trouble in listed for trouble in ("collision 1", "wrong arrival 1", "no path 1"))
+
+    pruned = past.state.debug_contexts.indexed(past.state)[1].marks_until(None, MarkKind.PRUNE)[0]
+    told = words(
+        past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*pruned.ids))
+    )
+    assert "Why is it gone?" in told
+    assert "It was pruned after attempt" in told
+    assert past.now.inspection.answer.overlay.strokes
+
+
+def test_every_kind_of_mark_is_reached_forwards_and_backwards(past: Past, faulty: Playback) -> None:
+    past.state.open_replay = lambda _: faulty
+    past.do(c.OpenRecording("demo-fault.rrd"), ticks=2)
+    index = past.state.debug_contexts.indexed(past.state)[1]
+    for kind in {mark.kind for mark in index.marks} - {MarkKind.MAP}:
+        stamps = sorted({mark.instant.stamp for mark in index.marks_until(None, kind)})
+        begin = past.do(c.Seek(0.0)).moment.stamp
+        ahead = [stamp for stamp in stamps if stamp > begin]
+        there = [past.do(c.SeekMark(kind, forwards=True)).moment.stamp for _ in ahead]
+        back = [past.do(c.SeekMark(kind, forwards=False)).moment.stamp for _ in stamps[1:]]
+        assert there == pytest.approx(ahead, abs=1e-3)
+        assert back == pytest.approx(stamps[-2::-1], abs=1e-3)

@@ -1,0 +1,116 @@
+"""Changes by hand: done live, recorded, seen in the replay, and undone."""
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.session import commands as c
+from tests.viz.debugger.answer_links import follow, links
+from tests.viz.session_harness import SessionHarness
+
+
+@pytest.fixture
+def harness(tmp_path: Path) -> SessionHarness:
+    """A live map of one room with the tool on show."""
+    harness = SessionHarness(tmp_path)
+    harness.do(c.ChooseQuestion(QuestionName.HAND))
+    return harness
+
+
+def an_edge(harness: SessionHarness) -> tuple[int, int]:
+    return next(iter(harness.state.live_map.graph.edges))
+
+
+def test_an_edge_is_cut_and_comes_back_as_it_was(harness: SessionHarness) -> None:
+    before, edge = harness.state.live_map.graph.copy(), an_edge(harness)
+    harness.do(c.PickNode(edge[0]))
+
+    cut = follow(harness, harness.do(c.PickNode(edge[1])), "cut")
+    graph = harness.state.live_map.graph.copy()
+    follow(harness, cut, "undo")
+
+    assert edge not in graph.edges
+    assert f"edge {edge[0]} → {edge[1]} cut" in cut.inspection.html
+    assert harness.state.live_map.graph == before
+
+
+def test_a_deleted_node_comes_back_with_its_edges(harness: SessionHarness) -> None:
+    before, node = harness.state.live_map.graph.copy(), an_edge(harness)[0]
+
+    gone = follow(harness, harness.do(c.PickNode(node)), "delete")
+    graph = harness.state.live_map.graph.copy()
+    follow(harness, gone, "undo")
+
+    assert node not in graph.nodes
+    assert harness.state.live_map.graph == before
+
+
+def test_two_clicked_nodes_are_joined(harness: SessionHarness) -> None:
+    graph = harness.state.live_map.graph
+    source, target = next(pair for pair in itertools.combinations(sorted(graph.nodes), 2) if pair not in graph.edges)
+    harness.do(c.PickNode(source))
+
+    follow(harness, harness.do(c.PickNode(target)), "add")
+
+    assert (source, target) in harness.state.live_map.graph.edges
+
+
+def test_a_protected_edge_can_be_let_go_again(harness: SessionHarness) -> None:
+    edge = an_edge(harness)
+
+    shown = follow(harness, harness.do(c.PointAt(*edge)), "protect")
+    protected = harness.state.live_map.graph.edges[edge].protected
+    follow(harness, shown, "allow pruning")
+
+    assert protected
+    assert not harness.state.live_map.graph.edges[edge].protected
+
+
+def test_a_named_goal_has_a_label_and_is_in_the_recording(harness: SessionHarness) -> None:
+    node = an_edge(harness)[0]
+    harness.do(c.StartRecording(), c.PickNode(node), ticks=2)
+    shown = harness.do(c.SubmitText("name the <big> kitchen"), ticks=3)
+
+    shown = follow(harness, shown, "as a goal")
+    harness.do(c.KeepRecording())
+    replayed = harness.do(c.OpenRecording(harness.writers[-1].path.name, at_s=1e9), ticks=3)
+
+    assert harness.state.live_map.graph.nodes[node].name == "the <big> kitchen"
+    assert [label.text for label in shown.inspection.answer.overlay.labels] == ["★ the <big> kitchen"]
+    assert [label.text for label in replayed.inspection.answer.overlay.labels] == ["★ the <big> kitchen"]
+    assert "the &lt;big&gt; kitchen" in replayed.inspection.html
+    assert "A recording cannot be changed" in replayed.inspection.html
+    assert not [label for _, label in links(replayed) if label == "undo"]
+
+
+def test_a_name_is_asked_for_only_when_a_node_is_chosen(harness: SessionHarness) -> None:
+    shown = harness.do(c.SubmitText("name kitchen"))
+
+    assert shown.inspection.answer.input_hint == ""
+    assert shown.message is not None
+    assert "Click the node first" in shown.message.text
+
+
+def test_a_name_that_is_taken_is_refused_with_its_holder(harness: SessionHarness) -> None:
+    first, second = an_edge(harness)
+    harness.do(c.PickNode(first))
+    harness.do(c.SubmitText("name kitchen"), ticks=3)
+
+    harness.do(c.PickNode(second))
+    shown = harness.do(c.SubmitText("name kitchen"))
+
+    assert shown.message is not None
+    assert f"Node {first} is called 'kitchen' already" in shown.message.text
+
+
+def test_the_map_is_not_changed_while_the_robot_drives_by_itself(harness: SessionHarness) -> None:
+    edge = an_edge(harness)
+    shown = harness.do(c.PointAt(*edge), c.NavigateTo(max(harness.state.live_map.graph.nodes)))
+
+    shown = follow(harness, shown, "cut", ticks=1)
+
+    assert edge in harness.state.live_map.graph.edges
+    assert shown.message is not None
+    assert "works while driving" in shown.message.text

@@ -1,0 +1,73 @@
+"""Planted faults are found in the recording that holds them, the way a person would."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from ltvn_viz.app_setup import open_app_state
+from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.options import AppOptions
+from ltvn_viz.session.session_loop import Session
+from ltvn_viz.session.snapshot import Snapshot
+from tests.viz.session_harness import FakeDriver
+
+RECORDINGS = Path(__file__).parents[3] / "recordings"
+FAULTS = "demo-fault.rrd"
+
+Do = Callable[..., Snapshot]
+
+
+@pytest.fixture(scope="module")
+def do() -> Iterator[Do]:
+    """A session that replays the recording with faults; sends commands and returns what is shown then."""
+    with ExitStack() as stack:
+        state = open_app_state(AppOptions(recordings=RECORDINGS, replay=FAULTS), stack, ThumbnailStore())
+        shown: list[Snapshot] = []
+        session = Session(state, FakeDriver(), shown.append)
+
+        def act(*commands: c.Command, ticks: int = 4) -> Snapshot:
+            for command in commands:
+                session.send(command)
+            for _ in range(ticks):
+                session.tick()
+                state.worker.settle()
+            return shown[-1]
+
+        act(c.OpenRecording(FAULTS))
+        yield act
+        session.close()
+
+
+def test_playing_stops_where_the_first_attempt_fails_at_the_edge_through_the_wall(do: Do) -> None:
+    do(c.ChooseQuestion(QuestionName.BREAK), c.Seek(0.0))
+    do(c.SubmitText("failed leg"), c.Pause())
+
+    stopped = do(ticks=90)
+
+    assert stopped.replay is not None
+    assert not stopped.replay.playing
+    assert stopped.message is not None
+    assert "leg 1 from 1489 to 2621 failed" in stopped.message.text
+    do(c.SubmitText("remove all"))
+
+
+def test_without_the_edge_through_the_wall_there_is_a_way_round(do: Do) -> None:
+    do(c.ChooseQuestion(QuestionName.WHAT_IF), c.Seek(1.0))
+
+    shown = do(c.SubmitText("without 1489->2621"))
+
+    assert "instead of 2 nodes" in shown.inspection.html
+    do(c.SubmitText("forget all"))
+
+
+def test_with_the_missing_edge_there_is_a_way_where_there_was_none(do: Do) -> None:
+    do(c.ChooseQuestion(QuestionName.WHAT_IF), c.Seek(1e9))
+
+    shown = do(c.SubmitText("with 1158->2465"))
+
+    assert "instead of no way" in shown.inspection.html
+    do(c.SubmitText("forget all"))

@@ -1,0 +1,128 @@
+"""What would have been otherwise: nothing that is imagined is ever done."""
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from ltvn_viz import palette
+from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import Snapshot
+from tests.viz.debugger.answer_links import follow
+from tests.viz.session_harness import SessionHarness
+
+
+@pytest.fixture
+def harness(tmp_path: Path) -> SessionHarness:
+    """A live map of one room after a drive through it, the tool on show."""
+    harness = SessionHarness(tmp_path)
+    harness.do(c.ChooseQuestion(QuestionName.WHAT_IF), c.NavigateTo(max(harness.state.live_map.graph.nodes)))
+    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    return harness
+
+
+def across(harness: SessionHarness) -> tuple[int, int]:
+    nodes = sorted(harness.state.live_map.graph.nodes)
+    return nodes[0], nodes[-1]
+
+
+def test_without_an_edge_of_the_plan_the_other_way_is_drawn_and_priced(harness: SessionHarness) -> None:
+    start, goal = across(harness)
+    harness.do(c.SubmitText(f"from {start}"), c.SubmitText(f"goal {goal}"), c.SubmitText("belief weight = 0"), ticks=3)
+    before = harness.state.live_map.graph.copy()
+    path = plan_on_show(harness.now)
+    source, target = path[1]
+
+    shown = harness.do(c.SubmitText(f"without {source}->{target}"), ticks=3)
+
+    assert "instead of" in shown.inspection.html
+    assert f"{source} → {target}" in shown.inspection.html
+    assert palette.PLAN in {stroke.colour for stroke in shown.inspection.answer.overlay.strokes}
+    assert harness.state.live_map.graph == before
+
+
+def plan_on_show(snapshot: Snapshot) -> list[tuple[int, int]]:
+    """Return the edges whose ends the strokes join."""
+    graph = snapshot.moment.graph
+    places = {tuple(pose[:2]): int(node) for node, pose in zip(graph.ids, graph.poses, strict=True)}
+    strokes = [each for each in snapshot.inspection.answer.overlay.strokes if each.colour == palette.PLAN]
+    return [(places[each.start], places[each.end]) for each in strokes]
+
+
+def test_the_edge_of_two_clicked_nodes_can_be_imagined_by_links(harness: SessionHarness) -> None:
+    source, target = next(iter(harness.state.live_map.graph.edges))
+    shown = harness.do(c.PickNode(source), c.PickNode(target))
+
+    shown = follow(harness, shown, f"p({source}-&gt;{target}) = 0.1")
+    forgotten = follow(harness, shown, "forget")
+
+    assert f"<b>p({source}-&gt;{target}) = 0.1</b>" in shown.inspection.html
+    assert "<b>p(" not in forgotten.inspection.html
+
+
+def test_an_edge_that_is_not_in_the_map_can_be_imagined_in(harness: SessionHarness) -> None:
+    graph = harness.state.live_map.graph
+    pairs = itertools.combinations(sorted(graph.nodes), 2)
+    source, target = next(pair for pair in pairs if pair not in graph.edges)
+    shown = harness.do(c.PickNode(source), c.PickNode(target))
+
+    shown = follow(harness, shown, f"with {source}-&gt;{target}")
+
+    assert f"<b>with {source}-&gt;{target}</b>" in shown.inspection.html
+    assert (source, target) not in harness.state.live_map.graph.edges
+
+
+def test_a_building_threshold_is_answered_by_building_on_the_side(harness: SessionHarness) -> None:
+    before = harness.state.live_map.graph.copy()
+
+    shown = harness.do(c.SubmitText("D_m = 0.8"), ticks=3)
+
+    assert "fewer" in shown.inspection.html
+    assert harness.state.live_map.graph.edges == before.edges
+
+
+def test_a_pruning_threshold_is_counted(harness: SessionHarness) -> None:
+    shown = harness.do(c.SubmitText("R_p = 0.3"), ticks=3)
+
+    assert "edge would go" in shown.inspection.html
+
+
+def test_what_nobody_can_imagine_is_answered_with_what_one_can(harness: SessionHarness) -> None:
+    shown = harness.do(c.SubmitText("R_q = 0.3"))
+
+    assert shown.message is not None
+    assert "R_p = 1.3" in shown.message.text
+
+
+def test_a_node_that_is_not_there_is_an_answer_and_can_be_forgotten(harness: SessionHarness) -> None:
+    shown = harness.do(c.SubmitText("goal 987654"), ticks=3)
+
+    assert "987654 is not in the map" in shown.inspection.html
+    assert "987654" not in follow(harness, shown, "forget").inspection.html
+
+
+@pytest.mark.parametrize(
+    ("system", "said"),
+    [
+        ("", "The recording names no system; both plans weigh edges as ltvn does."),
+        ("ltvn", ""),
+        ("sptm", "Both plans weigh edges as sptm does."),
+        ("<b>", "The recording names the system “&lt;b&gt;”, which is not known here;"),
+    ],
+)
+def test_a_replay_is_planned_by_the_system_that_its_recording_names(tmp_path: Path, system: str, said: str) -> None:
+    harness = SessionHarness(tmp_path)
+    harness.do(c.StartRecording(), c.KeepRecording())
+    replay = harness.open_replay(harness.writers[-1].path.name)
+    replay.system = system
+    harness.state.open_replay = lambda _: replay
+    start, goal = across(harness)
+    harness.do(c.OpenRecording(replay.name, 1e9), c.ChooseQuestion(QuestionName.WHAT_IF), ticks=3)
+
+    shown = harness.do(c.SubmitText(f"from {start}"), c.SubmitText(f"goal {goal}"), ticks=3)
+
+    assert said in shown.inspection.html
+    assert ("weigh edges as" in shown.inspection.html) == bool(said)
+    assert " nodes at cost " in shown.inspection.html

@@ -1,0 +1,297 @@
+"""Layers against a real viser server without a browser: what is sent, and that nothing else is."""
+
+import io
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import viser
+
+from ltvn_core.errors import SceneError
+from ltvn_core.simulation.gltf_export import to_glb
+from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_viz import palette
+from ltvn_viz.layers.changes_layer import ChangesLayer
+from ltvn_viz.layers.cutaway import cut_away
+from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, EdgesLayer, NodesLayer, offset_right
+from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
+from ltvn_viz.layers.pose_geometry import marker_mesh
+from ltvn_viz.layers.robot_layer import RobotLayer
+from ltvn_viz.layers.scene_layer import SceneLayer
+from ltvn_viz.layers.trajectory_layer import TrajectoryLayer
+from ltvn_viz.layers.unlit_materials import marked_unlit, with_baked_shading
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.timeline.graph_history import FadingEdges, GraphArrays
+from ltvn_viz.timeline.run_timeline import RunMoment
+from tests.viz.session_harness import SessionHarness
+
+
+class Wire:
+    """Counts what a server sends."""
+
+    def __init__(self, server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.sent: list[Any] = []
+        interface = server.scene._websock_interface
+        send = interface.queue_message
+
+        def count(message: Any) -> None:
+            self.sent.append(message)
+            send(message)
+
+        monkeypatch.setattr(interface, "queue_message", count)
+
+    def taken(self) -> list[Any]:
+        """Return what was sent since the last call."""
+        sent, self.sent = self.sent, []
+        return sent
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def wire(server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch) -> Wire:
+    return Wire(server, monkeypatch)
+
+
+@pytest.fixture
+def snapshot(tmp_path: Path) -> Snapshot:
+    return SessionHarness(tmp_path).wait(2)
+
+
+class Clock:
+    """Time that the test moves."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def big_graph(nodes: int, edges: int, seed: int = 0) -> GraphArrays:
+    rng = np.random.default_rng(seed)
+    return GraphArrays(
+        np.arange(nodes),
+        rng.uniform(0, 20, (nodes, 3)),
+        rng.integers(0, nodes, (edges, 2)),
+        rng.random(edges),
+        np.zeros(edges, np.int64),
+    )
+
+
+def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wire: Wire, snapshot: Snapshot) -> None:
+    clock = Clock()
+    layers = [
+        RobotLayer(server.scene, b"glTF"),
+        SceneLayer(server.scene, lambda _: b"glTF"),
+        NodesLayer(server.scene, lambda _: None),
+        EdgesLayer(server.scene, clock),
+        TrajectoryLayer(server.scene, clock),
+        ChangesLayer(server.scene),
+        PlanLayer(server.scene),
+        GoalLayer(server.scene),
+        GhostLayer(server.scene),
+    ]
+    still = replace(snapshot, moment=replace(snapshot.moment, added_edges=RunMoment().added_edges))
+    for layer in layers:
+        layer.show(still)
+    wire.taken()
+    for _ in range(100):
+        clock.now += 0.1
+        for layer in layers:
+            layer.show(still)
+    assert wire.taken() == []
+
+
+def test_a_moving_robot_costs_two_small_messages(server: viser.ViserServer, wire: Wire, snapshot: Snapshot) -> None:
+    layer = RobotLayer(server.scene, b"glTF")
+    layer.show(snapshot)
+    wire.taken()
+    layer.show(replace(snapshot, moment=replace(snapshot.moment, robot=np.array([2.0, 1.0, 0.3]))))
+    assert len(wire.taken()) == 2
+
+
+def test_a_big_map_is_redrawn_at_most_every_so_often(server: viser.ViserServer, wire: Wire) -> None:
+    clock = Clock()
+    layer = EdgesLayer(server.scene, clock)
+    wire.taken()
+    for seed in range(60):
+        clock.now += 0.1
+        layer.show(Snapshot(moment=RunMoment(graph=big_graph(100, 300, seed))))
+    redrawn = sum("points" in getattr(message, "updates", {}) for message in wire.taken())
+    assert redrawn <= 60 * 0.1 / REDRAW_EVERY_S + 1
+
+
+def test_the_last_change_of_a_burst_is_drawn_in_the_end(server: viser.ViserServer) -> None:
+    clock = Clock()
+    layer = EdgesLayer(server.scene, clock)
+    layer.show(Snapshot(moment=RunMoment(graph=big_graph(10, 20, seed=0))))
+    last = Snapshot(moment=RunMoment(graph=big_graph(10, 25, seed=1)))
+    layer.show(last)
+    clock.now += REDRAW_EVERY_S
+    layer.show(last)
+    assert len(layer._lines._handle.points) == 25
+
+
+def test_recolouring_a_big_map_stays_small(server: viser.ViserServer, wire: Wire) -> None:
+    clock, graph = Clock(), big_graph(10_000, 50_000)
+    layer = EdgesLayer(server.scene, clock)
+    layer.show(Snapshot(moment=RunMoment(graph=graph)))
+    wire.taken()
+    clock.now += 1.0
+    layer.show(Snapshot(moment=RunMoment(graph=replace(graph, p=1 - graph.p))))
+    arrays = [value for message in wire.taken() for value in message.updates.values() if isinstance(value, np.ndarray)]
+    assert sum(array.nbytes for array in arrays) <= 400_000
+
+
+def test_edges_are_coloured_by_p(server: viser.ViserServer) -> None:
+    layer = EdgesLayer(server.scene)
+    graph = replace(big_graph(3, 2), p=np.array([0.0, 1.0]))
+    layer.show(Snapshot(moment=RunMoment(graph=graph)))
+    light = palette.srgb_to_linear(palette.probability_colours([0.0, 1.0]))
+    np.testing.assert_array_equal(layer._lines._handle.colors[:, 0], light)
+
+
+def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    layer = NodesLayer(server.scene, lambda _: None)
+    chosen = int(snapshot.moment.graph.ids[3])
+    layer.show(replace(snapshot, selected=chosen))
+    colours = Counter(map(tuple, layer._drops.handle.batched_colors.tolist()))
+    assert colours[tuple(palette.srgb_to_linear(np.array(palette.GOAL)).tolist())] == 1
+    assert colours[tuple(palette.srgb_to_linear(np.array(palette.NODE)).tolist())] == len(snapshot.moment.graph.ids) - 1
+
+
+def test_the_pin_stands_at_the_goal_and_is_hidden_without_one(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    layer = GoalLayer(server.scene)
+    layer.show(snapshot)
+    assert not layer._pin.visible
+    layer.show(replace(snapshot, selected=int(snapshot.moment.graph.ids[3])))
+    assert layer._pin.visible
+    np.testing.assert_allclose(layer._pin.position[:2], snapshot.moment.graph.poses[3, :2], atol=1e-6)
+
+
+def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    predicted_subgoal, plan = GhostLayer(server.scene), PlanLayer(server.scene)
+    harness.do(c.NavigateTo(int(harness.wait().moment.graph.ids[-1])))
+    shown = harness.until(lambda now: now.moment.predicted_subgoal is not None and len(now.moment.progress.plan) > 2)
+    predicted_subgoal.show(shown)
+    plan.show(shown)
+    assert predicted_subgoal._ghost.visible
+    assert len(plan._lines._handle.points) == len(shown.moment.progress.plan) - 1
+    shown = harness.until(lambda now: now.moment.progress.query is None)
+    predicted_subgoal.show(shown)
+    plan.show(shown)
+    assert not predicted_subgoal._ghost.visible
+    assert not plan._lines._handle.visible
+
+
+def test_pruned_edges_rise_and_fade(server: viser.ViserServer) -> None:
+    layer = ChangesLayer(server.scene)
+    heights, brightness = [], []
+    for age in (0.0, 1.0, 2.0):
+        removed_edges = FadingEdges(np.array([[[0.0, 0.0], [1.0, 0.0]]]), np.array([age]))
+        layer.show(Snapshot(moment=RunMoment(removed_edges=removed_edges)))
+        heights.append(float(layer._went._handle.points[0, 0, 2]))
+        brightness.append(int(layer._went._handle.colors[0, 0].max()))
+    assert heights == sorted(heights)
+    assert heights[0] < heights[-1]
+    assert brightness == sorted(brightness, reverse=True)
+    layer.show(Snapshot())
+    assert not layer._went._handle.visible
+
+
+def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserServer) -> None:
+    def load(name: str) -> bytes:
+        if name == "foreign":
+            raise SceneError("no such scene")
+        return b"glTF"
+
+    layer = SceneLayer(server.scene, load)
+    layer.show(Snapshot(scene="here"))
+    layer.show(Snapshot(scene="foreign"))
+    assert layer._handle is not None
+    assert not layer._handle.visible
+    layer.show(Snapshot(scene="here"))
+    assert layer._handle.visible
+
+
+def test_there_and_back_are_two_lines() -> None:
+    there = np.array([[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]]])
+    moved = offset_right(there)
+    assert np.all(moved[0, :, 1] < 0)
+    assert np.all(moved[1, :, 1] > 0)
+
+
+def test_the_node_marker_points_ahead_and_is_closed() -> None:
+    vertices, faces = marker_mesh(0.2, 0.03)
+    assert vertices[:, 0].max() == pytest.approx(0.2)
+    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    assert set(Counter(map(tuple, sides.tolist())).values()) == {2}
+
+
+def test_colours_of_p_are_told_apart_at_the_ends() -> None:
+    low, high = palette.probability_colours([0.0, 1.0]).astype(int)
+    assert np.abs(low - high).sum() > 250
+
+
+def a_box(low: float, high: float) -> Surfaces:
+    """Return a textured box between two heights."""
+    vertices = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (low, high)], np.float32)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    faces += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    uv = vertices[np.array(faces)][:, :, [0, 2]]
+    none = np.zeros(12, bool)
+    return Surfaces(
+        vertices, np.array(faces, np.int32), uv, np.zeros(12, np.int32), none, (np.zeros((1, 1, 3), np.uint8),)
+    )
+
+
+def area(surfaces: Surfaces) -> float:
+    a, b, c = np.moveaxis(surfaces.vertices[surfaces.faces], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_what_is_low_is_not_cut() -> None:
+    assert area(cut_away(a_box(0.0, 1.0), height_m=1.35)) == pytest.approx(6.0)
+
+
+def test_a_tall_box_is_cut_at_the_height_and_closed_by_its_lid() -> None:
+    cut = cut_away(a_box(0.0, 3.0), height_m=1.0)
+    assert area(cut) == pytest.approx(6.0, rel=0.05)
+    assert cut.vertices[:, 2].max() < 1.05
+
+
+def test_the_picture_on_a_wall_is_cut_and_not_squeezed() -> None:
+    cut = cut_away(a_box(0.0, 3.0), height_m=1.0)
+    sides = np.ptp(cut.vertices[cut.faces][:, :, 2], axis=1) > 0.1
+    np.testing.assert_allclose(cut.corner_uv[sides][:, :, 1], cut.vertices[cut.faces][sides][:, :, 2], atol=1e-5)
+
+
+def test_faces_are_painted_darker_by_where_they_look() -> None:
+    box = replace(a_box(0.0, 1.0), textures=(np.full((1, 1, 3), 200, np.uint8),))
+    painted = with_baked_shading(box)
+    brightness = [int(painted.textures[texture].max()) for texture in painted.face_texture]
+    assert len(set(brightness)) == 3
+    assert area(painted) == area(box)
+
+
+def test_a_painted_scene_is_a_whole_gltf_without_lit_materials() -> None:
+    glb = marked_unlit(to_glb(a_box(0.0, 1.0)))
+    assert len(glb) == int.from_bytes(glb[8:12], "little")
+    described = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
+    assert all("KHR_materials_unlit" in material["extensions"] for material in described["materials"])
+    scene = trimesh.load_scene(io.BytesIO(glb), file_type="glb")
+    assert scene.area == pytest.approx(6.0)

@@ -1,0 +1,301 @@
+"""Panels against a real viser server without a browser."""
+
+import io
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+from PIL import Image
+
+from ltvn_core.errors import ImageError
+from ltvn_core.navigation.events import Severity
+from ltvn_viz.painter import Painter
+from ltvn_viz.panels.camera_panel import CameraPanel, colour_beside_depth, depth_colours
+from ltvn_viz.panels.drive_panel import DrivePanel
+from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
+from ltvn_viz.panels.follow_camera import FollowCamera
+from ltvn_viz.panels.html_widgets import HtmlBlock
+from ltvn_viz.panels.image_upload import decode_upload
+from ltvn_viz.panels.navigation_panel import NavigationPanel
+from ltvn_viz.panels.notifications import Notifications
+from ltvn_viz.panels.replay_panel import ReplayPanel
+from ltvn_viz.panels.status_panel import StatusPanel
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.server.thumbnails import LIMIT, ThumbnailStore
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.gallery import farthest_points
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import (
+    CameraImage,
+    FineTuningPhase,
+    FineTuningStatus,
+    JobProgress,
+    Message,
+    PlaybackStatus,
+    RecordingStatus,
+    Snapshot,
+)
+from tests.viz.session_harness import SessionHarness
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def snapshot(tmp_path: Path) -> Snapshot:
+    return SessionHarness(tmp_path).wait(2)
+
+
+def jpeg(width: int = 320, height: int = 240) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (height, width, 3), dtype=np.uint8)).save(buffer, "JPEG")
+    return buffer.getvalue()
+
+
+def nothing(_: c.Command) -> None:
+    """Take a command and forget it."""
+
+
+def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) -> None:
+    evil = "<img src=x onerror=alert(1)>"
+    status = StatusPanel(server.gui)
+    status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
+    replay = ReplayPanel(server.gui, nothing)
+    replay.show(Snapshot(mode=Mode.REPLAY, replay=PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings=(evil,)))
+    for markup in (status._hint, status._message, replay._about):
+        assert "<img" not in markup._content
+        assert "&lt;img" in markup._content
+
+
+def test_the_status_line_says_mode_rate_age_and_drops(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    status = StatusPanel(server.gui)
+    rates = replace(snapshot.rates, loop_hz=29.7, frame_age_ms=41.0, dropped=7)
+    status.show(replace(snapshot, rates=rates, recording=RecordingStatus("a.rrd", 12, 3.0)))
+    line = status._line._content
+    for part in ("driving", ">30<", ">41<", ">7<", ">12<"):
+        assert part in line
+
+
+def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    status = StatusPanel(server.gui, clock=lambda: 0.0)
+    status.show(snapshot)
+    first = status._line._content
+    status.show(replace(snapshot, rates=replace(snapshot.rates, loop_hz=3.0)))
+    assert status._line._content == first
+    status.show(replace(snapshot, mode=Mode.PAUSED))
+    assert "paused" in status._line._content
+
+
+def test_work_is_shown_with_its_share(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    status = StatusPanel(server.gui)
+    status.show(replace(snapshot, work=JobProgress("Building the map", 0.42)))
+    assert "Building the map… 42 %" in status._message._content
+
+
+def is_enabled(html: str, action: Action) -> bool:
+    """Tell whether the first button of an action can be pressed."""
+    button = next(part for part in html.split("<button") if f'data-ltvn-action="{action}"' in part)
+    return " disabled" not in button.split(">")[0]
+
+
+def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    panel = DrivePanel(server.gui)
+    panel.show(snapshot)
+    html = panel._recording._content
+    assert is_enabled(html, Action.RECORD)
+    assert not is_enabled(html, Action.KEEP)
+    panel.show(replace(snapshot, recording=RecordingStatus("a.rrd", 1, 0.1)))
+    html = panel._recording._content
+    assert not is_enabled(html, Action.RECORD)
+    assert is_enabled(html, Action.KEEP)
+    assert is_enabled(html, Action.DISCARD)
+
+
+def controls(*panels: object) -> int:
+    """Count the buttons and boxes that panels of one tab show."""
+    parts = [part for panel in panels for part in vars(panel).values()]
+    shown = [part for part in parts if isinstance(part, viser.GuiInputHandle) and part.visible]
+    return len(shown) + sum(part._content.count("<button") for part in parts if isinstance(part, HtmlBlock))
+
+
+def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_it(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    drive, learn, follow = DrivePanel(server.gui), FineTuningPanel(server.gui), FollowCamera(server.gui, list)
+    learn._minutes.value = 5
+    for status, expected in (
+        (FineTuningStatus(drive="a.rrd"), 'data-ltvn-action="learn" data-id="5"'),
+        (FineTuningStatus(FineTuningPhase.LEARNING, "a.rrd", 0.42, "learning"), 'data-ltvn-action="stop_learning"'),
+        (
+            FineTuningStatus(FineTuningPhase.LEARNED, "a.rrd", lines=("Here: fine.",), path="b"),
+            'data-ltvn-action="use_weights"',
+        ),
+        (FineTuningStatus(FineTuningPhase.WORSE, "a.rrd", lines=("Here: bad.",), path="b"), 'data-ltvn-action="learn"'),
+        (FineTuningStatus(FineTuningPhase.FAILED, "a.rrd", lines=("<b>no</b>",)), 'data-ltvn-action="learn"'),
+    ):
+        now = replace(snapshot, fine_tuning=status, weights="abc")
+        drive.show(now)
+        learn.show(now)
+        assert expected in learn._buttons._content
+        assert "use_weights" not in learn._buttons._content or status.phase is FineTuningPhase.LEARNED
+        assert controls(drive, learn, follow) <= 7
+        if status.phase is FineTuningPhase.LEARNING:
+            assert 'aria-valuenow="42"' in learn._state._content
+    assert "&lt;b&gt;no" in learn._state._content
+    assert "abc" in learn._about._content
+
+
+def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    panel = FineTuningPanel(server.gui)
+    offer = replace(snapshot, fine_tuning=FineTuningStatus(FineTuningPhase.LEARNED))
+    panel.show(offer)
+    assert is_enabled(panel._buttons._content, Action.USE_WEIGHTS)
+    for busy in (replace(offer, mode=Mode.NAVIGATING), replace(offer, recording=RecordingStatus("a.rrd", 1, 0.1))):
+        panel.show(busy)
+        assert not is_enabled(panel._buttons._content, Action.USE_WEIGHTS)
+
+
+def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    panel = NavigationPanel(server.gui, nothing)
+    panel.show(replace(snapshot, mode=Mode.NAVIGATING))
+    for action in (Action.PAUSE, Action.STEP, Action.CANCEL):
+        assert is_enabled(panel._task._content, action)
+    assert not is_enabled(panel._task._content, Action.GOAL)
+    panel.show(replace(snapshot, mode=Mode.PAUSED))
+    assert "Resume" in panel._task._content
+
+
+def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    panel = NavigationPanel(server.gui, nothing)
+    panel.show(snapshot)
+    assert snapshot.gallery
+    for node in snapshot.gallery:
+        assert f'src="/thumb/{node}.jpg" data-ltvn-action="goal" data-id="{node}"' in panel._gallery._content
+
+
+def test_panels_send_nothing_while_nothing_changes(
+    server: viser.ViserServer, snapshot: Snapshot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panels = [
+        StatusPanel(server.gui, clock=lambda: 0.0),
+        DrivePanel(server.gui),
+        FineTuningPanel(server.gui),
+        NavigationPanel(server.gui, nothing),
+        ReplayPanel(server.gui, nothing),
+        CameraPanel(server.gui),
+    ]
+    for panel in panels:
+        panel.show(snapshot)
+    sent: list[Any] = []
+    monkeypatch.setattr(server.gui._websock_interface, "queue_message", sent.append)
+    for _ in range(10):
+        for panel in panels:
+            panel.show(snapshot)
+    assert sent == []
+
+
+def test_the_slider_spans_the_recording_and_follows_it(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    panel = ReplayPanel(server.gui, nothing)
+    panel.show(snapshot)
+    assert not panel._time.visible
+    panel.show(replace(snapshot, mode=Mode.REPLAY, replay=PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)))
+    assert panel._time.visible
+    assert panel._time.max == 42.0
+    assert panel._time.value == pytest.approx(21.0)
+    assert panel._play.label == "Hold"
+
+
+def test_each_message_is_notified_once_to_every_page() -> None:
+    told: list[str] = []
+
+    def add_notification(title: str, body: str, **_: object) -> None:
+        told.append(body)
+
+    clients: Any = [SimpleNamespace(add_notification=add_notification)] * 2
+    notices = Notifications(lambda: clients)
+    for number in (1, 1, 2, 2):
+        notices.show(Snapshot(message=Message("same words", Severity.INFO, number)))
+    assert told == ["same words"] * 4
+
+
+def test_camera_and_depth_are_shown_side_by_side_and_crisp() -> None:
+    rgb = np.full((72, 96, 3), 200, np.uint8)
+    depth = np.full((72, 96), 1.0, np.float32)
+    picture = colour_beside_depth(CameraImage(rgb, depth))
+    assert picture.shape == (240, 646, 3)
+    np.testing.assert_array_equal(picture[120, 160], [200, 200, 200])
+
+
+def test_near_is_lighter_than_far_and_no_return_is_black() -> None:
+    near, far, none = depth_colours(np.array([[0.5, 4.0, 0.0]], np.float32))[0].astype(int)
+    assert near.sum() > far.sum() > none.sum() == 0
+
+
+def test_the_camera_is_sent_at_most_fifteen_times_a_second(server: viser.ViserServer) -> None:
+    now = [0.0]
+    panel = CameraPanel(server.gui, clock=lambda: now[0])
+    views = [CameraImage(np.full((72, 96, 3), k, np.uint8), np.ones((72, 96), np.float32)) for k in range(30)]
+    shown = []
+    for view in views:
+        now[0] += 1 / 30
+        panel.show(Snapshot(camera=view))
+        shown.append(panel._shown)
+    assert 10 <= len({id(view) for view in shown}) <= 16
+
+
+def test_an_image_of_any_size_is_read_upright_and_made_small() -> None:
+    assert decode_upload("goal.jpg", jpeg(640, 480)).shape == (72, 96, 3)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a picture", jpeg()[:200], b"GIF89a" + bytes(100)])
+def test_anything_else_that_is_uploaded_is_a_clear_error(content: bytes) -> None:
+    with pytest.raises(ImageError, match=r"evil\.jpg.*JPEG, PNG"):
+        decode_upload("evil.jpg", content)
+
+
+def test_an_image_with_absurdly_many_pixels_is_refused_unread() -> None:
+    buffer = io.BytesIO()
+    Image.new("1", (12_000, 12_000)).save(buffer, "PNG")
+    with pytest.raises(ImageError, match="too many"):
+        decode_upload("bomb.png", buffer.getvalue())
+
+
+def test_gallery_images_lie_far_apart() -> None:
+    poses = np.array([[0, 0, 0], [0.1, 0, 0], [5, 0, 0], [5.1, 0, 0], [0, 5, 0]], np.float64)
+    rows = farthest_points(poses, 3)
+    apart = np.linalg.norm(poses[rows][:, None, :2] - poses[rows][None, :, :2], axis=-1)
+    assert apart[~np.eye(3, dtype=bool)].min() > 4
+
+
+def test_thumbnails_are_bounded() -> None:
+    thumbnails = ThumbnailStore()
+    for frame in range(LIMIT + 10):
+        thumbnails.put(frame, np.zeros((72, 96, 3), np.uint8))
+    assert thumbnails.get(0) is None
+    assert (thumbnails.get(LIMIT) or b"").startswith(b"\xff\xd8")
+
+
+def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
+    server: viser.ViserServer, snapshot: Snapshot, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Broken:
+        def show(self, snapshot: Snapshot) -> None:
+            raise ValueError("no ink")
+
+    status = StatusPanel(server.gui)
+    Painter([Broken(), status], server.atomic).paint(snapshot)
+    assert "driving" in status._line._content
+    assert "Broken could not be drawn" in caplog.text

@@ -1,0 +1,164 @@
+"""The driver's seat: nothing but a fresh, armed input moves the robot, and nothing that was held before a stop."""
+
+import pytest
+
+from ltvn_core.types import Twist
+from ltvn_viz.server.driver_seat import (
+    IDLE_S,
+    LEASE_S,
+    MAX_ANGULAR_RAD_S,
+    MAX_LINEAR_M_S,
+    DriveAccepted,
+    DriverSeat,
+    HeldInput,
+    MotionStopped,
+    StopReason,
+)
+from ltvn_viz.server.keymap import Direction
+
+EMPTY = HeldInput()
+FORWARD = HeldInput(frozenset({Direction.FORWARD}))
+ANN, BOB = 1, 2
+
+
+class Clock:
+    """A clock that stands until it is told."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def wait(self, seconds: float) -> None:
+        self.now += seconds
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def seat(clock: Clock) -> DriverSeat:
+    return DriverSeat(clock=clock)
+
+
+def hold(seat: DriverSeat, client: int, held: HeldInput = FORWARD) -> None:
+    seat.receive(client, held, seat.state_of(client).epoch)
+
+
+def arm(seat: DriverSeat, client: int) -> None:
+    hold(seat, client, EMPTY)
+
+
+def drive(seat: DriverSeat, client: int) -> None:
+    arm(seat, client)
+    hold(seat, client)
+
+
+def test_a_held_key_drives_until_it_is_let_go(seat: DriverSeat) -> None:
+    drive(seat, ANN)
+    assert seat.current_twist() == Twist(MAX_LINEAR_M_S, 0.0)
+    arm(seat, ANN)
+    assert seat.current_twist() is None
+    assert seat.take_events() == [
+        DriveAccepted(ANN, Twist(MAX_LINEAR_M_S, 0.0)),
+        MotionStopped(ANN, StopReason.RELEASED),
+    ]
+
+
+def test_a_page_that_never_said_that_nothing_is_held_cannot_drive(seat: DriverSeat) -> None:
+    hold(seat, ANN)
+    assert seat.current_twist() is None
+
+
+def test_keys_combine_and_opposite_ones_cancel_out() -> None:
+    both = HeldInput(frozenset({Direction.FORWARD, Direction.LEFT}))
+    assert both.twist() == Twist(MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S)
+    assert HeldInput(frozenset({Direction.FORWARD, Direction.BACKWARD})).twist() == Twist(0.0, 0.0)
+
+
+def test_slow_is_slower() -> None:
+    slow = HeldInput(frozenset({Direction.FORWARD}), is_slow=True).twist()
+    assert 0 < slow.linear_m_s < MAX_LINEAR_M_S
+
+
+def test_a_silent_page_stops_the_robot_after_the_lease(seat: DriverSeat, clock: Clock) -> None:
+    drive(seat, ANN)
+    clock.wait(LEASE_S - 0.001)
+    assert seat.current_twist() is not None
+    clock.wait(0.001)
+    assert seat.current_twist() is None
+    assert seat.take_events()[-1] == MotionStopped(ANN, StopReason.INPUT_LOST)
+
+
+def test_a_poll_alone_notices_the_silence_when_the_receiving_thread_hangs(seat: DriverSeat, clock: Clock) -> None:
+    drive(seat, ANN)
+    assert seat.current_twist(clock.now + LEASE_S) is None
+
+
+def test_a_heartbeat_after_lost_input_does_not_start_the_robot_again(seat: DriverSeat, clock: Clock) -> None:
+    drive(seat, ANN)
+    old_epoch = seat.state_of(ANN).epoch
+    clock.wait(LEASE_S)
+    for epoch in (old_epoch, seat.state_of(ANN).epoch):
+        seat.receive(ANN, FORWARD, epoch)
+        assert seat.current_twist() is None
+    drive(seat, ANN)
+    assert seat.current_twist() is not None
+
+
+def test_an_empty_input_of_the_old_epoch_does_not_arm(seat: DriverSeat) -> None:
+    drive(seat, ANN)
+    old_epoch = seat.state_of(ANN).epoch
+    seat.stop(ANN)
+    seat.receive(ANN, EMPTY, old_epoch)
+    hold(seat, ANN)
+    assert seat.current_twist() is None
+
+
+def test_anybody_may_stop_the_robot(seat: DriverSeat) -> None:
+    drive(seat, ANN)
+    seat.stop(BOB)
+    assert seat.current_twist() is None
+    hold(seat, ANN)
+    assert seat.current_twist() is None
+    assert seat.state_of(ANN).stopped_by == BOB
+
+
+def test_a_second_person_watches_until_the_seat_is_free(seat: DriverSeat, clock: Clock) -> None:
+    drive(seat, ANN)
+    drive(seat, BOB)
+    assert seat.state_of(BOB).driver == ANN
+    arm(seat, ANN)
+    clock.wait(IDLE_S)
+    drive(seat, BOB)
+    assert seat.state_of(ANN).driver == BOB
+
+
+def test_a_key_that_a_watcher_holds_does_not_count_when_the_seat_becomes_free(seat: DriverSeat) -> None:
+    drive(seat, ANN)
+    drive(seat, BOB)
+    seat.leave(ANN)
+    hold(seat, BOB)
+    assert seat.current_twist() is None
+
+
+def test_taking_over_stops_the_robot_and_both_must_let_go(seat: DriverSeat) -> None:
+    drive(seat, ANN)
+    arm(seat, BOB)
+    seat.take_over(BOB)
+    assert seat.current_twist() is None
+    for client in (ANN, BOB):
+        hold(seat, client)
+        assert seat.current_twist() is None
+    drive(seat, BOB)
+    assert seat.current_twist() is not None
+
+
+def test_a_closed_page_stops_the_robot_it_moved(seat: DriverSeat) -> None:
+    drive(seat, ANN)
+    seat.leave(ANN)
+    assert seat.current_twist() is None
+    assert seat.state_of(BOB).driver is None

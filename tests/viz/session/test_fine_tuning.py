@@ -1,0 +1,287 @@
+"""Learning from the page: it disturbs nothing, changes nothing unasked, and says what came of it."""
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.errors import WeightsError
+from ltvn_core.navigation.events import Severity
+from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
+from ltvn_core.network.weights_file import read_card, weights_fingerprint
+from ltvn_core.training.fine_tuning_data import ProgressReporter
+from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
+from ltvn_core.types import ZERO_TWIST, Twist
+from ltvn_core.verbs.background_finetuning import BackgroundFineTuning, DriveSource, FineTuningRequest
+from ltvn_core.verbs.finetune import FineTunedWeights
+from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.fine_tuning import FineTuning, Tune
+from ltvn_viz.session.fine_tuning_text import far_false_positives_grew, result_lines
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import FineTuningPhase
+from tests.viz.session_harness import InlineExecutor, SessionHarness
+from tests.viz.tiny_fine_tuning import PLAN, TUNER, drive, record_drive, show_drive, simulated, tiny_weights
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "recordings").mkdir()
+    return tmp_path / "recordings"
+
+
+@pytest.fixture
+def executor() -> Iterator[ThreadPoolExecutor]:
+    with ThreadPoolExecutor(1) as executor:
+        yield executor
+
+
+def fine_tuning_harness(folder: Path, tune: Tune | None = TUNER, executor: Executor | None = None) -> SessionHarness:
+    """A theatre with a drive at hand and tiny weights to teach."""
+    weights = tiny_weights(folder.parent)
+    harness = SessionHarness(folder, mapped=False, fine_tuning=FineTuning(tune, weights, executor or InlineExecutor()))
+    show_drive(harness)
+    harness.wait()
+    return harness
+
+
+def drive_metrics(far_fpr: float, error_m: float = 0.07) -> dict[str, float]:
+    return {
+        f"{place}_{name}": value
+        for place in ("own", "simulated")
+        for name, value in (("far_pairs", 5000), ("far_fpr_at_half", far_fpr), ("position_median_m", error_m))
+    }
+
+
+def learned(
+    before: dict[str, float], after: dict[str, float], weights: Path = Path("new.safetensors")
+) -> FineTunedWeights:
+    return FineTunedWeights(weights, "new", "old", 30, 1, 3, 0.1, before, after)
+
+
+def harness_with_new_weights(folder: Path) -> SessionHarness:
+    """A theatre in which new weights wait to be used."""
+    offer = learned(drive_metrics(0.004), drive_metrics(0.002), tiny_weights(folder.parent))
+    harness = fine_tuning_harness(folder, lambda *_: offer)
+    assert harness.do(c.FineTune(3), ticks=2).fine_tuning.phase is FineTuningPhase.LEARNED
+    return harness
+
+
+class GatedSimulation:
+    """Adds simulated data once the test lets it."""
+
+    def __init__(self) -> None:
+        self.entered, self.open = threading.Event(), threading.Event()
+
+    def __call__(self, drive: TrajectoryPairs, on_progress: ProgressReporter) -> FineTuningData:
+        on_progress(0.0, "drawing simulated rooms")
+        self.entered.set()
+        assert self.open.wait(30)
+        return simulated(drive, on_progress)
+
+
+def test_a_fine_tuning_saves_weights_with_a_card_and_changes_nothing_else(folder: Path) -> None:
+    harness = fine_tuning_harness(folder)
+    nodes, start = set(harness.state.live_map.graph.nodes), harness.state.fine_tuning.weights
+    assert harness.now.fine_tuning.drive.endswith("images of the map")
+    now = harness.do(c.FineTune(3), ticks=2)
+    assert now.fine_tuning.phase is FineTuningPhase.LEARNED
+    assert start is not None
+    [weights] = folder.glob("*.safetensors")
+    assert now.fine_tuning.path == str(weights)
+    assert weights.name.startswith("images-at-hand-learned-")
+    assert read_card(weights)["parent"] == weights_fingerprint(start)
+    assert read_card(weights)["fingerprint"] == weights_fingerprint(weights) != weights_fingerprint(start)
+    assert len(list(folder.iterdir())) == 2
+    assert harness.now.weights == "flat"
+    assert set(harness.state.live_map.graph.nodes) == nodes
+
+
+def test_new_weights_come_into_use_with_a_map_built_by_them(folder: Path) -> None:
+    harness = fine_tuning_harness(folder)
+    harness.do(c.FineTune(3), ticks=2)
+    weights = harness.state.fine_tuning.offer
+    now = harness.do(c.UseWeights(), ticks=3)
+    assert now.mode is Mode.TELEOP
+    assert now.weights == harness.state.live_map.fingerprint == weights_fingerprint(weights)
+    assert now.fine_tuning.phase is FineTuningPhase.IDLE
+    assert now.message is not None
+    assert str(weights) in now.message.text
+    assert harness.state.live_map.graph.nodes
+    assert now.moment.graph.ids.tolist() == list(harness.state.live_map.graph.nodes)
+    harness.do(c.FineTune(3), ticks=2)
+    assert read_card(harness.state.fine_tuning.offer)["parent"] == now.weights
+
+
+def test_cancelling_the_rebuilding_keeps_map_weights_and_offer(folder: Path, executor: ThreadPoolExecutor) -> None:
+    harness = harness_with_new_weights(folder)
+    before = harness.state.live_map.graph
+    harness.state.worker._executor = executor
+    gate = threading.Event()
+    executor.submit(gate.wait, 30)
+    harness.do(c.UseWeights())
+    harness.do(c.Cancel())
+    gate.set()
+    harness.until(lambda now: now.mode is Mode.TELEOP)
+    assert harness.state.live_map.graph is before
+    assert harness.now.weights == "flat"
+    assert harness.now.fine_tuning.phase is FineTuningPhase.LEARNED
+
+
+def test_the_kept_recording_is_what_one_learns_from(folder: Path) -> None:
+    lessons: list[FineTuningRequest] = []
+    harness = fine_tuning_harness(folder, lambda request, *_: lessons.append(request))
+    harness.state.last_recording = record_drive(folder / "drive.rrd").name
+    assert harness.wait().fine_tuning.drive == "drive.rrd"
+    harness.do(c.FineTune(5), ticks=2)
+    [request] = lessons
+    assert (request.drive.images, request.minutes) == (folder / "drive.rrd", 5)
+    assert request.output.name.startswith("drive-learned-")
+    assert len(request.drive.label(horizon=15).poses) > 40
+
+
+def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, executor: ThreadPoolExecutor) -> None:
+    gate = GatedSimulation()
+    harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
+    harness.do(c.FineTune(3))
+    assert gate.entered.wait(30)
+    harness.driver.twist = Twist(0.4, 0.0)
+    before = harness.robot.pose.copy()
+    now = harness.wait(30)
+    assert now.fine_tuning.phase is FineTuningPhase.LEARNING
+    assert "drawing simulated rooms" in now.fine_tuning.doing
+    assert not np.array_equal(harness.robot.pose, before)
+    harness.driver.twist = None
+    harness.do(c.StopRobot())
+    assert harness.robot.twist == ZERO_TWIST
+    harness.do(c.StartRecording(), ticks=2)
+    harness.do(c.KeepRecording())
+    gate.open.set()
+    harness.session.close()
+
+
+def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: ThreadPoolExecutor) -> None:
+    gate = GatedSimulation()
+    harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
+    harness.do(c.FineTune(3))
+    assert gate.entered.wait(30)
+    assert harness.do(c.StopFineTuning()).fine_tuning.doing == "stopping"
+    gate.open.set()
+    now = harness.until(lambda now: now.fine_tuning.phase is not FineTuningPhase.LEARNING, ticks=10**6)
+    assert now.fine_tuning.phase is FineTuningPhase.IDLE
+    assert now.fine_tuning.lines == ("Stopped; the network is as it was.",)
+    assert list(folder.iterdir()) == []
+
+
+def test_a_second_fine_tuning_waits_for_the_first(folder: Path, executor: ThreadPoolExecutor) -> None:
+    gate = GatedSimulation()
+    harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
+    now = harness.do(c.FineTune(3), c.FineTune(3))
+    assert now.message is not None
+    assert "learning already" in now.message.text
+    gate.open.set()
+    harness.session.close()
+
+
+def test_a_drive_that_teaches_nothing_is_one_clear_line_and_no_alarm(folder: Path) -> None:
+    harness = fine_tuning_harness(folder)
+    harness.state.last_recording = record_drive(folder / "short.rrd", images=6).name
+    now = harness.do(c.FineTune(3), ticks=2)
+    assert now.fine_tuning.phase is FineTuningPhase.FAILED
+    assert "short.rrd: holds 6 images; fine-tuning needs 20" in now.fine_tuning.lines[0]
+    assert now.message is None
+    assert [path.name for path in folder.iterdir()] == ["short.rrd"]
+
+
+def test_without_odometry_one_learns_nothing_and_reads_why(folder: Path) -> None:
+    harness = fine_tuning_harness(folder)
+    harness.state.live_map.keyframes.keep_only([])
+    harness.state.live_map.keyframes.add([replace(seen, odometry=np.zeros(3)) for seen in drive()])
+    now = harness.do(c.FineTune(3), ticks=2)
+    assert "the same for all of them" in now.fine_tuning.lines[0]
+
+
+def test_the_oracle_cannot_be_taught(folder: Path) -> None:
+    now = fine_tuning_harness(folder, None).do(c.FineTune(3))
+    assert now.message is not None
+    assert (now.message.severity, "without --predictor oracle" in now.message.text) == (Severity.ERROR, True)
+    assert now.fine_tuning.phase is FineTuningPhase.IDLE
+
+
+def test_a_folder_that_cannot_hold_weights_is_found_out_before_learning(folder: Path) -> None:
+    request = FineTuningRequest(
+        DriveSource("images", drive()), tiny_weights(folder), folder / "gone" / "new.safetensors", 3
+    )
+    told: list[str] = []
+    with pytest.raises(WeightsError, match=r"Learning ended without a result .* free some space"):
+        TUNER(request, lambda _share, doing: told.append(doing), threading.Event())
+    assert told == ["reading and labelling the drive"]
+
+
+def test_progress_runs_from_reading_to_the_last_judgement_and_never_back(folder: Path) -> None:
+    told: list[tuple[float, str]] = []
+    request = FineTuningRequest(DriveSource("images", drive()), tiny_weights(folder), folder / "new.safetensors", 3)
+    assert TUNER(request, lambda *each: told.append(each), threading.Event()) is not None
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert 0 <= shares[0] < shares[-1] <= 1
+    assert [told[0][1], told[-1][1]] == ["reading and labelling the drive", "judging the weights after"]
+    assert {"looking at boxes", "learning"} <= {doing for _, doing in told}
+
+
+def test_weights_that_see_more_far_false_positives_are_kept_but_not_offered(folder: Path) -> None:
+    worse = learned(drive_metrics(0.002), drive_metrics(0.004))
+    harness = fine_tuning_harness(folder, lambda *_: worse)
+    now = harness.do(c.FineTune(3), ticks=2)
+    assert (now.fine_tuning.phase, now.fine_tuning.path) == (FineTuningPhase.WORSE, "new.safetensors")
+    now = harness.do(c.UseWeights())
+    assert now.message is not None
+    assert "no new weights" in now.message.text
+    assert now.weights == "flat"
+
+
+def test_far_false_positives_within_chance_are_no_more_than_before() -> None:
+    assert not far_false_positives_grew(learned(drive_metrics(0.0), drive_metrics(0.0004)))
+    assert not far_false_positives_grew(learned(drive_metrics(float("nan")), drive_metrics(float("nan"))))
+    assert not far_false_positives_grew(learned({}, {}))
+    assert far_false_positives_grew(learned(drive_metrics(0.0), drive_metrics(0.001)))
+
+
+def test_the_result_is_two_plain_lines() -> None:
+    here, simulation = result_lines(learned(drive_metrics(0.004, 0.0738), drive_metrics(0.002, 0.0689)))
+    assert here == "Here: false links 0.40 → 0.20 %, waypoint error 7.4 → 6.9 cm."
+    assert simulation.startswith("Simulated: false links")
+    assert "nothing to judge by" in result_lines(learned({}, {}))[0]
+
+
+def test_weights_are_not_exchanged_within_a_recording(folder: Path) -> None:
+    harness = harness_with_new_weights(folder)
+    harness.do(c.StartRecording(), ticks=2)
+    now = harness.do(c.UseWeights())
+    assert now.message is not None
+    assert "Keep this recording" in now.message.text
+    assert now.weights == "flat"
+
+
+@pytest.mark.parametrize("minutes", [0, 61])
+def test_a_time_without_sense_is_refused(folder: Path, minutes: int) -> None:
+    now = fine_tuning_harness(folder).do(c.FineTune(minutes))
+    assert now.message is not None
+    assert "1 to 60 minutes" in now.message.text
+
+
+def test_names_of_weights_are_never_taken_twice(folder: Path) -> None:
+    library, now = fine_tuning_harness(folder).library, datetime(2030, 1, 2)
+    first = library.new_weights("drive.rrd", now)
+    first.touch()
+    assert library.new_weights("drive.rrd", now) != first
+    assert first.name not in library.names()
+
+
+def test_learning_belongs_to_whoever_drives() -> None:
+    assert not FOR_EVERYBODY & {Action.LEARN, Action.STOP_LEARNING, Action.USE_WEIGHTS, Action.LEAVE_WEIGHTS}

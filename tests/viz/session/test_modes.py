@@ -1,0 +1,199 @@
+"""What a person may ask when, and what becomes of it; without a browser."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.navigation.events import Outcome, Severity
+from ltvn_core.types import ZERO_TWIST, Twist
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.modes import LEGAL_MODES, Mode, refusal
+from tests.viz.session_harness import SessionHarness
+
+FORWARD = Twist(0.4, 0.0)
+
+
+@pytest.fixture
+def harness(tmp_path: Path) -> SessionHarness:
+    harness = SessionHarness(tmp_path)
+    harness.wait()
+    return harness
+
+
+def a_far_node(harness: SessionHarness) -> int:
+    graph = harness.now.moment.graph
+    away = np.hypot(*(graph.poses[:, :2] - harness.robot.pose[:2]).T)
+    return int(graph.ids[np.argmax(away)])
+
+
+def test_a_node_is_reached_and_the_verdict_is_shown(harness: SessionHarness) -> None:
+    harness.do(c.NavigateTo(a_far_node(harness)))
+    assert harness.session.mode is Mode.NAVIGATING
+    shown = harness.until(lambda now: now.mode is Mode.TELEOP)
+    assert shown.moment.progress.ended is not None
+    assert shown.moment.progress.ended.outcome is Outcome.ARRIVED
+    assert shown.moment.progress.judged is not None
+    assert shown.moment.progress.judged.reached
+
+
+def test_driving_keys_take_the_robot_over_from_navigation(harness: SessionHarness) -> None:
+    harness.do(c.NavigateTo(a_far_node(harness)), ticks=20)
+    harness.driver.twist = FORWARD
+    shown = harness.until(lambda now: now.mode is Mode.TELEOP, ticks=10)
+    assert shown.moment.progress.ended is not None
+    assert shown.moment.progress.ended.outcome is Outcome.CANCELLED
+    assert shown.message is not None
+    assert "took over" in shown.message.text
+    harness.wait()
+    assert harness.robot.twist == FORWARD
+
+
+def test_letting_go_stops_the_robot_at_once(harness: SessionHarness) -> None:
+    harness.driver.twist = FORWARD
+    harness.wait(5)
+    assert harness.robot.twist == FORWARD
+    harness.driver.twist = None
+    harness.wait()
+    assert harness.robot.twist == ZERO_TWIST
+
+
+def test_stop_ends_a_navigation_query(harness: SessionHarness) -> None:
+    harness.do(c.NavigateTo(a_far_node(harness)), ticks=20)
+    harness.do(c.StopRobot(), ticks=3)
+    assert harness.session.mode is Mode.TELEOP
+    assert harness.robot.twist == ZERO_TWIST
+
+
+def test_a_paused_robot_stands_until_it_is_told_to_go_on(harness: SessionHarness) -> None:
+    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
+    harness.do(c.Pause(), ticks=10)
+    assert harness.now.mode is Mode.PAUSED
+    where = harness.robot.pose.copy()
+    harness.wait(30)
+    np.testing.assert_array_equal(harness.robot.pose, where)
+    harness.do(c.Pause())
+    harness.until(lambda now: now.mode is Mode.TELEOP)
+    assert not np.array_equal(harness.robot.pose, where)
+
+
+def test_a_step_is_one_control_step_and_then_a_pause(harness: SessionHarness) -> None:
+    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
+    harness.do(c.Pause(), ticks=10)
+    before = harness.robot.step
+    harness.do(c.StepOnce(), ticks=30)
+    assert harness.now.mode is Mode.PAUSED
+    assert harness.robot.step == before + 1
+
+
+def test_cancelling_a_paused_query_ends_it(harness: SessionHarness) -> None:
+    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
+    harness.do(c.Pause(), ticks=10)
+    shown = harness.do(c.Cancel(), ticks=5)
+    assert shown.mode is Mode.TELEOP
+    assert shown.moment.progress.query is None
+
+
+def test_picking_a_node_goes_there_when_idle_and_only_chooses_it_on_the_way(harness: SessionHarness) -> None:
+    first, second = a_far_node(harness), int(harness.now.moment.graph.ids[0])
+    harness.do(c.PickNode(first))
+    shown = harness.do(c.PickNode(second))
+    assert shown.mode is Mode.NAVIGATING
+    assert shown.moment.progress.goal == first
+    assert shown.selected == second
+
+
+def test_an_illegal_command_is_refused_with_the_legal_ones_named(harness: SessionHarness) -> None:
+    shown = harness.do(c.Pause())
+    assert shown.message is not None
+    assert shown.message.severity is Severity.WARN
+    assert "pause" in shown.message.text
+    assert "record" in shown.message.text
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_every_mode_has_a_way_on(mode: Mode) -> None:
+    assert any(mode in modes for kind, modes in LEGAL_MODES.items() if kind not in (c.StopRobot, c.ReportError))
+
+
+def test_every_command_has_a_place_in_the_table() -> None:
+    assert {kind.__name__ for kind in c.Command.__subclasses__()} == {kind.__name__ for kind in LEGAL_MODES}
+
+
+def test_a_goal_outside_the_map_is_a_clear_error(harness: SessionHarness) -> None:
+    shown = harness.do(c.NavigateTo(99_999))
+    assert shown.mode is Mode.TELEOP
+    assert shown.message is not None
+    assert "99999" in shown.message.text
+
+
+def test_navigating_without_a_goal_says_how_to_choose_one(harness: SessionHarness) -> None:
+    shown = harness.do(c.NavigateTo())
+    assert shown.message is not None
+    assert "Choose a goal" in shown.message.text
+
+
+def test_a_failing_robot_is_stopped_and_the_page_says_so(
+    harness: SessionHarness, caplog: pytest.LogCaptureFixture
+) -> None:
+    harness.do(c.NavigateTo(a_far_node(harness)), ticks=10)
+    harness.do(c.StartRecording(), ticks=5)
+    stops = harness.robot.stops
+    harness.robot.broken = RuntimeError("wheel fell off")
+    harness.wait(5)
+    harness.robot.broken = None
+    shown = harness.wait()
+    assert harness.robot.stops > stops
+    assert shown.mode is Mode.TELEOP
+    assert shown.message is not None
+    assert "wheel fell off" in shown.message.text
+    assert shown.recording.name is not None
+    assert "the session failed" in caplog.text
+
+
+def test_hammering_all_commands_breaks_nothing(harness: SessionHarness) -> None:
+    rng = np.random.default_rng(3)
+    nodes = harness.now.moment.graph.ids
+    for _ in range(60):
+        made = [
+            c.NavigateTo(int(rng.choice(nodes))),
+            c.PickNode(int(rng.choice(nodes))),
+            c.SelectGoal(int(rng.choice(nodes))),
+            c.NavigateToImage(np.zeros((72, 96, 3), np.uint8)),
+            c.OpenRecording("nothing.rrd"),
+            c.Seek(1.0),
+            c.SeekBy(-1.0),
+            c.ReportError("broken upload"),
+            *(
+                kind()
+                for kind in (c.StopRobot, c.Pause, c.StepOnce, c.Cancel, c.TakeOver, c.BuildMap, c.CloseRecording)
+            ),
+            *(kind() for kind in (c.StartRecording, c.KeepRecording, c.DiscardRecording)),
+        ]
+        harness.driver.twist = FORWARD if rng.random() < 0.1 else None
+        picked = rng.choice(len(made), size=3)
+        shown = harness.do(*(made[k] for k in picked), ticks=int(rng.integers(1, 4)))
+        assert shown.message is None or "went wrong" not in shown.message.text
+    harness.driver.twist = None
+    harness.do(c.StopRobot(), c.CloseRecording(), ticks=5)
+    assert harness.session.mode is Mode.TELEOP
+
+
+def test_a_flood_of_commands_is_bounded(harness: SessionHarness, caplog: pytest.LogCaptureFixture) -> None:
+    for _ in range(10_000):
+        harness.session.send(c.StopRobot())
+    assert "too many commands" in caplog.text
+    harness.wait()
+    assert harness.session.mode is Mode.TELEOP
+
+
+def test_the_refusal_of_a_command_names_its_modes() -> None:
+    text = refusal(c.Pause(), Mode.BUILDING)
+    assert text is not None
+    assert "navigating" in text
+
+
+def test_the_session_runs_in_real_time_until_told_to_stop(harness: SessionHarness) -> None:
+    harness.session.run(max_ticks=3)
+    assert len(harness.shown) >= 4
+    assert harness.robot.twist == ZERO_TWIST

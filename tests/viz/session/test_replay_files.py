@@ -1,0 +1,145 @@
+"""Replays of real files, also where neither simulator nor network fits them."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.errors import LtvnError, MapError, RecordingError, SceneError
+from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
+from ltvn_core.recording.map_file import save_map
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.types import Observation
+from ltvn_viz.app_setup import open_app_state, open_replay
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.options import AppOptions
+from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.session_loop import Session
+from ltvn_viz.session.snapshot import Snapshot
+from tests.core.flat_world import tour
+from tests.viz.session_harness import FakeDriver, SessionHarness
+
+
+def with_random_image(seen: Observation, rng: np.random.Generator) -> Observation:
+    """Give a blank picture something to see."""
+    rgb = rng.integers(0, 255, (72, 96, 3), dtype=np.uint8)
+    return Observation(rgb, seen.depth, seen.odometry, seen.stamp, seen.step, seen.exact_pose)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A finished recording in a scene that nobody here knows: a map, then a drive."""
+    rng = np.random.default_rng(0)
+    seen = [with_random_image(picture, rng) for picture in tour(((1.0, 1.0), (3.0, 1.0)), spins=False)]
+    harness = SessionHarness(tmp_path / "unused", way=((1.0, 1.0), (3.0, 1.0)))
+    path = tmp_path / "foreign.rrd"
+    with RecordingWriter(path, scene="somewhere-else", config={}, fingerprint="flat") as writer:
+        for picture in seen:
+            writer.frame(picture)
+        for delta in harness.state.live_map.graph.deltas():
+            if not hasattr(delta, "frames"):
+                writer.event(StampedEvent(seen[2].step, seen[2].stamp, GraphChanged(delta)))
+        writer.event(StampedEvent(seen[-1].step + 9, seen[-1].stamp + 3.0, Note("the end")))
+    return path
+
+
+@pytest.fixture
+def staged() -> Iterator[Callable[[AppOptions], AppState]]:
+    with ExitStack() as stack:
+        yield lambda options: open_app_state(options, stack, ThumbnailStore())
+
+
+def test_a_recording_of_an_unknown_scene_is_watched_without_robot_and_walls(
+    recording: Path, staged: Callable[[AppOptions], AppState]
+) -> None:
+    state = staged(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
+    shown: list[Snapshot] = []
+    session = Session(state, FakeDriver(), shown.append)
+    session.send(c.OpenRecording(recording.name))
+    session.tick()
+    state.worker.settle()
+    session.send(c.Seek(1e9))
+    session.tick()
+    assert shown[-1].mode is Mode.REPLAY
+    assert shown[-1].moment.robot is not None
+    assert len(shown[-1].moment.graph.ids) > 2
+    assert shown[-1].camera is not None
+    session.send(c.CloseRecording())
+    session.tick()
+    assert shown[-1].mode is Mode.TELEOP
+    assert shown[-1].moment.robot is None
+    session.close()
+
+
+def test_without_a_recording_to_watch_an_unknown_scene_is_an_error(staged: Callable[[AppOptions], AppState]) -> None:
+    with pytest.raises(SceneError):
+        staged(AppOptions(scene="somewhere-else", predictor="oracle"))
+
+
+def test_a_replay_shows_the_images_of_the_file(recording: Path) -> None:
+    replay = open_replay(RecordingLibrary(recording.parent), recording.name)
+    replay.seek(1e9)
+    moment = replay.moment()
+    assert moment.frames > 5
+    view = replay.camera(moment.frame)
+    assert view is not None
+    assert view.rgb.std() > 10
+
+
+def test_a_cut_recording_says_how_to_mend_it(recording: Path) -> None:
+    cut = recording.with_name("cut.rrd")
+    cut.write_bytes(recording.read_bytes()[:-200])
+    with pytest.raises(RecordingError, match="repair"):
+        open_replay(RecordingLibrary(recording.parent), cut.name)
+
+
+def test_a_foreign_file_is_a_clear_error_in_the_page(recording: Path, tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    (tmp_path / "holiday.rrd").write_bytes(b"not a recording")
+    harness.state.open_replay = lambda name: open_replay(harness.library, name)
+    shown = harness.do(c.OpenRecording("holiday.rrd"), ticks=2)
+    assert shown.mode is Mode.TELEOP
+    assert shown.work is None
+    assert shown.message is not None
+    assert "holiday.rrd" in shown.message.text
+
+
+def test_a_map_of_other_weights_is_refused(tmp_path: Path, staged: Callable[[AppOptions], AppState]) -> None:
+    harness = SessionHarness(tmp_path / "unused")
+    live_map = harness.state.live_map
+    path = tmp_path / "map.rrd"
+    save_map(path, live_map.graph, live_map.map_observations(), scene="demo", config={}, fingerprint="older weights")
+    with pytest.raises(MapError, match="older weights"):
+        staged(AppOptions(map=path, predictor="oracle", recordings=tmp_path))
+
+
+def test_a_recording_to_watch_that_is_not_there_is_named(
+    tmp_path: Path, staged: Callable[[AppOptions], AppState]
+) -> None:
+    with pytest.raises(LtvnError, match=r"gone\.rrd"):
+        staged(AppOptions(recordings=tmp_path, replay="gone.rrd"))
+
+
+def test_a_map_to_begin_with_that_is_not_there_is_named(
+    tmp_path: Path, staged: Callable[[AppOptions], AppState]
+) -> None:
+    with pytest.raises(LtvnError, match=r"gone\.rrd"):
+        staged(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))
+
+
+def test_a_recording_can_be_opened_at_a_moment(recording: Path, staged: Callable[[AppOptions], AppState]) -> None:
+    state = staged(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
+    shown: list[Snapshot] = []
+    session = Session(state, FakeDriver(), shown.append)
+    session.send(c.OpenRecording(recording.name, at_s=1.5))
+    session.tick()
+    state.worker.settle()
+    session.tick()
+    assert shown[-1].replay is not None
+    assert shown[-1].replay.time_s == 1.5
+    session.close()

@@ -1,0 +1,96 @@
+"""Links that show somebody the same thing: what is written is read again, and nothing else gets through."""
+
+from urllib.parse import urlsplit
+
+import pytest
+
+from ltvn_core.errors import OptionError
+from ltvn_viz.debugger.question import QuestionName, Selection
+from ltvn_viz.server.drive_messages import LinkMessage, parse_message
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.share_links import commands_from_link, link
+from ltvn_viz.session.viewpoint import Viewpoint, parse_viewpoint
+
+VIEW = Viewpoint((1.0, -2.5, 3.125), (0.0, 0.5, 0.0), (0.0, 0.0, 1.0))
+
+
+def test_a_link_is_read_as_it_was_written() -> None:
+    address = link("a b&c=ä.rrd", 12.34, QuestionName.WHAT_IF, Selection(12, (12, 40)))
+
+    (opening,) = commands_from_link(urlsplit(address).query)
+
+    assert isinstance(opening, c.OpenRecording)
+    assert (opening.name, opening.at_s) == ("a b&c=ä.rrd", 12.34)
+    question, pointing = opening.then
+    assert isinstance(question, c.ChooseQuestion)
+    assert question.name == QuestionName.WHAT_IF
+    assert isinstance(pointing, c.PointAt)
+    assert (pointing.node, pointing.target) == (12, 40)
+
+
+def test_a_link_to_a_node_names_the_node_alone() -> None:
+    (opening,) = commands_from_link(urlsplit(link("a.rrd", 0.0, selection=Selection(7))).query)
+    assert isinstance(opening, c.OpenRecording)
+    (pointing,) = opening.then
+    assert isinstance(pointing, c.PointAt)
+    assert (pointing.node, pointing.target) == (7, None)
+
+
+def test_a_link_carries_the_view_which_the_page_takes_up_by_itself() -> None:
+    address = link("a.rrd", 1.0, view=VIEW)
+    assert address.endswith("&camera=1,-2.5,3.125,0,0.5,0,0,0,1")
+    assert parse_viewpoint(address.rpartition("=")[2]) == VIEW
+    assert [type(each) for each in commands_from_link(urlsplit(address).query)] == [c.OpenRecording]
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        ",",
+        "1,2,3",
+        "1,2,3,4,5,6,0,0,1,0",
+        "1,2,3,1,2,3,0,0,1",
+        "1,2,3,4,5,6,0,0,0",
+        "nan,2,3,4,5,6,0,0,1",
+        "1e999,2,3,4,5,6,0,0,1",
+        "1e5,2,3,4,5,6,0,0,1",
+        "1e,2,3,4,5,6,0,0,1",
+        "1_0,2,3,4,5,6,0,0,1",
+        "<b>,2,3,4,5,6,0,0,1",
+    ],
+)
+def test_a_view_that_makes_no_sense_is_said_and_the_rest_of_the_link_works(camera: str) -> None:
+    opening, complaint = commands_from_link(f"replay=a.rrd&at=3&node=7&camera={camera}")
+    assert isinstance(opening, c.OpenRecording)
+    assert (opening.at_s, len(opening.then)) == (3.0, 1)
+    assert isinstance(complaint, c.ReportError)
+    assert "This link names a view that makes no sense" in complaint.text
+
+
+@pytest.mark.parametrize("query", ["", "?", "token=x", "initialCameraPosition=1,2,3"])
+def test_an_address_that_is_no_link_asks_for_nothing(query: str) -> None:
+    assert commands_from_link(query) == ()
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "replay=a.rrd&at=soon",
+        "replay=a.rrd&at=-1",
+        "at=nan&replay=a",
+        "edge=1-2-3",
+        "edge=1",
+        "edge=x-y",
+        "node=1-2",
+        "node=-1",
+        "tool=explode",
+        "&".join(f"a{k}=1" for k in range(99)),
+    ],
+)
+def test_a_link_that_makes_no_sense_is_refused_in_words(query: str) -> None:
+    with pytest.raises(OptionError, match=r"[Ll]ink"):
+        commands_from_link(query)
+
+
+def test_a_link_travels_to_the_server_unread() -> None:
+    assert parse_message('{"type": "link", "query": "replay=a.rrd"}') == LinkMessage("replay=a.rrd")

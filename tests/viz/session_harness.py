@@ -1,0 +1,250 @@
+"""A whole session for tests: a flat world, a robot and predictor that know it, and a driver that does what it is told.
+
+Everything runs in one thread, in simulated time; nothing sleeps. Owns no assertion.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import compose
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.network.predictor import load_predictor
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Twist
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.absent_backend import AbsentFeed
+from ltvn_viz.session.activities.playback import Playback, build_timeline
+from ltvn_viz.session.activities.teleop import Teleop
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.fine_tuning import FineTuning
+from ltvn_viz.session.goals import Goals
+from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.session.recorder import Recorder
+from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.session_loop import Session
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.worker import Worker
+from ltvn_viz.timeline.run_timeline import RunTimeline
+from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
+
+PATIENCE_S = 30.0
+"""So long may other threads need, on a busy machine."""
+
+_A_FEW_MORE, _AT_WORK = 20, " …</div>"
+
+WAY = ((1.0, 1.0), (4.0, 1.0), (4.0, 3.0))
+"""A tour through the single room."""
+
+
+ONE_ROOM = one_room()
+
+
+class InlineExecutor(Executor):
+    """Does each job at once, in the caller's thread."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        try:
+            done.set_result(fn(*args, **kwargs))
+        except BaseException as error:
+            done.set_exception(error)
+        return done
+
+
+class LiveFlatRobot(FlatRobot):
+    """A flat robot whose time passes in any portions."""
+
+    def __init__(self, world: FlatWorld, pose: tuple[float, float, float], *, first_step: int = 0) -> None:
+        super().__init__(world, pose, first_step=first_step)
+        self.broken: Exception | None = None
+        self._owed_s = 0.0
+
+    @property
+    def exact_pose(self) -> Pose:
+        return self.pose
+
+    @property
+    def stamp(self) -> float:
+        return self.step * CONTROL_STEP_S + self._owed_s
+
+    def advance(self, duration_s: float = CONTROL_STEP_S) -> None:
+        if self.broken is not None:
+            raise self.broken
+        self._owed_s += duration_s
+        while self._owed_s >= CONTROL_STEP_S - 1e-9:
+            self._owed_s = max(0.0, self._owed_s - CONTROL_STEP_S)
+            super().advance()
+
+
+@dataclass
+class FakeWriter:
+    """A writer that keeps everything in memory, and fails when it is told to."""
+
+    path: Path
+    frames: list[Observation] = field(default_factory=list)
+    events: list[StampedEvent] = field(default_factory=list)
+    closed: bool = False
+    full: bool = False
+
+    def frame(self, observation: Observation) -> None:
+        if self.full:
+            raise OSError(28, "No space left on device")
+        if observation.step not in {seen.step for seen in self.frames}:
+            self.frames.append(observation)
+
+    def event(self, stamped: StampedEvent) -> None:
+        self.events.append(stamped)
+
+    def graph(self, graph: object, step: FrameId, stamp: float) -> None:
+        """Draw nothing."""
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@dataclass
+class FakeDriver:
+    """Holds what the test says."""
+
+    twist: Twist | None = None
+
+    def current_twist(self) -> Twist | None:
+        return self.twist
+
+
+class SessionHarness:
+    """A session with handles on all its parts."""
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        world: FlatWorld | None = None,
+        way: Sequence[Sequence[float]] = WAY,
+        mapped: bool = True,
+        executor: Executor | None = None,
+        fine_tuning: FineTuning | None = None,
+    ) -> None:
+        """Set the stage, with a map of a tour along `way` unless told otherwise; jobs are done at once by default."""
+        self.world = world or ONE_ROOM
+        self.driver = FakeDriver()
+        self.shown: list[Snapshot] = []
+        self.writers: list[FakeWriter] = []
+        self.library = RecordingLibrary(folder)
+        self.thumbnails = ThumbnailStore()
+        seen, deltas = mapped_tour(self.world.walls.tobytes(), tuple(map(tuple, way))) if mapped else ((), ())
+        first_step = max((picture.step for picture in seen), default=-1) + 1
+        self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
+        worker = Worker(executor or InlineExecutor())
+        live_map = LiveMap(FlatPredictor(self.world), ROBUST, np.random.default_rng(0))
+        live = LiveRun(
+            self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), RunTimeline()
+        )
+        goals = Goals(live_map, worker, self.thumbnails)
+        teleop = Teleop(live, worker, live_map.offer)
+        self.state = AppState(
+            "flat",
+            live,
+            live_map,
+            worker,
+            self.library,
+            self.open_replay,
+            AbsentFeed(),
+            goals,
+            teleop,
+            fine_tuning or FineTuning(None, None, InlineExecutor()),
+            lambda weights: (load_predictor(weights), ROBUST),
+        )
+        self.session = Session(self.state, self.driver, self.shown.append)
+        for picture in seen:
+            live.timeline.place(picture.step, np.asarray(picture.exact_pose))
+        for delta in live_map.load(TopologicalGraph(deltas), seen):
+            live.emit(GraphChanged(delta))
+
+    @property
+    def now(self) -> Snapshot:
+        """What the page shows."""
+        return self.shown[-1]
+
+    def do(self, *commands: c.Command, ticks: int = 1) -> Snapshot:
+        """Send commands, let ticks pass, and return what the page shows then."""
+        for command in commands:
+            self.session.send(command)
+        return self.wait(ticks)
+
+    def wait(self, ticks: int = 1) -> Snapshot:
+        """Let ticks pass and return what the page shows then.
+
+        Whoever lets several pass waits for an answer; on a slow machine that takes a few more.
+        """
+        for _ in range(ticks):
+            self.session.tick()
+        for _ in range(_A_FEW_MORE):
+            if ticks == 1 or _AT_WORK not in self.now.inspection.html:
+                break
+            self.session.tick()
+        return self.now
+
+    def until(self, holds: Callable[[Snapshot], bool], ticks: int = 9000) -> Snapshot:
+        """Let ticks pass until something holds, as many as asked for and longer where other threads are still busy."""
+        patience = time.monotonic() + PATIENCE_S
+        while ticks > 0 or time.monotonic() < patience:
+            if holds(self.wait()):
+                return self.now
+            ticks -= 1
+        raise AssertionError(f"never happened; at last: {self.now}")
+
+    def open_replay(self, name: str) -> Playback:
+        """Play a tape back."""
+        self.library.path(name)
+        writer = next(writer for writer in self.writers if writer.path.name == name)
+        frames = [(seen.step, seen.stamp, np.asarray(seen.exact_pose)) for seen in writer.frames]
+        pictures = {seen.step: seen for seen in writer.frames}
+        return Playback(name, "flat", build_timeline(frames, writer.events), _StoredObservations(pictures))
+
+    def _open_writer(self, path: Path) -> FakeWriter:
+        path.touch(exist_ok=False)
+        writer = FakeWriter(path)
+        self.writers.append(writer)
+        live_map = self.state.live_map
+        for seen in live_map.map_observations():
+            writer.frame(seen)
+        last = max((seen.step for seen in live_map.map_observations()), default=0)
+        for delta in live_map.graph.deltas():
+            writer.event(StampedEvent(last, last * CONTROL_STEP_S, GraphChanged(delta)))
+        return writer
+
+
+@lru_cache(maxsize=4)
+def mapped_tour(
+    walls: bytes, way: tuple[tuple[float, ...], ...]
+) -> tuple[tuple[Observation, ...], tuple[GraphDelta, ...]]:
+    """Return the pictures of a tour and the map that grows from them."""
+    world = FlatWorld(np.frombuffer(walls).reshape(-1, 2, 2))
+    seen, live_map = tuple(tour(way)), LiveMap(FlatPredictor(world), ROBUST, np.random.default_rng(0))
+    return seen, tuple(delta for picture in seen for delta in live_map.offer(picture))
+
+
+@dataclass
+class _StoredObservations:
+    by_frame: dict[FrameId, Observation]
+
+    def observation(self, frame: FrameId) -> Observation:
+        return self.by_frame[frame]
+
+
+def pose_ahead(pose: Pose, metres: float) -> Pose:
+    """Return the pose so far straight ahead."""
+    return compose(pose, np.array([metres, 0.0, 0.0]))

@@ -1,0 +1,66 @@
+"""What a lesson needs, as small as it can be: a drive through the box world, tiny weights, a plan of a few steps."""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import torch
+
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData, FineTuningPlan
+from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.weights_file import save_weights
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.training.fine_tuning_data import ProgressReporter
+from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
+from ltvn_core.types import Observation
+from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
+from tests.core.network.tiny_data import SMALL, tiny_drive, tiny_shard
+from tests.core.training_data.example_drive import observations_at, poses_along
+from tests.viz.session_harness import SessionHarness
+
+PLAN = FineTuningPlan(
+    Hyperparameters(groups=4, confusions=1, hard=6, random=4, rate=1e-3),
+    minutes=None,
+    steps=3,
+    minings=1,
+    validation_pairs=60,
+    validation_far=60,
+)
+
+
+@lru_cache
+def drive() -> tuple[Observation, ...]:
+    """Return images of a drive, with frame numbers that no robot of a test comes to."""
+    poses = poses_along((1.0, 1.0), (3.2, 1.0), (3.2, 3.3), (6.5, 3.3), (6.5, 1.0))
+    return tuple(replace(seen, step=seen.step + 100_000) for seen in observations_at(poses, exact=list(poses)))
+
+
+def simulated(drive: TrajectoryPairs, on_progress: ProgressReporter) -> FineTuningData:
+    """Add tiny simulated data at once."""
+    on_progress(0.5, "looking at boxes")
+    return FineTuningData(drive, [tiny_shard()], [tiny_shard("b")], [tiny_drive()])
+
+
+TUNER = BackgroundFineTuning(PLAN, simulated)
+
+
+def tiny_weights(folder: Path) -> Path:
+    """Write weights that know nothing."""
+    torch.manual_seed(0)
+    save_weights(PairNetwork(SMALL), folder / "start.safetensors")
+    return folder / "start.safetensors"
+
+
+def show_drive(harness: SessionHarness) -> None:
+    """Let the map have the images of the drive at hand."""
+    harness.state.live_map.load(TopologicalGraph(), drive())
+
+
+def record_drive(path: Path, images: int | None = None) -> Path:
+    """Write a recording of the drive, or of its first images."""
+    with RecordingWriter(path, scene="box", config={}, fingerprint="") as writer:
+        for seen in drive()[:images]:
+            writer.frame(seen)
+    return path

@@ -38,7 +38,8 @@ def _as_in_paper(group: str) -> Callable[[Method], Method]:
     """Return what sets one group of thresholds to the paper's; limits and measured constants are nobody's departure."""
 
     def plain(method: Method) -> Method:
-        own, paper = getattr(method, group), getattr(PAPER, group)
+        own = getattr(method, group)
+        paper = getattr(PAPER, group)
         kept = {field.name: getattr(own, field.name) for field in fields(own) if field.name in _KEPT_FIELDS}
         return replace(method, **{group: replace(paper, **kept)})
 

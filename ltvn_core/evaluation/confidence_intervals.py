@@ -63,7 +63,8 @@ def estimates(samples: Sequence[SampleGroup], minus: Sequence[SampleGroup] | Non
     The interval is never surer than one over single cases would be. Raises ValueError if there is no group, or one
     without cases.
     """
-    mean, spreads = _mean(samples), (_between(samples), _within(samples))
+    mean = _mean(samples)
+    spreads = (_between(samples), _within(samples))
     if minus is not None:
         mean = mean - _mean(minus)
         spreads = spreads[0].plus(_between(minus)), spreads[1].plus(_within(minus))

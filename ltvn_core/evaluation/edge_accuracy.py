@@ -62,7 +62,8 @@ def edge_accuracy(
 
     Raises MapError where a node has no exact pose. Takes O(N) searches of the map around each node.
     """
-    spurious, edges = frozenset(truth.spurious(graph)), graph.edges
+    spurious = frozenset(truth.spurious(graph))
+    edges = graph.edges
     pairs = tuple(_neighbours(graph, truth, near))
     apart = [pair for pair in pairs if (pair.source, pair.target) not in edges]
     missing = [pair for pair in _with_paths(graph, apart, detour * near) if pair.path > detour * pair.distance]
@@ -84,7 +85,7 @@ def _neighbours(graph: TopologicalGraph, truth: GroundTruth, near: float) -> Ite
     gaps = distance(relative(poses[first], poses[second]))
     drivable = is_drivable(truth.clearance, poses[first], poses[second])
     for k in np.flatnonzero((gaps < near) & drivable).tolist():
-        yield MissingEdge(nodes[first[k]], nodes[second[k]], float(gaps[k]), np.inf)
+        yield MissingEdge(source=nodes[first[k]], target=nodes[second[k]], distance=float(gaps[k]), path=np.inf)
 
 
 def _near_pairs(poses: Pose, near: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -108,4 +109,6 @@ def _with_paths(graph: TopologicalGraph, pairs: Sequence[MissingEdge], limit: fl
         lengths = dijkstra(costs, indices=[row[source] for source in part], limit=limit)
         for k, source in enumerate(part):
             for pair in by_source[source]:
-                yield MissingEdge(source, pair.target, pair.distance, float(lengths[k, row[pair.target]]))
+                yield MissingEdge(
+                    source=source, target=pair.target, distance=pair.distance, path=float(lengths[k, row[pair.target]])
+                )

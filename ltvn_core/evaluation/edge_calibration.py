@@ -64,7 +64,8 @@ def calibration_over_queries(
     events: Sequence[StampedEvent], truth: GroundTruth | None = None
 ) -> tuple[CalibrationPoint, ...]:
     """Return the calibration after each query that ended, over all attempts so far; linear in events."""
-    sums, points = _RunningSums(), []
+    sums = _RunningSums()
+    points = []
     for each in _attempts_and_query_ends(events, truth):
         if isinstance(each, CalibrationAttempt):
             sums.add(each)
@@ -89,7 +90,8 @@ class _RunningSums:
         self._square += (trial.p - trial.drivable) ** 2
 
     def point(self, end: StampedEvent) -> CalibrationPoint:
-        count, query = self.attempts, end.event.query if isinstance(end.event, QueryEnded) else 0
+        count = self.attempts
+        query = end.event.query if isinstance(end.event, QueryEnded) else 0
         arrived = self._arrived / self._known if self._known else None
         shares = self._p / count, self._succeeded / count, arrived, self._square / count
         return CalibrationPoint(query, Instant(end.step, end.stamp), count, *shares)
@@ -99,7 +101,8 @@ def _attempts_and_query_ends(
     events: Sequence[StampedEvent], truth: GroundTruth | None
 ) -> Iterator[CalibrationAttempt | StampedEvent]:
     """Yield each attempt, and each end of a query, in order."""
-    timeline, folding = Timeline.of(events), MapReplay()
+    timeline = Timeline.of(events)
+    folding = MapReplay()
     changes = {change.event: change for change in timeline.changes}
     for index, stamped in enumerate(timeline.events):
         event = stamped.event

@@ -61,10 +61,14 @@ class EdgeDriver:
         noise: OdometryNoise | None = None,
     ) -> None:
         """Start edges where drives to their source would end: off by one of `errors` (E, 3), in its frame."""
-        self._imaged_scene, self._predictor, self._rng, self._errors = imaged_scene, predictor, rng, errors
+        self._imaged_scene = imaged_scene
+        self._predictor = predictor
+        self._rng = rng
+        self._errors = errors
         short = replace(method.recovering, step_limit=_STEP_LIMIT, give_up_after_looks=_MAX_LOCALISATIONS)
         self._method = replace(method, maintain=False, recovering=short)
-        start, first_step = next(iter(imaged_scene.poses.values())), max(imaged_scene.poses) + 1
+        start = next(iter(imaged_scene.poses.values()))
+        first_step = max(imaged_scene.poses) + 1
         self._robot = SimulatedRobot(
             imaged_scene.scene, imaged_scene.camera, start=start, rng=rng, odometry_noise=noise, first_step=first_step
         )
@@ -94,28 +98,33 @@ class EdgeDriver:
 
     def _attempted(self, edge: EdgeProposal, end: AttemptEnded) -> MeasuredAttempt:
         arrived = judge_goal_reached(0, self._robot.exact_pose, self._imaged_scene.poses[edge.target]).reached
-        return MeasuredAttempt(edge, end.succeeded, arrived, end.end, end.reason)
+        return MeasuredAttempt(edge=edge, succeeded=end.succeeded, arrived=arrived, end=end.end, reason=end.reason)
 
     def _map(self, edge: EdgeProposal, goal: FrameId) -> list[GraphDelta]:
         """Return a map of the edge and of one that leads on, so that the edge's end is not the goal.
 
         At a goal the navigator would look twice and not drive the last edge when it seems to be there already.
         """
-        believing, nodes = self._method.believing, (edge.source, edge.target, goal)
+        believing = self._method.believing
+        nodes = (edge.source, edge.target, goal)
         belief = initial_belief(edge.reachability, 1.0, believing)
-        onward = Edge(edge.target, goal, PoseRow(1.0, 0.0, 0.0), belief)
+        onward = Edge(source=edge.target, target=goal, waypoint=PoseRow(1.0, 0.0, 0.0), belief=belief)
         return [
             *(
                 NodeAdded(node_from_observation(self._imaged_scene.keyframes.observation(frame)), Cause.LOAD)
                 for frame in nodes
             ),
-            EdgeAdded(Edge(edge.source, edge.target, pose_row(edge.waypoint), belief), Cause.LOAD),
+            EdgeAdded(
+                Edge(source=edge.source, target=edge.target, waypoint=pose_row(edge.waypoint), belief=belief),
+                Cause.LOAD,
+            ),
             EdgeAdded(onward, Cause.LOAD),
         ]
 
     def _start(self, source: FrameId) -> Pose:
         """Return where a drive to `source` would have ended, (3,)."""
-        driving, exact = self._method.driving, self._imaged_scene.poses[source]
+        driving = self._method.driving
+        exact = self._imaged_scene.poses[source]
         for _ in range(_START_DRAWS if len(self._errors) else 0):
             tolerance = [driving.position_tolerance_m, driving.position_tolerance_m, driving.yaw_tolerance_rad]
             missed = self._rng.choice(self._errors) + self._rng.uniform(-1, 1, 3) * tolerance

@@ -45,7 +45,8 @@ class EdgeProposals:
 
     def __init__(self, drive: PredictedDrive, predictor: Predictor, method: Method) -> None:
         """Compare all pairs as the method would, but for temporal support, which is asked for one by one."""
-        self._drive, self._method = drive, method
+        self._drive = drive
+        self._method = method
         self._matcher = Matcher(predictor, drive.keyframes, method.matching)
         self._odometry_gate = OdometryGate(drive.observations, method.building)
         self._thresholds = OperatorThresholds.building(method.building)
@@ -91,8 +92,16 @@ class EdgeProposals:
     def _proposal(self, source: FrameId, target: FrameId) -> EdgeProposal:
         found = self._matcher.match(self._drive.keyframes.features([source]), (target,))
         found = self._matcher.with_mutual_support(found, source)
-        true, r = bool(self._true[source, target]), float(found.reachability[0])
-        return EdgeProposal(source, target, found.waypoints[0], r, true, self._connects(source, found))
+        true = bool(self._true[source, target])
+        r = float(found.reachability[0])
+        return EdgeProposal(
+            source=source,
+            target=target,
+            waypoint=found.waypoints[0],
+            reachability=r,
+            true=true,
+            connected=self._connects(source, found),
+        )
 
     def _connects(self, source: FrameId, found: Matches) -> bool:
         apart = not mergeable(found, self._thresholds).any()

@@ -44,11 +44,15 @@ class EpisodeRunner:
         """Load a map. Raises MapError where other weights made it."""
         loaded = load_map(map_file)
         check_fingerprint(loaded.meta, predictor.fingerprint)
-        self.scene, self.graph, self.keyframes = scene, loaded.graph, KeyframeStore(predictor)
+        self.scene = scene
+        self.graph = loaded.graph
+        self.keyframes = KeyframeStore(predictor)
         self.keyframes.add(list(loaded.observations.values()))
         self.truth = GroundTruth(scene.clearance, self.keyframes.observation)
         self.fingerprint = predictor.fingerprint
-        self._camera, self.predictor, self.system = open_renderer(scene), predictor, system
+        self._camera = open_renderer(scene)
+        self.predictor = predictor
+        self.system = system
         self.noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
         self._next_frame = max(self.keyframes.frames) + 1
 
@@ -56,7 +60,7 @@ class EpisodeRunner:
     def imaged_scene(self) -> ImagedScene:
         """Where single edges between the images of the map can be driven."""
         poses = {frame: self.truth.pose(frame) for frame in self.keyframes.frames}
-        return ImagedScene(self.scene, self._camera, self.keyframes, poses)
+        return ImagedScene(scene=self.scene, camera=self._camera, keyframes=self.keyframes, poses=poses)
 
     def run(
         self,
@@ -106,23 +110,24 @@ class EpisodeRunner:
         )
 
     def _result(self, plan: EpisodePlan, episode: Episode, classifier: FailureClassifier) -> EpisodeResult:
-        ended, judged = episode.ended, episode.judged
+        ended = episode.ended
+        judged = episode.judged
         # The criterion asks for the robot's own decision: standing there by chance when time runs out does not count.
         reached = judged.reached and ended.outcome is Outcome.ARRIVED
         return EpisodeResult(
-            ended.query,
-            plan.start,
-            plan.goal,
-            reached,
-            ended.outcome.value,
-            None if reached else classifier.failure(ended, judged),
-            None if reached else classifier.statistics.trigger,
-            ended.steps,
-            ended.collisions,
-            ended.path_m,
-            self._shortest(plan),
-            judged.position_error_m,
-            judged.yaw_error_rad,
+            episode=ended.query,
+            start=plan.start,
+            goal=plan.goal,
+            reached=reached,
+            outcome=ended.outcome.value,
+            failure=None if reached else classifier.failure(ended, judged),
+            trigger=None if reached else classifier.statistics.trigger,
+            steps=ended.steps,
+            collisions=ended.collisions,
+            path_m=ended.path_m,
+            shortest_m=self._shortest(plan),
+            position_error_m=judged.position_error_m,
+            yaw_error_rad=judged.yaw_error_rad,
         )
 
     def _without_goal(self, query: int, plan: EpisodePlan) -> EpisodeResult:

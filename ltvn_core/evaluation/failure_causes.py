@@ -52,7 +52,8 @@ class FailureClassifier:
 
     def __init__(self, truth: GroundTruth, graph: TopologicalGraph) -> None:
         """Watch a robot in `graph`, which may change on the way."""
-        self._truth, self._graph = truth, graph
+        self._truth = truth
+        self._graph = graph
         self._attribution = FailureAttribution()
         self._counts: Counter[str] = Counter()
         self._segment: EpisodeSegment | None = None
@@ -153,4 +154,5 @@ class FailureClassifier:
         if self._segment is not None:
             self._attribution.add(self._segment, end)
             self._trigger = self._segment.cause and (self._trigger or self._segment.cause)
-            self._last, self._segment = self._segment, None
+            self._last = self._segment
+            self._segment = None

@@ -27,10 +27,8 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
     failed = [episode.episode for episode in trial.episodes if not episode.reached][:count]
     missing = [number for number in failed if not files.failure(number).exists()]
     if missing:
-        runner, drawn = (
-            open_runner(plan, files, trial.queries),
-            prepare(plan, files).episodes(max(missing) + 1, plan.seed),
-        )
+        runner = open_runner(plan, files, trial.queries)
+        drawn = prepare(plan, files).episodes(max(missing) + 1, plan.seed)
         for number in missing:
             _record(plan, files, runner, trial, drawn[number], number)
     return len(failed)

@@ -73,7 +73,7 @@ def missing_edge(graph: TopologicalGraph, truth: GroundTruth) -> Fault:
     if not edges or any({nodes[start], nodes[goal]} & set(key) for key in edges):
         raise MapError("This map has no passage that could be cut; choose a larger one.")
     cuts = tuple(EdgePruned(*key, Cause.LOAD) for key in edges)
-    return Fault(FaultKind.MISSING_EDGE, edges, cuts, nodes[start], nodes[goal])
+    return Fault(kind=FaultKind.MISSING_EDGE, edges=edges, deltas=cuts, start=nodes[start], goal=nodes[goal])
 
 
 def spurious_edge(
@@ -84,8 +84,10 @@ def spurious_edge(
     Both belong to one piece of the map. Raises MapError when no true way is longer than `detour_m`.
     """
     nodes = list(graph.nodes)
-    poses, pieces = truth.poses(nodes), _components(graph)
-    best, longest_m = None, detour_m
+    poses = truth.poses(nodes)
+    pieces = _components(graph)
+    best = None
+    longest_m = detour_m
     for row, pose in enumerate(poses):
         ahead = _is_ahead(relative(pose, poses))
         hidden = ahead & (truth.clearance.along(np.broadcast_to(pose[:2], (len(poses), 2)), poses[:, :2]) <= 0)
@@ -93,7 +95,8 @@ def spurious_edge(
         ways_m = truth.clearance.path_lengths(pose, poses[rows, :2])
         ways_m = np.where(np.isfinite(ways_m), ways_m, 0.0)
         if ways_m.max(initial=0.0) > longest_m:
-            best, longest_m = (row, int(rows[ways_m.argmax()])), float(ways_m.max())
+            best = (row, int(rows[ways_m.argmax()]))
+            longest_m = float(ways_m.max())
     if best is None:
         raise MapError("This map has no two nodes with a wall between them and a long way around; choose another map.")
     waypoint = relative(poses[best[0]], poses[best[1]])
@@ -113,16 +116,20 @@ def perceptual_alias(
     Compares all pairs: 327 nodes take ten seconds. Raises MapError without any.
     """
     nodes = list(graph.nodes)
-    poses, features = truth.poses(nodes), keyframes.features(nodes)
+    poses = truth.poses(nodes)
+    features = keyframes.features(nodes)
     first, second = _far_pairs(poses, _components(graph))
-    best, surest = None, 0.0
+    best = None
+    surest = 0.0
     for begin in range(0, len(first), _BATCH):
-        i, j = first[begin : begin + _BATCH], second[begin : begin + _BATCH]
+        i = first[begin : begin + _BATCH]
+        j = second[begin : begin + _BATCH]
         said = predictor.predict(features[i], features[j])
         score = np.where((distance(said.waypoints) < near) & (said.waypoints[:, 0] > 0), said.reachability, 0.0)
         top = int(score.argmax())
         if score[top] > surest:
-            best, surest = (int(i[top]), int(j[top]), said.waypoints[top]), float(score[top])
+            best = (int(i[top]), int(j[top]), said.waypoints[top])
+            surest = float(score[top])
     if best is None:
         raise MapError("The network tells all places of this map apart; choose another map or other weights.")
     return _fault_of_edge(FaultKind.PERCEPTUAL_ALIAS, nodes[best[0]], nodes[best[1]], best[2], surest, config)
@@ -132,10 +139,10 @@ def _fault_of_edge(
     kind: FaultKind, source: NodeId, target: NodeId, waypoint: Waypoint, p: float, config: BeliefConfig
 ) -> Fault:
     belief = initial_belief(p, float(distance(waypoint)), config)
-    there = Edge(source, target, pose_row(waypoint), belief)
-    back = Edge(target, source, pose_row(invert(waypoint)), belief)
+    there = Edge(source=source, target=target, waypoint=pose_row(waypoint), belief=belief)
+    back = Edge(source=target, target=source, waypoint=pose_row(invert(waypoint)), belief=belief)
     deltas = EdgeAdded(there, Cause.LOAD), EdgeAdded(back, Cause.LOAD)
-    return Fault(kind, ((source, target), (target, source)), deltas, source, target)
+    return Fault(kind=kind, edges=((source, target), (target, source)), deltas=deltas, start=source, goal=target)
 
 
 def _is_ahead(waypoints: Waypoint) -> NDArray[np.bool_]:

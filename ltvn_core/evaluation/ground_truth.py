@@ -141,7 +141,9 @@ def calibration_bins(graph: TopologicalGraph, truth: GroundTruth, bins: int = 10
     p = np.array([edge.belief.p for edge in graph.edges.values()], np.float64)
     drivable = np.array([edge not in spurious for edge in graph.edges], bool)
     return tuple(
-        EdgeCalibrationBin(cell.low, cell.high, cell.pairs, cell.predicted, cell.reachable)
+        EdgeCalibrationBin(
+            low=cell.low, high=cell.high, edges=cell.pairs, mean_p=cell.predicted, drivable=cell.reachable
+        )
         for cell in calibration_table(p, drivable, bins)
         if cell.predicted is not None and cell.reachable is not None
     )
@@ -149,7 +151,8 @@ def calibration_bins(graph: TopologicalGraph, truth: GroundTruth, bins: int = 10
 
 def floorplan(graph: TopologicalGraph, truth: GroundTruth) -> MapDrawing:
     """Return what a picture of a map over its scene needs; three digits do for that, and keep the file small."""
-    spurious, clearance = truth.spurious(graph), truth.clearance
+    spurious = truth.spurious(graph)
+    clearance = truth.clearance
     x_m, y_m = clearance.origin.tolist()
     fits = clearance.grid > MIN_CLEARANCE_M
     return MapDrawing(

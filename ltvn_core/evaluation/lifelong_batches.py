@@ -73,11 +73,9 @@ def run_query_batch(plan: TrialPlan, files: TrialFiles, first: int, count: int) 
     until = first + count
     if files.query_batch(first, until).exists() and files.map(until).exists():
         return count
-    started, runner, drive_truth = (
-        time.monotonic(),
-        open_runner(plan, files, first, maintain=True),
-        prepare(plan, files),
-    )
+    started = time.monotonic()
+    runner = open_runner(plan, files, first, maintain=True)
+    drive_truth = prepare(plan, files)
     driven = [_drive(plan, runner, drive_truth, query) for query in range(first, until)]
     if not files.map(until).exists():
         _save(plan, files, runner, first, until)
@@ -90,11 +88,15 @@ def run_query_batch(plan: TrialPlan, files: TrialFiles, first: int, count: int) 
 def _drive(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth, query: int) -> _DrivenQuery:
     """Drive one query from a random image of the mapping drive to a random node."""
     rng = np.random.default_rng([plan.seed, 5, query])
-    known, before = set(runner.graph.nodes), dict(runner.graph.edges)
-    episode, frame = _draw(runner, drive_truth, rng), _first_frame(plan, runner, drive_truth, query)
+    known = set(runner.graph.nodes)
+    before = dict(runner.graph.edges)
+    episode = _draw(runner, drive_truth, rng)
+    frame = _first_frame(plan, runner, drive_truth, query)
     result = runner.run(query, episode, rng, first_frame=frame)
-    graph, spurious = runner.graph, runner.truth.spurious(runner.graph)
-    pruned, added = before.keys() - graph.edges.keys(), graph.edges.keys() - before.keys()
+    graph = runner.graph
+    spurious = runner.truth.spurious(runner.graph)
+    pruned = before.keys() - graph.edges.keys()
+    added = graph.edges.keys() - before.keys()
     told = LifelongQuery(
         query=query,
         reached=result.reached,
@@ -118,7 +120,8 @@ def _draw(runner: EpisodeRunner, drive_truth: DriveGroundTruth, rng: np.random.G
     """Draw a start and a goal that is not reached there."""
     nodes = sorted(runner.graph.nodes)
     while True:
-        start, goal = int(rng.integers(len(drive_truth.frames))), nodes[int(rng.integers(len(nodes)))]
+        start = int(rng.integers(len(drive_truth.frames)))
+        goal = nodes[int(rng.integers(len(nodes)))]
         ends = np.array(drive_truth.poses[start]), runner.truth.pose(goal)
         if not judge_goal_reached(0, *ends).reached:
             return EpisodePlan(drive_truth.frames[start], goal, *(pose_row(end) for end in ends))

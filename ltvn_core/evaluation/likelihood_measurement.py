@@ -64,7 +64,9 @@ def measure_scene(
         for edges in (proposals.true_edges(rng), proposals.false_edges(rng)):
             tried.extend(_drive_some(robot, edges, attempts // 2, progress))
     attempted = tuple(each for each in tried if each is not None)
-    return SceneMeasurement(drive, proposals.edges(), attempted, len(tried) - len(attempted))
+    return SceneMeasurement(
+        drive=drive, edges=proposals.edges(), attempted=attempted, not_begun=len(tried) - len(attempted)
+    )
 
 
 def _drive_some(
@@ -115,7 +117,8 @@ def summarise_measurements(scenes: Sequence[SceneMeasurement], command: str) -> 
 def _errors(scene: SceneMeasurement) -> tuple[NDArray[np.float64], ...]:
     """Return (P,) position error, error of d, straight distance and overlap of all reachable pairs."""
     drive = scene.drive
-    true, predicted = drive.waypoints[drive.reachable], drive.predicted.waypoints[drive.reachable]
+    true = drive.waypoints[drive.reachable]
+    predicted = drive.predicted.waypoints[drive.reachable]
     error_m = np.hypot(*(predicted - true)[:, :2].T)
     straight_m = np.hypot(true[:, 0], true[:, 1])
     return error_m, distance(predicted) - distance(true), straight_m, drive.overlap[drive.reachable].astype(np.float64)

@@ -44,8 +44,8 @@ def map_layout(recording: Recording, *, at_s: float | None = None) -> MapLayout:
     title = recording.path.name if at_s is None else f"{recording.path.name} at {at_s:.1f} s"
     truth = recorded_ground_truth(recording, graph)
     if truth is not None:
-        return MapLayout(title, graph, floorplan(graph, truth), simulated=True)
-    return MapLayout(title, graph, _by_odometry(graph), simulated=False)
+        return MapLayout(title=title, graph=graph, plan=floorplan(graph, truth), simulated=True)
+    return MapLayout(title=title, graph=graph, plan=_by_odometry(graph), simulated=False)
 
 
 def recorded_ground_truth(recording: Recording, graph: TopologicalGraph) -> GroundTruth | None:
@@ -73,4 +73,4 @@ def _by_odometry(graph: TopologicalGraph) -> MapDrawing:
     nodes = tuple((name, pose.x_m, pose.y_m, pose.yaw_rad) for name, pose in poses)
     corner = np.array([row[1:3] for row in nodes]).min(axis=0)
     edges = tuple((*key, edge.belief.p, False) for key, edge in graph.edges.items())
-    return MapDrawing((float(corner[0]), float(corner[1])), 0.05, (), nodes, edges)
+    return MapDrawing(origin=(float(corner[0]), float(corner[1])), resolution_m=0.05, free=(), nodes=nodes, edges=edges)

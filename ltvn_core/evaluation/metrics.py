@@ -115,7 +115,8 @@ def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult])
     Where scenes, seeds, starts and goals are the same, the differences of single episodes are averaged, which leaves
     out what both have in common; else the two are held to be independent.
     """
-    samples, others = _samples(first), _samples(second)
+    samples = _samples(first)
+    others = _samples(second)
     paired = [_episode_keys(trial) for trial in _sorted(first)] == [_episode_keys(trial) for trial in _sorted(second)]
     if paired:
         both = zip(samples, others, strict=True)
@@ -123,7 +124,9 @@ def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult])
     else:
         found = estimates(samples, others)
     success, spl, collisions, steps, _ = found
-    return MethodDifference(success, spl, collisions, steps, paired)
+    return MethodDifference(
+        success_rate=success, spl=spl, collisions_per_episode=collisions, steps_per_episode=steps, paired=paired
+    )
 
 
 def _samples(trials: Sequence[TrialResult]) -> list[SampleGroup]:

@@ -47,7 +47,9 @@ class PredictedDrive:
     @property
     def imaged_scene(self) -> ImagedScene:
         """Where edges between the images can be driven."""
-        return ImagedScene(self.scene, self.camera, self.keyframes, dict(enumerate(self.poses)))
+        return ImagedScene(
+            scene=self.scene, camera=self.camera, keyframes=self.keyframes, poses=dict(enumerate(self.poses))
+        )
 
 
 def predict_drive(scene: "Scene", camera: Renderer, predictor: Predictor, poses: Pose) -> PredictedDrive:
@@ -64,18 +66,18 @@ def predict_drive(scene: "Scene", camera: Renderer, predictor: Predictor, poses:
     predicted = predict_pairs(predictor, keyframes.features(range(images)), first, second)
     square = (images, images)
     return PredictedDrive(
-        scene,
-        camera,
-        seen,
-        keyframes,
-        poses,
-        relative(poses[:, None], poses[None]),
-        labels.reachable.reshape(square),
-        labels.overlap.reshape(square),
-        Prediction(predicted.reachability.reshape(square), predicted.waypoints.reshape(*square, 3)),
+        scene=scene,
+        camera=camera,
+        observations=seen,
+        keyframes=keyframes,
+        poses=poses,
+        waypoints=relative(poses[:, None], poses[None]),
+        reachable=labels.reachable.reshape(square),
+        overlap=labels.overlap.reshape(square),
+        predicted=Prediction(predicted.reachability.reshape(square), predicted.waypoints.reshape(*square, 3)),
     )
 
 
 def _observe(camera: Renderer, pose: Pose, frame: int) -> Observation:
     rgb, depth = camera.render(pose, Intrinsics())
-    return Observation(rgb, depth, pose, frame * CONTROL_STEP_S, frame, pose)
+    return Observation(rgb=rgb, depth=depth, odometry=pose, stamp=frame * CONTROL_STEP_S, step=frame, exact_pose=pose)

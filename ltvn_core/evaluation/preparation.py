@@ -72,7 +72,8 @@ def _drive(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
     """Let a scripted person map the scene, with an odometer that errs."""
     if files.drive_truth.exists():
         return load_results(files.drive_truth, DriveGroundTruth)
-    protocol, rng = plan.protocol, np.random.default_rng([plan.seed, 0])
+    protocol = plan.protocol
+    rng = np.random.default_rng([plan.seed, 0])
     noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
     simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=noise)
     seen = list(drive_tour(simulation.robot, simulation.scene, rng, loops=protocol.loops))
@@ -84,10 +85,13 @@ def _drive(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
         ):
             for observation in seen:
                 writer.frame(observation)
-    frames, poses = [each.step for each in seen], np.array([each.exact_pose for each in seen])
+    frames = [each.step for each in seen]
+    poses = np.array([each.exact_pose for each in seen])
     goals = choose_goals(simulation.scene, frames, poses, protocol.goals, np.random.default_rng([plan.seed, 1]))
     rows = tuple(pose_row(pose) for pose in poses)
-    drive_truth = DriveGroundTruth(tuple(frames), rows, goals, simulation.robot.collisions)
+    drive_truth = DriveGroundTruth(
+        frames=tuple(frames), poses=rows, goals=goals, collisions=simulation.robot.collisions
+    )
     simulation.robot.close()
     save_results(files.drive_truth, drive_truth)
     return drive_truth
@@ -106,7 +110,8 @@ def _build(
     keyframes = KeyframeStore(predictor)
     rng = np.random.default_rng([plan.seed, 4])
     deltas = system.build(observations, keyframes, predictor, rng=rng, goals=drive_truth.goals)
-    graph, kept = TopologicalGraph(deltas), [keyframes.observation(frame) for frame in keyframes.frames]
+    graph = TopologicalGraph(deltas)
+    kept = [keyframes.observation(frame) for frame in keyframes.frames]
     config = {"verb": "evaluate", "system": system.name, "method": asdict(system.method)}
     save_map(files.map(), graph, kept, scene=scene.address, fingerprint=predictor.fingerprint, config=config)
 

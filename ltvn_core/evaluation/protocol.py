@@ -104,7 +104,8 @@ def draw_episodes(
         raise OptionError(f"The drive is too short: no image is farther than {_MIN_EPISODE_M:g} m from any goal.")
     episodes = list[EpisodePlan]()
     while len(episodes) < count:
-        start, goal = int(rng.integers(len(frames))), goals[int(rng.integers(len(goals)))]
+        start = int(rng.integers(len(frames)))
+        goal = goals[int(rng.integers(len(goals)))]
         ends = poses[start], poses[row[goal]]
         if np.hypot(*(ends[1] - ends[0])[:2]) > _MIN_EPISODE_M:
             episodes.append(EpisodePlan(frames[start], goal, *(pose_row(end) for end in ends)))

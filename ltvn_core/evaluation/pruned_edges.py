@@ -37,8 +37,16 @@ def bad_edges(runner: EpisodeRunner, pruned: Iterable[Edge], seed: int) -> set[E
 def _mostly_fails(runner: EpisodeRunner, edge: Edge, seed: int) -> bool:
     """Tell whether fewer than half of the tries arrive; an edge that no try began with is given the benefit."""
     rng = np.random.default_rng([seed, 6, edge.source, edge.target])
-    proposal = EdgeProposal(edge.source, edge.target, np.array(edge.waypoint), edge.belief.p, true=True, connected=True)
-    driven, arrived = 0, 0
+    proposal = EdgeProposal(
+        source=edge.source,
+        target=edge.target,
+        waypoint=np.array(edge.waypoint),
+        reachability=edge.belief.p,
+        true=True,
+        connected=True,
+    )
+    driven = 0
+    arrived = 0
     with closing(
         EdgeDriver(
             runner.imaged_scene, runner.predictor, runner.system.method, np.zeros((1, 3)), rng, noise=runner.noise

@@ -50,7 +50,8 @@ class EpisodeBatch:
 
 def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
     """Load the map after so many queries, with its scene and network."""
-    scene, weights = load_scene(plan.scene), finetuned_weights(plan, files)
+    scene = load_scene(plan.scene)
+    weights = finetuned_weights(plan, files)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, weights, scene, maintain=maintain)
     return EpisodeRunner(scene, files.map(queries), predictor, system, plan.protocol)
@@ -62,7 +63,8 @@ def run_episode_batch(
     """Run episodes, numbered from `first`, with the map after so many queries; return how many there were."""
     path = files.episodes(queries, first, first + len(episodes))
     if not path.exists():
-        started, runner = time.monotonic(), cached_runner(plan, files, queries)
+        started = time.monotonic()
+        runner = cached_runner(plan, files, queries)
         done = tuple(
             runner.run(number, episode, episode_rng(plan.seed, number))
             for number, episode in enumerate(episodes, first)
@@ -142,7 +144,8 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
     """Put the pieces together and look at the map."""
     paths = [files.episodes(queries, first, until) for first, until in _batch_ranges(episodes)]
     batches: list[EpisodeBatch] = [load_results(path, EpisodeBatch) for path in paths]
-    runner, drive_truth = cached_runner(plan, files, queries), prepare(plan, files)
+    runner = cached_runner(plan, files, queries)
+    drive_truth = prepare(plan, files)
     return TrialResult(
         scene=runner.scene.name,
         method=plan.system,

@@ -49,7 +49,8 @@ def align(source: Tensor, target: Tensor, weights: Tensor) -> PlanarMotion:
     """
     total = weights.sum(-1, keepdim=True) + 1e-6
     share = (weights / total)[..., None]
-    mean_source, mean_target = (share * source[..., :2]).sum(1), (share * target[..., :2]).sum(1)
+    mean_source = (share * source[..., :2]).sum(1)
+    mean_target = (share * target[..., :2]).sum(1)
     a, b = target[..., :2] - mean_target[:, None], source[..., :2] - mean_source[:, None]
     cos = (share[..., 0] * (a * b).sum(-1)).sum(-1) + 1e-4
     sin = (share[..., 0] * (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])).sum(-1)

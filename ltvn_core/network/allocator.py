@@ -9,7 +9,9 @@ import logging
 
 log = logging.getLogger(__name__)
 
-_TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3
+_TRIM_THRESHOLD = -1
+_TOP_PAD = -2
+_MMAP_THRESHOLD = -3
 """Names of glibc's mallopt(3)."""
 
 _LARGEST_ON_HEAP = 32 * 2**20

@@ -15,7 +15,8 @@ from ltvn_core.types import Intrinsics
 MEASURE_COUNT = 12
 """Numbers that `GeometricVerification` returns per pair."""
 
-ROBOT_LOW_M, ROBOT_HIGH_M = 0.06, 0.7
+ROBOT_LOW_M = 0.06
+ROBOT_HIGH_M = 0.7
 """Surfaces between these heights above the floor stand in a robot's way."""
 
 

@@ -85,12 +85,14 @@ def row_length(architecture: PairArchitecture) -> int:
 
 def place_columns(architecture: PairArchitecture) -> tuple[slice, slice]:
     """Return the columns of the place query and of the place key within a row."""
-    end, width = row_length(architecture), architecture.place
+    end = row_length(architecture)
+    width = architecture.place
     return slice(end - 2 * width, end - width), slice(end - width, end)
 
 
 def _shapes(architecture: PairArchitecture) -> tuple[tuple[int, ...], ...]:
-    tokens, size = architecture.token_count, architecture
+    tokens = architecture.token_count
+    size = architecture
     return (
         (tokens, size.descriptor),
         (tokens,),

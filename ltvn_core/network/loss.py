@@ -61,17 +61,18 @@ def true_correspondence(
     blind = (source.points[..., 0] <= 0)[..., None] | (target.points[..., 0] <= 0)[:, None]
     foreign = ~same_scene | (cos < _OPPOSITE_COS)
     apart = apart.masked_fill(blind | foreign[:, None, None], 1e3)
-    nearest_target, nearest_source = apart.min(2), apart.min(1)
+    nearest_target = apart.min(2)
+    nearest_source = apart.min(1)
     tolerance_source, tolerance_target = (0.05 + 0.07 * side.points[..., 0] for side in (source, target))
     tokens = torch.arange(apart.shape[1], device=apart.device)
     mutual = torch.gather(nearest_source.indices, 1, nearest_target.indices) == tokens
     pair, token = torch.nonzero(mutual & (nearest_target.values < tolerance_source), as_tuple=True)
     return TokenCorrespondence(
-        pair,
-        token,
-        nearest_target.indices[pair, token],
-        nearest_target.values > 2 * tolerance_source,
-        nearest_source.values > 2 * tolerance_target,
+        pair=pair,
+        source=token,
+        target=nearest_target.indices[pair, token],
+        unmatched_source=nearest_target.values > 2 * tolerance_source,
+        unmatched_target=nearest_source.values > 2 * tolerance_target,
     )
 
 

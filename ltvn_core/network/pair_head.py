@@ -145,7 +145,13 @@ class PairHead(nn.Module):
 def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched: Tensor) -> TokenMatching:
     """Return the matching in which strengths (P, T, T) compete with each side's "no match" (P, T)."""
     rows, columns = strength.sum(2) + row_unmatched, strength.sum(1) + column_unmatched
-    return TokenMatching(strength, rows, columns, row_unmatched, column_unmatched)
+    return TokenMatching(
+        strength=strength,
+        row_total=rows,
+        column_total=columns,
+        row_unmatched=row_unmatched,
+        column_unmatched=column_unmatched,
+    )
 
 
 def gather(mutual: Tensor, target: ImageFeatures) -> tuple[Tensor, Tensor]:

@@ -91,7 +91,8 @@ class NetworkPredictor:
 
     @torch.inference_mode()
     def _predict(self, sources: Features, targets: Features) -> Prediction:
-        reachability, waypoints = [np.empty(0)], [np.empty((0, 3))]
+        reachability = [np.empty(0)]
+        waypoints = [np.empty((0, 3))]
         for first in range(0, len(targets), _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
             rows = targets[part]

@@ -131,13 +131,13 @@ class BatchSampler:
         pairs.extend(across)
         keys = list(rows)
         return TrainingBatch(
-            np.stack([self.scenes[scene].rgb[image] for scene, image in keys]),
-            np.stack([self.scenes[scene].depth_mm[image] for scene, image in keys]),
-            np.stack([self.scenes[scene].poses[image] for scene, image in keys]),
-            np.array([scene for scene, _ in keys], np.intp),
-            np.array([rows[scene, source] for scene, source, _, _ in pairs], np.intp),
-            np.array([rows[scene, target] for scene, _, target, _ in pairs], np.intp),
-            np.array([reachable for *_, reachable in pairs], bool),
+            rgb=np.stack([self.scenes[scene].rgb[image] for scene, image in keys]),
+            depth_mm=np.stack([self.scenes[scene].depth_mm[image] for scene, image in keys]),
+            poses=np.stack([self.scenes[scene].poses[image] for scene, image in keys]),
+            scene=np.array([scene for scene, _ in keys], np.intp),
+            sources=np.array([rows[scene, source] for scene, source, _, _ in pairs], np.intp),
+            targets=np.array([rows[scene, target] for scene, _, target, _ in pairs], np.intp),
+            reachable=np.array([reachable for *_, reachable in pairs], bool),
         )
 
     def _choose(self, rng: np.random.Generator, scene: int, group: int, count: int) -> NDArray[np.intp]:

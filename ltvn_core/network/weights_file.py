@@ -110,7 +110,9 @@ def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
     """
     if not path.is_file():
         raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
-    card, fingerprint, target = read_card(path), weights_fingerprint(path), card_path(path)
+    card = read_card(path)
+    fingerprint = weights_fingerprint(path)
+    target = card_path(path)
     if card.setdefault("fingerprint", fingerprint) != fingerprint:
         raise WeightsError(f"{target}: belongs to {card['fingerprint']}, not to the weights beside it ({fingerprint}).")
     partial = target.with_suffix(".partial")

@@ -37,7 +37,8 @@ def fill_results_page(
     A page need not have all blocks. With a section, blocks and pictures are called `SECTION-NAME`.
     Raises OptionError for a page that is missing or has none of the blocks.
     """
-    prefix, text = f"{section}-" if section else "", _read(page)
+    prefix = f"{section}-" if section else ""
+    text = _read(page)
     wanted = [kind for kind in FIGURE_KINDS if _mark(f"{prefix}{kind}-pictures") in text]
     with documentation_style(palette):
         drawn = [figure for figure in figures_of(results, palette) if figure.kind in wanted]
@@ -53,7 +54,8 @@ def fill_results_page(
 
 def markdown_tables(results: EvaluationResults) -> dict[str, str]:
     """Return the tables of a page by name, in Markdown."""
-    rows, lifelong_groups = rows_of(results.trials), group_lifelong(results.lifelong)
+    rows = rows_of(results.trials)
+    lifelong_groups = group_lifelong(results.lifelong)
     tables = {
         "main": main_table(rows),
         "margins": margin_table(rows),

@@ -16,7 +16,8 @@ from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, 
 
 def figures_of(results: EvaluationResults, palette: FigurePalette) -> tuple[ReportFigure, ...]:
     """Return all pictures that the results allow, not yet drawn."""
-    rows, lifelong_groups = rows_of(results.trials), group_lifelong(results.lifelong)
+    rows = rows_of(results.trials)
+    lifelong_groups = group_lifelong(results.lifelong)
     return tuple(
         chain(_row_figures(rows, palette), _map_figures(rows, palette), _lifelong_figures(lifelong_groups, palette))
     )
@@ -30,20 +31,38 @@ def _row_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[
         if len({row.setup.finetuned for row in whole}) > 1:
             caption += " Rings: network as trained. Discs: after fine-tuning on the drive."
         yield ReportFigure(
-            "success", "success", "Success per scene and method", caption, partial(success, whole, palette)
+            kind="success",
+            name="success",
+            title="Success per scene and method",
+            caption=caption,
+            draw=partial(success, whole, palette),
         )
         caption = "Nodes and edges of the maps: mean of the map seeds, and from the smallest to the largest."
         yield ReportFigure(
-            "sizes", "sizes", "Nodes and edges per scene and method", caption, partial(size_figure, whole, palette)
+            kind="sizes",
+            name="sizes",
+            title="Nodes and edges per scene and method",
+            caption=caption,
+            draw=partial(size_figure, whole, palette),
         )
     if parts:
         caption = "Goals reached when single parts of the method are switched off, with 95 % intervals."
-        yield ReportFigure("success", "ablation", "What each part is worth", caption, partial(success, parts, palette))
+        yield ReportFigure(
+            kind="success",
+            name="ablation",
+            title="What each part is worth",
+            caption=caption,
+            draw=partial(success, parts, palette),
+        )
     if whole:
         over = rows_over_scenes(whole) or whole
         caption = "Share of the episodes that failed, by the one cause that each failure is put down to."
         yield ReportFigure(
-            "causes", "causes", "Causes of failure over all scenes", caption, partial(cause_figure, over, palette)
+            kind="causes",
+            name="causes",
+            title="Causes of failure over all scenes",
+            caption=caption,
+            draw=partial(cause_figure, over, palette),
         )
 
 
@@ -61,7 +80,11 @@ def _map_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[
             f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: edges that nobody can drive."
         )
         yield ReportFigure(
-            "floors", f"floors-{slug(scene_name(scene))}", title, caption, partial(map_figure, panels, palette)
+            kind="floors",
+            name=f"floors-{slug(scene_name(scene))}",
+            title=title,
+            caption=caption,
+            draw=partial(map_figure, panels, palette),
         )
 
 
@@ -74,16 +97,22 @@ def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigureP
             f"Goals reached with maintenance off, with 95 % interval{'; thin lines are single maps' * several}. "
             f"Below: edges added and pruned{', means of the runs' * several}; red are those that nobody can drive."
         )
-        yield ReportFigure("lifelong", f"lifelong-{name}", title, caption, partial(lifelong_figure, group, palette))
+        yield ReportFigure(
+            kind="lifelong",
+            name=f"lifelong-{name}",
+            title=title,
+            caption=caption,
+            draw=partial(lifelong_figure, group, palette),
+        )
         yield from _before_and_after(group, name, palette)
     if any(point.calibration for group in lifelong_groups for run in group.runs for point in run.points):
         caption = "A point on the dashed line means: of edges with this p, just that share can be driven."
         yield ReportFigure(
-            "calibration",
-            "calibration",
-            "Can p be believed?",
-            caption,
-            partial(edge_calibration_figure, lifelong_groups, palette),
+            kind="calibration",
+            name="calibration",
+            title="Can p be believed?",
+            caption=caption,
+            draw=partial(edge_calibration_figure, lifelong_groups, palette),
         )
 
 
@@ -94,7 +123,9 @@ def _before_and_after(group: LifelongGroup, name: str, palette: FigurePalette) -
     panels = [MapPanel(f"after {point.queries:,} queries", point.trial) for point in (first, last)]
     caption = f"Map seed {group.runs[0].seed}, before and after maintenance. Red crosses: edges that nobody can drive."
     title = f"The map of {scene_name(group.scene)} before and after"
-    yield ReportFigure("lifelong", f"map-{name}", title, caption, partial(map_figure, panels, palette))
+    yield ReportFigure(
+        kind="lifelong", name=f"map-{name}", title=title, caption=caption, draw=partial(map_figure, panels, palette)
+    )
 
 
 def _ablated_scenes(rows: Sequence[ResultRow]) -> set[str]:

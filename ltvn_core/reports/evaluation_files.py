@@ -18,7 +18,8 @@ from ltvn_core.reports.failure_gallery import FailureRow
 from ltvn_core.reports.failure_moment import moment_s
 from ltvn_core.reports.result_rows import setup_of
 
-TRIALS, LIFELONG = "*.trial.json", "*.lifelong.json"
+TRIALS = "*.trial.json"
+LIFELONG = "*.lifelong.json"
 _Result = TypeVar("_Result", TrialResult, LifelongResult)
 
 
@@ -104,7 +105,9 @@ def _failures(path: Path, trial: TrialResult) -> Iterator[FailureRow]:
     for episode in trial.episodes:
         if not episode.reached:
             recording = files.failure(episode.episode)
-            yield FailureRow(trial, episode, drive=files.drive, recording=recording if recording.exists() else None)
+            yield FailureRow(
+                trial=trial, episode=episode, drive=files.drive, recording=recording if recording.exists() else None
+            )
 
 
 def _illustrated(row: FailureRow) -> FailureRow:

@@ -37,7 +37,8 @@ def render_page(
 
     Raises OptionError for a picture of the gallery that is none.
     """
-    rows, lifelong_groups = rows_of(results.trials), group_lifelong(results.lifelong)
+    rows = rows_of(results.trials)
+    lifelong_groups = group_lifelong(results.lifelong)
     with documentation_style(palette):
         pictures = [(picture, Markup(inline_svg(picture, palette))) for picture in figures_of(results, palette)]
     return _template(folder).render(

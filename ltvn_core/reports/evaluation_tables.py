@@ -49,7 +49,7 @@ def main_table(rows: Sequence[ResultRow]) -> ReportTable:
         for row in chain(rows_over_scenes(rows), rows)
     )
     caption = "Goals reached with 95 % interval. SPL, collisions and steps are means over the episodes."
-    return ReportTable(caption, (*head, "episodes", "seeds"), tuple(body), 3)
+    return ReportTable(caption=caption, head=(*head, "episodes", "seeds"), rows=tuple(body), words=3)
 
 
 def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
@@ -66,7 +66,7 @@ def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
         "Differences with 95 % interval, episode by episode where both methods drove the same ones. "
         "Nodes and edges: as a share of the other method's."
     )
-    return ReportTable(caption, head, body, 3)
+    return ReportTable(caption=caption, head=head, rows=body, words=3)
 
 
 def size_table(rows: Sequence[ResultRow]) -> ReportTable:
@@ -80,7 +80,7 @@ def size_table(rows: Sequence[ResultRow]) -> ReportTable:
         )
         for row in rows
     )
-    return ReportTable("Means over the map seeds.", head, tuple(body), 3)
+    return ReportTable(caption="Means over the map seeds.", head=head, rows=tuple(body), words=3)
 
 
 def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
@@ -94,7 +94,7 @@ def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
         )
         for row in chain(rows_over_scenes(rows), rows)
     )
-    return ReportTable("Share of all episodes.", head, tuple(body), 3)
+    return ReportTable(caption="Share of all episodes.", head=head, rows=tuple(body), words=3)
 
 
 def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
@@ -116,7 +116,7 @@ def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
         "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "
         "The gap of p is its mean calibration error."
     )
-    return ReportTable(caption, (*head, "added", "pruned (bad)", "seeds"), body, 2)
+    return ReportTable(caption=caption, head=(*head, "added", "pruned (bad)", "seeds"), rows=body, words=2)
 
 
 def run_table(results: EvaluationResults) -> ReportTable:
@@ -124,7 +124,7 @@ def run_table(results: EvaluationResults) -> ReportTable:
     head = ("scene", "method", "network", "seed", "weights", "version", "command")
     body = [(*_stage_of(trial), str(trial.seed), *_origin(trial)) for trial in results.trials]
     body += [_lifelong_run(result) for result in results.lifelong if result.points]
-    return ReportTable("What makes each result again.", head, tuple(body), 7)
+    return ReportTable(caption="What makes each result again.", head=head, rows=tuple(body), words=7)
 
 
 def percent(number: float, digits: int = 1) -> str:
@@ -147,7 +147,8 @@ def _lifelong_lines(group: LifelongGroup) -> Iterable[tuple[str, ...]]:
 
 def _margin(row: ResultRow, other: ResultRow) -> tuple[str, ...]:
     found = compare_methods(row.trials, other.trials)
-    points, spl = found.success_rate, found.spl
+    points = found.success_rate
+    spl = found.spl
     sizes = [(row.metrics.nodes, other.metrics.nodes), (row.metrics.edges, other.metrics.edges)]
     return (
         *(row.setup.method, other.setup.method, row.setup.stage),
@@ -180,7 +181,8 @@ def _origin(trial: TrialResult) -> tuple[str, str, str]:
 
 
 def _lifelong_run(result: LifelongResult) -> tuple[str, ...]:
-    trial, queries = result.points[0].trial, f"{len(result.queries):,} queries"
+    trial = result.points[0].trial
+    queries = f"{len(result.queries):,} queries"
     return (*_stage_of(trial)[:2], queries, str(result.seed), trial.fingerprint, result.version, result.command)
 
 

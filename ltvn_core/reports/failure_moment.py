@@ -45,7 +45,8 @@ def _tells(stamped: StampedEvent, failure: FailureCause | None) -> bool:
 
 def _beginning_s(recording: Recording, events: list[StampedEvent]) -> float:
     """Return when driving began; images of a map that was loaded are older."""
-    first, poses = events[0], recording.poses
+    first = events[0]
+    poses = recording.poses
     loaded = isinstance(first.event, GraphChanged) and first.event.delta.cause is Cause.LOAD
     stamps = poses.stamps[poses.steps > first.step] if loaded else poses.stamps
     return float(np.min(stamps, initial=np.inf)) if len(stamps) else first.stamp

@@ -85,7 +85,8 @@ def _smaller(png: bytes) -> bytes:
     for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
         if len(png) <= MAX_BYTES:
             break
-        buffer, size = io.BytesIO(), (round(whole.width * scale), round(whole.height * scale))
+        buffer = io.BytesIO()
+        size = (round(whole.width * scale), round(whole.height * scale))
         scaled = whole if scale == 1 else whole.resize(size, Image.Resampling.LANCZOS)
         scaled.quantize(colours, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
         png = buffer.getvalue()

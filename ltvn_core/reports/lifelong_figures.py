@@ -86,7 +86,8 @@ def _success(axes: Axes, group: LifelongGroup, palette: FigurePalette) -> None:
 def _changes(axes: Axes, group: LifelongGroup, palette: FigurePalette) -> None:
     """Draw bars of added edges upwards and of pruned ones downwards, the bad part of either darker."""
     for interval in maintenance_intervals(group):
-        middle, width = (interval.first + interval.until) / 2, 0.72 * (interval.until - interval.first)
+        middle = (interval.first + interval.until) / 2
+        width = 0.72 * (interval.until - interval.first)
         axes.bar(middle, interval.added_edges, width=width, color=palette.first, alpha=0.75)
         axes.bar(middle, interval.added_spurious, width=width, color=_BAD)
         axes.bar(middle, -interval.pruned, width=width, color=palette.second, alpha=0.75)

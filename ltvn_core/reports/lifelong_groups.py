@@ -95,7 +95,12 @@ def _interval(group: LifelongGroup, first: int, until: int) -> MaintenanceInterv
         return sum(getattr(query, name) for query in queries) / max(len(runs), 1)
 
     return MaintenanceInterval(
-        first, until, mean("pruned"), mean("pruned_bad"), mean("added_edges"), mean("added_spurious")
+        first=first,
+        until=until,
+        pruned=mean("pruned"),
+        pruned_bad=mean("pruned_bad"),
+        added_edges=mean("added_edges"),
+        added_spurious=mean("added_spurious"),
     )
 
 
@@ -103,4 +108,4 @@ def _added_up(cells: Sequence[EdgeCalibrationBin]) -> EdgeCalibrationBin:
     edges = sum(cell.edges for cell in cells)
     mean_p = sum(cell.edges * cell.mean_p for cell in cells) / edges
     drivable = sum(cell.edges * cell.drivable for cell in cells) / edges
-    return EdgeCalibrationBin(cells[0].low, cells[0].high, edges, mean_p, drivable)
+    return EdgeCalibrationBin(low=cells[0].low, high=cells[0].high, edges=edges, mean_p=mean_p, drivable=drivable)

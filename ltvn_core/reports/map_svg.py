@@ -118,7 +118,8 @@ def _nodes(drawn: MapLayout) -> Iterator[str]:
     graph = drawn.graph
     for node, x, y, yaw in drawn.plan.nodes:
         tip = x + _YAW_M * math.cos(yaw), -y - _YAW_M * math.sin(yaw)
-        out, back = len(graph.successors(node)), len(graph.predecessors(node))
+        out = len(graph.successors(node))
+        back = len(graph.predecessors(node))
         said = f"node {node} at {x:.2f} m, {y:.2f} m, {math.degrees(yaw):.0f} degrees; {out} edges out, {back} in"
         yield (
             f'<g class="n"><path d="M{x:.3f} {-y:.3f}L{tip[0]:.3f} {tip[1]:.3f}"/>'

@@ -25,7 +25,9 @@ def success(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
     axes = figure.subplots()
     columns = _Columns(rows, palette)
     for row in rows:
-        x, colour, fill = columns.place(row), columns.colour(row), columns.fill(row)
+        x = columns.place(row)
+        colour = columns.colour(row)
+        fill = columns.fill(row)
         axes.plot([x, x], [row.success.low, row.success.high], color=colour, linewidth=2.4, alpha=0.55, zorder=2)
         axes.plot(x, row.success.mean, "o", color=colour, markerfacecolor=fill, markersize=7.5, zorder=3)
     columns.finish(axes)
@@ -41,7 +43,9 @@ def size_figure(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
     for axes, what in zip(figure.subplots(2, 1, sharex=True), ("nodes", "edges"), strict=True):
         for row in rows:
             counts = [getattr(trial.map, what) for trial in row.trials]
-            x, colour, fill = columns.place(row), columns.colour(row), columns.fill(row)
+            x = columns.place(row)
+            colour = columns.colour(row)
+            fill = columns.fill(row)
             axes.plot([x, x], [min(counts), max(counts)], color=colour, linewidth=2.4, alpha=0.55, zorder=2)
             axes.plot(x, np.mean(counts), "o", color=colour, markerfacecolor=fill, markersize=7.5, zorder=3)
         axes.set(yscale="log", ylabel=what)
@@ -87,7 +91,8 @@ class _Columns:
         self.palette = palette
 
     def place(self, row: ResultRow) -> float:
-        number, count = self.methods.index(row.setup.method), len(self.methods)
+        number = self.methods.index(row.setup.method)
+        count = len(self.methods)
         step = 0.78 / count
         beside = (0.22 if row.setup.finetuned else -0.22) * step if self.both else 0.0
         return self.scenes.index(row.setup.scene) + (number - (count - 1) / 2) * step + beside

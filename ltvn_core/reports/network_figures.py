@@ -28,11 +28,9 @@ def draw_network_figures(
     A network of another family is drawn as the shipped one.
     """
     size = predictor.architecture
-    rng, said, driven = (
-        np.random.default_rng(0),
-        predict_labelled_pairs(predictor, shards),
-        predict_drive_pairs(predictor, drives),
-    )
+    rng = np.random.default_rng(0)
+    said = predict_labelled_pairs(predictor, shards)
+    driven = predict_drive_pairs(predictor, drives)
     with documentation_style(palette):
         figures = {
             "reachable": pair_gallery(reachable_rows(shards, rng), palette),

@@ -62,7 +62,8 @@ def predict_labelled_pairs(predictor: Predictor, shards: Sequence[Shard]) -> Pai
 
 def predict_drive_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) -> DrivePredictions:
     """Ask about all near and all far ordered pairs of drives, each pair by itself."""
-    near, far = [], []
+    near = []
+    far = []
     for drive in drives:
         features = encode_images(predictor, drive.rgb, drive.depth_mm)
         near.append(predict_pairs(predictor, features, *np.nonzero(drive.near)).reachability)

@@ -12,7 +12,8 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from ltvn_core.network.architecture import PairArchitecture
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 
-_WIDTH, _HEIGHT = 1.75, 0.95
+_WIDTH = 1.75
+_HEIGHT = 0.95
 """Size of a box, in units of the drawing."""
 
 

@@ -17,7 +17,8 @@ from ltvn_core.training_data.failure_explanations import limits_from_recipe
 def network_blocks(card: Mapping[str, Any]) -> dict[str, str]:
     """Return the page's blocks by name. Raises WeightsError if the card lacks what they show."""
     try:
-        measured, trained = card["measured"], card["trained_on"]
+        measured = card["measured"]
+        trained = card["trained_on"]
         return {
             "figures": _figures(measured) + _further(card),
             "limits": _limits(trained["recipe"]),
@@ -43,14 +44,16 @@ def fill_blocks(page: Path, content: Mapping[str, str]) -> None:
 
 
 def _filled(text: str, name: str, block: str, page: Path) -> str:
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    begin = f"<!-- {name}: begin -->"
+    end = f"<!-- {name}: end -->"
     if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
         raise OptionError(f"{page}: needs the lines {begin} and {end}, once and in this order.")
     return f"{text[: text.index(begin)]}{begin}\n{block}\n{text[text.index(end) :]}"
 
 
 def _figures(measured: Mapping[str, Any]) -> str:
-    near, drives = measured["pairs"], measured["drive_pairs"]
+    near = measured["pairs"]
+    drives = measured["drive_pairs"]
     keys = list(dict.fromkeys([*near, *drives]))
     rows = [(_name(key), format_metric(near.get(key, "–")), format_metric(drives.get(key, "–"))) for key in keys]
     rest = [(_name(key), "–", format_metric(number)) for key, number in measured["drives"].items()]

@@ -87,7 +87,13 @@ def setup_of(trial: TrialResult) -> TrialSetup:
         name = f"{name} without {', '.join(without)}"
     if asked_the_truth := trial.fingerprint == "oracle":
         name = f"{name} with the oracle"
-    return TrialSetup(trial.scene, name, trial.finetuned, trial.queries, bool(without) or asked_the_truth)
+    return TrialSetup(
+        scene=trial.scene,
+        method=name,
+        finetuned=trial.finetuned,
+        queries=trial.queries,
+        ablated=bool(without) or asked_the_truth,
+    )
 
 
 def scene_name(scene: str) -> str:

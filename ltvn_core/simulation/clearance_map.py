@@ -59,7 +59,8 @@ class ClearanceMap:
         """Return the metres from points (..., 2) to the nearest obstacle, 0 within one; shape (...)."""
         x, y = self._grid_coordinates(xy)
         column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-        right, up = x - column, y - row
+        right = x - column
+        up = y - row
         grid = self.grid
         low = grid[row, column] * (1 - right) + grid[row, column + 1] * right
         high = grid[row + 1, column] * (1 - right) + grid[row + 1, column + 1] * right
@@ -163,8 +164,11 @@ class ClearanceMap:
 
     @cached_property
     def _graph(self) -> csr_array:
-        numbers, count = self._numbers, len(self._centres)
-        sources, targets, metres = [], [], []
+        numbers = self._numbers
+        count = len(self._centres)
+        sources = []
+        targets = []
+        metres = []
         for down, right in _MOVES:
             source, target = _shifted(numbers, down, right)
             linked = (source >= 0) & (target >= 0)

@@ -69,7 +69,8 @@ class DriveLease:
             self.cancel()
             raise
         with self._lock:
-            self._twist, self._ends_s = bounded, self._clock() + self._valid_s
+            self._twist = bounded
+            self._ends_s = self._clock() + self._valid_s
 
     def cancel(self) -> None:
         """Stand still from now on, until the next grant."""

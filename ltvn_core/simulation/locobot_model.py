@@ -101,7 +101,10 @@ def _tower() -> list[PaintedMesh]:
 
 def _arm() -> list[PaintedMesh]:
     """The arm on the upper deck, folded so that it stays inside the footprint and below the camera."""
-    shoulder, elbow, wrist, tip = (0.07, 0, 0.375), (-0.015, 0, 0.475), (0.1, 0, 0.425), (0.135, 0, 0.41)
+    shoulder = (0.07, 0, 0.375)
+    elbow = (-0.015, 0, 0.475)
+    wrist = (0.1, 0, 0.425)
+    tip = (0.135, 0, 0.41)
     joints = [("orange", _cylinder(0.017, 0.062, joint, axis="y")) for joint in (shoulder, elbow, wrist)]
     fingers = [("red", _link((0.14, side * 0.018, 0.408), (0.168, side * 0.012, 0.396), 0.006)) for side in (-1, 1)]
     return [

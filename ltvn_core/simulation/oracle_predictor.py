@@ -14,7 +14,8 @@ from ltvn_core.geometry import relative
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.types import Features, Intrinsics, Observation, Pose, Prediction, Waypoint
 
-REACHABLE, UNREACHABLE = 0.97, 0.03
+REACHABLE = 0.97
+UNREACHABLE = 0.03
 """What the oracle answers; never quite sure, because beliefs of 0 and 1 could not be revised."""
 
 LIKELIHOODS = Likelihoods(0.98, 0.02, 1e-4)

@@ -108,7 +108,13 @@ def _generate(name: str) -> Scene:
     grown = generate_apartment(recipe.seed, recipe.area_m2)
     plan = grown.plan
     area_m2 = round(plan.width * plan.depth, 2)
-    return Scene(name, area_m2, plan.rooms, ClearanceMap(grown.blocked, grown.origin), grown.surfaces)
+    return Scene(
+        name=name,
+        area_m2=area_m2,
+        rooms=plan.rooms,
+        clearance=ClearanceMap(grown.blocked, grown.origin),
+        surfaces=grown.surfaces,
+    )
 
 
 def _write_cache(scene: Scene, path: Path) -> None:
@@ -157,17 +163,17 @@ def _read_cache(name: str, path: Path) -> Scene | None:
             kinds = [*RoomKind]
             edges = zip(cached["room_kinds"].tolist(), cached["room_edges"].tolist(), strict=True)
             return Scene(
-                name,
-                float(cached["area"]),
-                tuple(Room(kinds[kind], *corners) for kind, corners in edges),
-                ClearanceMap(cached["blocked"], cached["origin"]),
-                Surfaces(
-                    cached["vertices"],
-                    cached["faces"],
-                    cached["corner_uv"],
-                    cached["face_texture"],
-                    cached["overhead"],
-                    textures,
+                name=name,
+                area_m2=float(cached["area"]),
+                rooms=tuple(Room(kinds[kind], *corners) for kind, corners in edges),
+                clearance=ClearanceMap(cached["blocked"], cached["origin"]),
+                surfaces=Surfaces(
+                    vertices=cached["vertices"],
+                    faces=cached["faces"],
+                    corner_uv=cached["corner_uv"],
+                    face_texture=cached["face_texture"],
+                    overhead=cached["overhead"],
+                    textures=textures,
                 ),
             )
     except FileNotFoundError:

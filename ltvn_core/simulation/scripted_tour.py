@@ -62,7 +62,8 @@ class _Driver:
 
     def __init__(self, robot: SimulatedRobot, clearance: ClearanceMap, settings: TourSettings) -> None:
         self.settings = settings
-        self._robot, self._clearance = robot, clearance
+        self._robot = robot
+        self._clearance = clearance
         self._last_capture_odometry: Pose | None = None
 
     def drive_to(self, goal: NDArray[np.float64]) -> Iterator[Observation]:
@@ -79,7 +80,8 @@ class _Driver:
 
     def spin(self, direction: float) -> Iterator[Observation]:
         """Turn right round on the spot, counter-clockwise for +1."""
-        turned, yaw = 0.0, self._robot.exact_pose[2]
+        turned = 0.0
+        yaw = self._robot.exact_pose[2]
         while turned < 2 * np.pi:
             yield from self._hold(Twist(0.0, direction), 1)
             turned += abs(float(wrap_angle(self._robot.exact_pose[2] - yaw)))
@@ -97,7 +99,9 @@ class _Driver:
         yield self._robot.observe()
 
     def _follow(self, path: NDArray[np.float64]) -> Iterator[Observation]:
-        settings, collisions_before, ahead = self.settings, self._robot.collisions, 0
+        settings = self.settings
+        collisions_before = self._robot.collisions
+        ahead = 0
         length = float(np.hypot(*np.diff(path, axis=0).T).sum())
         for _ in range(int(settings.timeout_factor * (length / settings.speed_m_s + 6) / CONTROL_STEP_S)):
             pose = self._robot.exact_pose
@@ -140,7 +144,8 @@ def _roomy_cells(
     points = clearance.origin + (rows_columns[:, ::-1] + 0.5) * clearance.resolution_m
     x0, y0, x1, y1 = edges
     inside = (points[:, 0] > x0) & (points[:, 0] < x1) & (points[:, 1] > y0) & (points[:, 1] < y1)
-    points, room_m = points[inside], clearance.grid[tuple(rows_columns[inside].T)]
+    points = points[inside]
+    room_m = clearance.grid[tuple(rows_columns[inside].T)]
     if len(points) == 0:
         return points
     return points[room_m >= min(wished_m, room_m.max() - 0.02)]
@@ -150,7 +155,9 @@ def _round_trip(
     stops: Sequence[NDArray[np.float64]], start: NDArray[np.float64], rng: np.random.Generator
 ) -> list[NDArray[np.float64]]:
     """Order the stops, each time taking a near one next, with some whim."""
-    left, order, here = list(stops), [], start
+    left = list(stops)
+    order = []
+    here = start
     while left:
         distances = [np.hypot(*(stop - here)) * rng.uniform(0.7, 1.5) for stop in left]
         here = left.pop(int(np.argmin(distances)))

@@ -64,7 +64,8 @@ class SimulatedRobot:
         self._collision_counter = _CollisionCounter()
         self._ticks = first_step * _TICKS_PER_STEP
         self._owed_ticks = 0.0
-        self._step, self._ticks_in_step = first_step, 0
+        self._step = first_step
+        self._ticks_in_step = 0
         self._observation: Observation | None = None
 
     @property
@@ -110,13 +111,22 @@ class SimulatedRobot:
 
     def state(self) -> RobotState:
         """Feel the body without looking."""
-        return RobotState(self._odometer.pose, self.stamp, self._step, self._collision_counter.now)
+        return RobotState(
+            odometry=self._odometer.pose, stamp=self.stamp, step=self._step, bumper_pressed=self._collision_counter.now
+        )
 
     def observe(self) -> Observation:
         """Take a picture, or return the one already taken in this control step."""
         if self._observation is None or self._observation.step != self._step:
             rgb, depth = self.render(Intrinsics())
-            self._observation = Observation(rgb, depth, self._odometer.pose, self.stamp, self._step, self.exact_pose)
+            self._observation = Observation(
+                rgb=rgb,
+                depth=depth,
+                odometry=self._odometer.pose,
+                stamp=self.stamp,
+                step=self._step,
+                exact_pose=self.exact_pose,
+            )
         return self._observation
 
     def render(self, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
@@ -144,7 +154,8 @@ class SimulatedRobot:
         self._world.place(pose)
         self._odometer.restart(pose)
         self._collision_counter.reset()
-        self._step, self._ticks_in_step = self._step + 1, 0
+        self._step += 1
+        self._ticks_in_step = 0
 
     def close(self) -> None:
         """Free the physics engine; closing twice is fine."""
@@ -164,7 +175,8 @@ class SimulatedRobot:
         self._ticks += 1
         self._ticks_in_step += 1
         if self._ticks_in_step == _TICKS_PER_STEP:
-            self._step, self._ticks_in_step = self._step + 1, 0
+            self._step += 1
+            self._ticks_in_step = 0
 
 
 class _CollisionCounter:

@@ -36,10 +36,10 @@ class Surfaces:
     def only(self, keep: NDArray[np.bool_]) -> "Surfaces":
         """Keep the faces where `keep` (F,) is true; vertices and textures stay."""
         return Surfaces(
-            self.vertices,
-            self.faces[keep],
-            self.corner_uv[keep],
-            self.face_texture[keep],
-            self.overhead[keep],
-            self.textures,
+            vertices=self.vertices,
+            faces=self.faces[keep],
+            corner_uv=self.corner_uv[keep],
+            face_texture=self.face_texture[keep],
+            overhead=self.overhead[keep],
+            textures=self.textures,
         )

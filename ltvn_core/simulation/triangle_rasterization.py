@@ -56,7 +56,8 @@ def clip_to_heights(triangles: Triangles, low_m: float, high_m: float) -> Triang
     cut = near[~whole]
     for height, up in ((low_m, 1.0), (high_m, -1.0)):
         if len(cut) and np.isfinite(height):
-            corners, faces = cut.reshape(-1, 3), np.arange(3 * len(cut)).reshape(-1, 3)
+            corners = cut.reshape(-1, 3)
+            faces = np.arange(3 * len(cut)).reshape(-1, 3)
             sliced = trimesh.intersections.slice_faces_plane(corners, faces, [0, 0, up], [0, 0, height])
             cut = np.asarray(sliced[0])[np.asarray(sliced[1])].reshape(-1, 3, 3)
     return np.concatenate([near[whole], cut])

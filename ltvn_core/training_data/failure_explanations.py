@@ -58,7 +58,8 @@ def _text(criterion: FailedCriteria, pair: LabelledPair, limits: ReachabilityLim
         case FailedCriteria.DISTANCE:
             return f"{pair.distance_m:.2f} m apart, at most {limits.distance_m:.2f} m are allowed"
         case FailedCriteria.YAW:
-            turn, most = abs(degrees(pair.waypoint[2])), degrees(limits.yaw_rad)
+            turn = abs(degrees(pair.waypoint[2]))
+            most = degrees(limits.yaw_rad)
             return f"turned by {turn:.0f}°, at most {most:.0f}° are allowed"
         case FailedCriteria.VISIBILITY:
             return _visibility_text(pair)

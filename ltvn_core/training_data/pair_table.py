@@ -88,18 +88,19 @@ class PairTable:
     def pair(self, row: int) -> LabelledPair:
         """Return one pair with its images."""
         shard = self.shard
-        i, j = int(shard.sources[row]), int(shard.targets[row])
+        i = int(shard.sources[row])
+        j = int(shard.targets[row])
         return LabelledPair(
-            shard.name,
-            i,
-            j,
-            shard.rgb[i],
-            shard.depth_mm[i] / np.float32(1000),
-            shard.rgb[j],
-            shard.depth_mm[j] / np.float32(1000),
-            self.waypoints[row],
-            bool(shard.reachable[row]),
-            FailedCriteria(int(shard.failed[row])),
-            float(shard.overlap[row]),
-            float(shard.path_ratio[row]),
+            scene=shard.name,
+            source=i,
+            target=j,
+            source_rgb=shard.rgb[i],
+            source_depth=shard.depth_mm[i] / np.float32(1000),
+            target_rgb=shard.rgb[j],
+            target_depth=shard.depth_mm[j] / np.float32(1000),
+            waypoint=self.waypoints[row],
+            reachable=bool(shard.reachable[row]),
+            failed=FailedCriteria(int(shard.failed[row])),
+            overlap=float(shard.overlap[row]),
+            path_ratio=float(shard.path_ratio[row]),
         )

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from ltvn_core.types import Intrinsics, Waypoint
 
-LOW_M, HIGH_M = 0.1, 0.9
+LOW_M = 0.1
+HIGH_M = 0.9
 """What stands between these heights above the floor is in the robot's way."""
 
 _STEP = 3
@@ -30,7 +31,8 @@ def clearance_from_depth(
     height = ((camera.height / 2 - rows) / camera.focal_px)[:, None].astype(np.float32) * depth + camera.height_m
     ends = waypoints[:, :2].astype(np.float32)
     length = np.maximum((ends**2).sum(1), 1e-6)
-    ahead_x, ahead_y = ends[:, 0, None, None], ends[:, 1, None, None]
+    ahead_x = ends[:, 0, None, None]
+    ahead_y = ends[:, 1, None, None]
     along = np.clip((depth * ahead_x + left * ahead_y) / length[:, None, None], 0, 1)
     beside = np.hypot(depth - along * ahead_x, left - along * ahead_y)
     in_the_way = (depth > 0) & (height > LOW_M) & (height < HIGH_M)

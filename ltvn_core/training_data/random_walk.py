@@ -96,7 +96,8 @@ def random_walk(floor: FreeSpace, rng: np.random.Generator, count: int, policy: 
 
 def _bounce(floor: FreeSpace, rng: np.random.Generator, pose: Pose, policy: RandomPolicy) -> list[Pose]:
     """Turn to one side until the way ahead is free, at most right round."""
-    side, poses = int(rng.choice([-1, 1])), [pose]
+    side = int(rng.choice([-1, 1]))
+    poses = [pose]
     while len(poses) * policy.turn_rad < 2 * np.pi:
         poses.append(compose(poses[-1], _step(rng, side, policy)))
         if _is_free_ahead(floor, poses[-1], policy):

@@ -13,7 +13,8 @@ from ltvn_core.types import Intrinsics, Pose, Waypoint
 POINT_STEP = 3
 """Overlap looks at every third pixel of a row and of a column."""
 
-_HORIZON_ABOVE_PX, _HORIZON_BELOW_PX = 3, 10
+_HORIZON_ABOVE_PX = 3
+_HORIZON_BELOW_PX = 10
 """A camera standing at the target would appear in these rows about the horizon; its mast hangs below."""
 
 

@@ -82,10 +82,12 @@ def label_poses(
     Reachable means: near, turned little, the target's place visible ahead (or underfoot), enough overlap, a feasible
     path hardly longer than the straight line, and that line wide enough for the robot.
     """
-    limits, camera = limits or ReachabilityLimits(), camera or Intrinsics()
+    limits = limits or ReachabilityLimits()
+    camera = camera or Intrinsics()
     waypoints = relative(sources, targets)
     failed = _failures_without_overlap(waypoints, source_depth, limits, camera)
-    shared, ratio = np.full(len(waypoints), np.nan), np.full(len(waypoints), np.nan)
+    shared = np.full(len(waypoints), np.nan)
+    ratio = np.full(len(waypoints), np.nan)
     rows = np.flatnonzero(failed == 0)
     shared[rows] = reachability_criteria.overlap(waypoints[rows], source_depth[rows], target_depth[rows], camera)
     failed[rows] |= np.where(shared[rows] > limits.overlap, 0, FailedCriteria.OVERLAP).astype(np.uint8)

@@ -117,12 +117,11 @@ def make_shard(world: DatasetScene, recipe: DatasetRecipe) -> Shard:
     rng = np.random.default_rng([recipe.seed, zlib.crc32(world.name.encode())])
     clusters = cluster_poses(world.floor, rng, recipe.clusters, recipe.sampling)
     size = recipe.sampling.size
-    poses, group = clusters.reshape(-1, 3), np.repeat(np.arange(len(clusters), dtype=np.int32), size)
+    poses = clusters.reshape(-1, 3)
+    group = np.repeat(np.arange(len(clusters), dtype=np.int32), size)
     rgb, depth_mm = render_poses(world.camera, poses)
-    near, negatives = (
-        cluster_pairs(len(clusters), size),
-        hard_negative_pairs(rng, poses, group, rgb, depth_mm, recipe.strangers * len(clusters)),
-    )
+    near = cluster_pairs(len(clusters), size)
+    negatives = hard_negative_pairs(rng, poses, group, rgb, depth_mm, recipe.strangers * len(clusters))
     sources, targets = (np.concatenate(ends) for ends in zip(near, negatives, strict=True))
     labels = label_image_pairs(world, poses, depth_mm, sources, targets, recipe.limits)
     cameras = recipe.cameras.draw(rng, len(clusters))
@@ -172,7 +171,9 @@ def label_image_pairs(
     """Label pairs of images in pieces of bounded memory."""
     parts = []
     for first in range(0, len(sources), _PAIRS_AT_ONCE):
-        i, j = sources[first : first + _PAIRS_AT_ONCE], targets[first : first + _PAIRS_AT_ONCE]
-        seen_i, seen_j = depth_mm[i] / np.float32(1000), depth_mm[j] / np.float32(1000)
+        i = sources[first : first + _PAIRS_AT_ONCE]
+        j = targets[first : first + _PAIRS_AT_ONCE]
+        seen_i = depth_mm[i] / np.float32(1000)
+        seen_j = depth_mm[j] / np.float32(1000)
         parts.append(label_poses(poses[i], poses[j], seen_i, seen_j, world.floor, limits=limits))
     return PairLabels(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

@@ -106,7 +106,8 @@ def read_recipe(path: Path) -> str | None:
 
 def _check_arrays(shard: Shard, path: Path) -> None:
     """Refuse arrays that do not belong together, as another program might write them."""
-    count, pairs = len(shard.poses), len(shard.sources)
+    count = len(shard.poses)
+    pairs = len(shard.sources)
     size = (IMAGE_HEIGHT, IMAGE_WIDTH)
     if shard.rgb.shape != (count, *size, 3) or shard.depth_mm.shape != (count, *size):
         raise DatasetError(

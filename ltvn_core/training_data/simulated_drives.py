@@ -83,7 +83,8 @@ def _classify_targets(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return near and far (N,) for the pairs whose source is image i."""
     waypoints = relative(np.broadcast_to(poses[i], poses.shape), poses)
-    distance, turn = np.hypot(waypoints[:, 0], waypoints[:, 1]), np.abs(waypoints[:, 2])
+    distance = np.hypot(waypoints[:, 0], waypoints[:, 1])
+    turn = np.abs(waypoints[:, 2])
     ahead = np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < Intrinsics().horizontal_fov_rad / 2
     far = (distance > classes.far_m) | (turn > classes.far_rad)
     rows = np.flatnonzero(~far)

@@ -17,7 +17,9 @@ from ltvn_core.training_data.reachability_labels import ReachabilityLimits
 from ltvn_core.training_data.trajectory import Trajectory
 from ltvn_core.types import Pose, Waypoint
 
-REACHABLE, UNREACHABLE, UNKNOWN = 1, 0, -1
+REACHABLE = 1
+UNREACHABLE = 0
+UNKNOWN = -1
 
 _PAIRS_AT_ONCE = 4096
 _MOST_PAIRS = 80_000
@@ -148,18 +150,24 @@ class TrajectoryPairs:
 
 def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Generator) -> TrajectoryPairs:
     """Label all pairs of a drive that are at most H images apart, and leave out the unknown ones."""
-    count, horizon = len(trajectory.poses), rule.horizon
+    count = len(trajectory.poses)
+    horizon = rule.horizon
     sources = np.repeat(np.arange(count), 2 * horizon + 1)
     targets = sources + np.tile(np.arange(-horizon, horizon + 1), count)
     inside = (targets >= 0) & (targets < count) & (targets != sources)
     rows = np.flatnonzero(inside)
     if len(rows) > _MOST_PAIRS:
         rows = np.sort(rng.choice(rows, _MOST_PAIRS, replace=False))
-    i, j = sources[rows], targets[rows]
+    i = sources[rows]
+    j = targets[rows]
     labels = rule.labels(trajectory, i, j, rng)
     known = labels != UNKNOWN
     return TrajectoryPairs(
-        trajectory, rule, i[known].astype(np.int32), j[known].astype(np.int32), labels[known] == REACHABLE
+        trajectory=trajectory,
+        rule=rule,
+        sources=i[known].astype(np.int32),
+        targets=j[known].astype(np.int32),
+        reachable=labels[known] == REACHABLE,
     )
 
 
@@ -201,11 +209,13 @@ def _passed_and_failed(
     trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which pairs (P,) pass every test, and which fail one by more than its margin."""
-    limits, camera = rule.limits, trajectory.camera
+    limits = rule.limits
+    camera = trajectory.camera
     waypoints = relative(trajectory.poses[sources], trajectory.poses[targets])
     here = trajectory.depth_mm[sources] / np.float32(1000)
     there = trajectory.depth_mm[targets] / np.float32(1000)
-    straight, turn = reachability_criteria.straight_m(waypoints), np.abs(waypoints[:, 2])
+    straight = reachability_criteria.straight_m(waypoints)
+    turn = np.abs(waypoints[:, 2])
     shared = reachability_criteria.overlap(waypoints, here, there, camera)
     free = clearance_from_depth(waypoints, here, camera)
     passed = (straight < limits.distance_m) & (turn < limits.yaw_rad) & (shared > limits.overlap)

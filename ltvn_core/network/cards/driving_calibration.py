@@ -63,7 +63,8 @@ def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
     can never settle the matter. Raises WeightsError where a success speaks against an edge, for Eq. 3 would then prune
     what can be driven.
     """
-    there, not_there = measured.success_if_reachable.shrunk, measured.success_if_not.shrunk
+    there = measured.success_if_reachable.shrunk
+    not_there = measured.success_if_not.shrunk
     if there <= not_there:
         raise WeightsError(
             f"Edges that exist were driven with success less often ({there:.2f}) than edges that do not "

@@ -42,7 +42,10 @@ def calibration_table(
     """Sort predictions (N,) in [0, 1] and truth (N,) into equal bins."""
     edges = np.linspace(0, 1, bins + 1).tolist()
     rows = [(low, high, reachability[inside], reachable[inside]) for low, high, inside in _inside(edges, reachability)]
-    return tuple(CalibrationBin(low, high, len(r), _mean(r), _or_none(share(truth))) for low, high, r, truth in rows)
+    return tuple(
+        CalibrationBin(low=low, high=high, pairs=len(r), predicted=_mean(r), reachable=_or_none(share(truth)))
+        for low, high, r, truth in rows
+    )
 
 
 def error_table(

@@ -41,14 +41,16 @@ def measure_speed(network: AnyNetwork, *, images: int = 64, repeats: int = 3) ->
 
 
 def _noise(images: int) -> list[Observation]:
-    rng, nowhere, shape = np.random.default_rng(0), np.zeros(3), (IMAGE_HEIGHT, IMAGE_WIDTH)
+    rng = np.random.default_rng(0)
+    nowhere = np.zeros(3)
+    shape = (IMAGE_HEIGHT, IMAGE_WIDTH)
     return [
         Observation(
-            rng.integers(0, 256, (*shape, 3), dtype=np.uint8),
-            rng.uniform(0, _FARTHEST_M, shape).astype(np.float32),
-            nowhere,
-            0.0,
-            step,
+            rgb=rng.integers(0, 256, (*shape, 3), dtype=np.uint8),
+            depth=rng.uniform(0, _FARTHEST_M, shape).astype(np.float32),
+            odometry=nowhere,
+            stamp=0.0,
+            step=step,
         )
         for step in range(images)
     ]

@@ -40,12 +40,15 @@ def evaluate_pairs(
     predictor: Predictor, scenes: Sequence[SceneExamples], rng: np.random.Generator, *, limit: int | None = None
 ) -> PairMetrics:
     """Judge a predictor on labelled pairs, on `limit` of each scene drawn at random if that is given."""
-    predictions, reachable, true = [], [], []
+    predictions = []
+    reachable = []
+    true = []
     for scene in scenes:
         pairs = np.arange(len(scene.sources))
         if limit is not None and limit < len(pairs):
             pairs = np.sort(rng.choice(pairs, limit, replace=False))
-        i, j = scene.sources[pairs], scene.targets[pairs]
+        i = scene.sources[pairs]
+        j = scene.targets[pairs]
         used, rows = np.unique(np.concatenate([i, j]), return_inverse=True)
         features = encode_images(predictor, scene.rgb[used], scene.depth_mm[used])
         predictions.append(predict_pairs(predictor, features, rows[: len(i)], rows[len(i) :]))
@@ -62,7 +65,8 @@ def evaluate_drives(
 
     Where `limit` is given, only so many far pairs of each drive, drawn at random, are looked at.
     """
-    near, far = [], []
+    near = []
+    far = []
     for drive in drives:
         features = encode_images(predictor, drive.rgb, drive.depth_mm)
         for mask, scores in ((drive.near, near), (drive.far, far)):
@@ -75,7 +79,11 @@ def evaluate_drives(
 
 def evaluate_all_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) -> tuple[PairMetrics, DriveMetrics]:
     """Judge a predictor on all ordered image pairs of drives, and on the near and the far ones among them."""
-    predictions, reachable, true, near, far = [], [], [], [], []
+    predictions = []
+    reachable = []
+    true = []
+    near = []
+    far = []
     for drive in drives:
         features = encode_images(predictor, drive.rgb, drive.depth_mm)
         i, j = np.nonzero(~np.eye(len(features), dtype=bool))
@@ -93,7 +101,15 @@ def subsample_drive(drive: LabelledDrive, *, every: int) -> LabelledDrive:
     """Return a drive of every so manieth image."""
     kept = slice(None, None, every)
     near, far, reachable = (pairs[kept, kept] for pairs in (drive.near, drive.far, drive.reachable))
-    return LabelledDrive(drive.name, drive.rgb[kept], drive.depth_mm[kept], near, far, drive.poses[kept], reachable)
+    return LabelledDrive(
+        name=drive.name,
+        rgb=drive.rgb[kept],
+        depth_mm=drive.depth_mm[kept],
+        near=near,
+        far=far,
+        poses=drive.poses[kept],
+        reachable=reachable,
+    )
 
 
 def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:
@@ -103,7 +119,11 @@ def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArra
     for first in range(0, len(rgb), 256):
         rows = range(first, min(first + 256, len(rgb)))
         metres = depth_mm[first : first + 256] / np.float32(1000)
-        parts.append(predictor.encode([Observation(rgb[k], metres[k - first], nowhere, 0.0, k) for k in rows]))
+        parts.append(
+            predictor.encode(
+                [Observation(rgb=rgb[k], depth=metres[k - first], odometry=nowhere, stamp=0.0, step=k) for k in rows]
+            )
+        )
     return np.concatenate(parts)
 
 

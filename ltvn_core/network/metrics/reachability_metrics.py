@@ -59,7 +59,8 @@ def pair_metrics(
     true_waypoints: Waypoint,
 ) -> PairMetrics:
     """Judge predictions (N,), (N, 3) on labelled pairs."""
-    off, true = waypoints[reachable], true_waypoints[reachable]
+    off = waypoints[reachable]
+    true = true_waypoints[reachable]
     position = np.hypot(*(off - true)[:, :2].T)
     yaw = np.degrees(np.abs(wrap_angle(off[:, 2] - true[:, 2])))
     middle = (np.hypot(*true[:, :2].T) >= 1.0) & (np.hypot(*true[:, :2].T) <= 1.5)
@@ -91,7 +92,8 @@ def drive_metrics(near: NDArray[np.float64], far: NDArray[np.float64]) -> DriveM
 
 def auc(scores: NDArray[np.float64], positive: NDArray[np.bool_]) -> float:
     """Return the probability that a positive scores above a negative; nan if one kind is missing."""
-    positives, negatives = int(positive.sum()), int((~positive).sum())
+    positives = int(positive.sum())
+    negatives = int((~positive).sum())
     if positives == 0 or negatives == 0:
         return float("nan")
     return float((rankdata(scores)[positive].sum() - positives * (positives + 1) / 2) / (positives * negatives))

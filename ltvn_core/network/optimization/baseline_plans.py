@@ -31,7 +31,11 @@ def baseline_training_plan(
         seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=rate, warm_up=0.1, average=0.99
     )
     plan = TrainingPlan(
-        baseline_hyperparameters(baseline, learning), PairArchitecture(), minutes=minutes, validations=3, minings=0
+        learning=baseline_hyperparameters(baseline, learning),
+        architecture=PairArchitecture(),
+        minutes=minutes,
+        validations=3,
+        minings=0,
     )
     return plan if steps is None else replace(plan, minutes=None, steps=steps)
 

@@ -60,7 +60,8 @@ def restore_checkpoint(trainer: Trainer, path: Path) -> float:
         )
     trainer.network.load_state_dict(_part(tensors, "network."))
     trainer.average.load_state_dict(_part(tensors, "average."))
-    trainer.steps, trainer.pairs = int(metadata["steps"]), int(metadata["pairs"])
+    trainer.steps = int(metadata["steps"])
+    trainer.pairs = int(metadata["pairs"])
     trainer.confusions = [HardNegative(*row) for row in tensors["confusions"].tolist()]
     _restore_optimiser(trainer, _part(tensors, "optimiser."))
     return float(metadata["seconds"])

@@ -153,8 +153,12 @@ class _FineTuningRun:
         on_progress: Callable[[FineTuningProgress], None],
         cancelled: Event,
     ) -> None:
-        self.data, self.plan, self.on_progress, self.cancelled = data, plan, on_progress, cancelled
-        self.start, self.parent = load_weights(start), weights_fingerprint(start)
+        self.data = data
+        self.plan = plan
+        self.on_progress = on_progress
+        self.cancelled = cancelled
+        self.start = load_weights(start)
+        self.parent = weights_fingerprint(start)
         _require_same_run(folder / "run.json", {"parent": self.parent, "drive": trajectory_fingerprint(data.drive)})
         self.sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
         self.trainer = FineTuningTrainer(plan.learning, self.start)
@@ -175,13 +179,21 @@ class _FineTuningRun:
         calibrate_after_fine_tuning(network, self.data.drive, self.data.validation)
         after = self._judge(network, "after")
         return FineTuningResult(
-            network, self.parent, before, after, self.trainer.steps, self.trainer.pairs, self.elapsed_s
+            network=network,
+            parent=self.parent,
+            before=before,
+            after=after,
+            steps=self.trainer.steps,
+            pairs=self.trainer.pairs,
+            seconds=self.elapsed_s,
         )
 
     def _learn(self) -> bool:
         """Learn to the end and return True, or False if somebody cancelled."""
         precision = choose_precision(self.trainer.network)
-        start, saved, mined = time.monotonic() - self.elapsed_s, time.monotonic(), -1
+        start = time.monotonic() - self.elapsed_s
+        saved = time.monotonic()
+        mined = -1
         while (share := self._share()) < 1:
             if self.cancelled.is_set():
                 return False
@@ -205,7 +217,9 @@ class _FineTuningRun:
     def _mine(self, precision: MixedPrecision) -> None:
         """Search the drive, and one simulated scene, for far pairs that are called reachable."""
         rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, 2])
-        drive, network, number = self.data.drive, self.trainer.average, self.sampler.drive_number
+        drive = self.data.drive
+        network = self.trainer.average
+        number = self.sampler.drive_number
         rows = np.sort(rng.permutation(self.sampler.learnable)[:800])
         found = hard_negatives_among(network, precision, drive, number, rows, drive.far(rows, rows), rng)[:300]
         if self.data.scenes:
@@ -221,7 +235,8 @@ class _FineTuningRun:
         if not self.plan.judge:
             return None
         self._report(f"judging the weights {when}")
-        predictor, plan = NetworkPredictor(network, "in fine-tuning"), self.plan
+        predictor = NetworkPredictor(network, "in fine-tuning")
+        plan = self.plan
         rng = np.random.default_rng(0)
         return FineTuningMetrics(
             evaluate_trajectory(
@@ -235,7 +250,7 @@ class _FineTuningRun:
         save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
 
     def _report(self, doing: str) -> None:
-        self.on_progress(FineTuningProgress(self._share(), self.trainer.steps, self.loss, doing))
+        self.on_progress(FineTuningProgress(share=self._share(), steps=self.trainer.steps, loss=self.loss, doing=doing))
 
 
 def _require_same_run(path: Path, run: dict[str, str]) -> None:

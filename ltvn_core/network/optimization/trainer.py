@@ -35,7 +35,8 @@ class Trainer:
     """Network, average and optimiser; the n-th step is the same whether or not training was interrupted before."""
 
     def __init__(self, plan: Hyperparameters, size: AnyArchitecture | None = None, device: torch.device = CPU) -> None:
-        self.plan, self.device = plan, device
+        self.plan = plan
+        self.device = device
         torch.manual_seed(plan.seed)
         size = size or PairArchitecture()
         self.network = build_network(size).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]

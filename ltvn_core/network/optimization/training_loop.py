@@ -157,10 +157,14 @@ class _TrainingRun:
         distributed_context: DistributedContext,
         start: Path | None,
     ) -> None:
-        self.data, self.plan, self.folder, self.distributed_context = data, plan, folder, distributed_context
+        self.data = data
+        self.plan = plan
+        self.folder = folder
+        self.distributed_context = distributed_context
         self.sampler = BatchSampler(data.scenes, evened=plan.learning.evened)
         self.trainer = _create_trainer(plan, distributed_context, start)
-        self.checkpoint, self.best_path = folder / "checkpoint.safetensors", folder / "best.safetensors"
+        self.checkpoint = folder / "checkpoint.safetensors"
+        self.best_path = folder / "best.safetensors"
         self.elapsed_s = restore_checkpoint(self.trainer, self.checkpoint) if self.checkpoint.exists() else 0.0
         self.best = _read_best(folder)
         self.validations_without_improvement = 0
@@ -168,7 +172,8 @@ class _TrainingRun:
 
     def run(self) -> TrainingResult:
         precision = choose_precision(self.trainer.network)
-        start, saved = time.monotonic() - self.elapsed_s, time.monotonic()
+        start = time.monotonic() - self.elapsed_s
+        saved = time.monotonic()
         bar = tqdm(
             total=100.0,
             initial=round(100 * self.progress(), 1),
@@ -226,7 +231,8 @@ class _TrainingRun:
         rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, self.distributed_context.rank, 1])
         scenes = self.data.scenes
         for number in rng.choice(len(scenes), min(self.plan.mined_scenes, len(scenes)), replace=False):
-            scene, kept = scenes[int(number)], [c for c in self.trainer.confusions if c.scene != number]
+            scene = scenes[int(number)]
+            kept = [c for c in self.trainer.confusions if c.scene != number]
             found = mine_hard_negatives(
                 self.trainer.average, precision, scene, int(number), self.plan.learning.far, rng
             )
@@ -250,7 +256,8 @@ class _TrainingRun:
             self.scalars.add_metrics(found.steps, "pairs", asdict(found.pairs))
             self.scalars.add_metrics(found.steps, "drives", asdict(found.drives) if found.drives else {})
         if self.best is None or found.score > self.best.score:
-            self.best, self.validations_without_improvement = found, 0
+            self.best = found
+            self.validations_without_improvement = 0
             save_weights(self.trainer.average, self.best_path)
         else:
             self.validations_without_improvement += 1
@@ -280,7 +287,9 @@ class _TrainingRun:
             network = load_weights(self.best_path)
             calibrate_reachability(network, [(scene, np.arange(len(scene.sources))) for scene in self.data.validation])
             save_weights(network, weights)
-        return TrainingResult(weights, self.best, self.trainer.steps, self.trainer.pairs, self.elapsed_s)
+        return TrainingResult(
+            weights=weights, best=self.best, steps=self.trainer.steps, pairs=self.trainer.pairs, seconds=self.elapsed_s
+        )
 
 
 def _create_trainer(plan: TrainingPlan, distributed_context: DistributedContext, start: Path | None) -> Trainer:

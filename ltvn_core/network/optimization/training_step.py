@@ -24,18 +24,21 @@ class TrainingStep(nn.Module):
 
     def __init__(self, network: AnyNetwork, plan: Hyperparameters) -> None:
         super().__init__()
-        self.network, self.plan = network, plan
+        self.network = network
+        self.plan = plan
 
     def forward(
         self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, int]:
         """Return Eq. 1, all that is minimised, and the number of pairs."""
-        plan, device = self.plan, device_of(self.network)
+        plan = self.plan
+        device = device_of(self.network)
         features, mirrored = self._encode(batch, precision, rng, generator)
         sources, targets, reachable = self._pairs(batch, self.network.rough_logits(features).detach(), generator)
         true = batch.waypoints(sources.cpu().numpy(), targets.cpu().numpy())
         waypoints = to_tensor(true * [1, -1, -1] if mirrored else true, device).float()
-        source_features, target_features = features.take(sources), features.take(targets)
+        source_features = features.take(sources)
+        target_features = features.take(targets)
         output = precision.compare(self.network, source_features, target_features)
         loss = pair_loss(output.logit, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
         scene = to_tensor(batch.scene, device)
@@ -59,7 +62,8 @@ class TrainingStep(nn.Module):
 
     def _pairs(self, batch: TrainingBatch, rough: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """Return sources, targets and labels (P,) of the batch's pairs and of further far ones."""
-        device, far = rough.device, self._far(batch)
+        device = rough.device
+        far = self._far(batch)
         hard = sample_hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
         same_scene = to_tensor(batch.scene[:, None] == batch.scene[None, :], device)
         random = sample_hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)

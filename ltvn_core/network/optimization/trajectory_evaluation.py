@@ -31,7 +31,8 @@ def evaluate_trajectory(
     """Judge a predictor on up to so many near and far pairs of a drive."""
     features = encode_images(predictor, drive.rgb, drive.depth_mm)
     chosen = rng.permutation(len(drive.sources))[:near]
-    i, j = drive.sources[chosen].astype(np.intp), drive.targets[chosen].astype(np.intp)
+    i = drive.sources[chosen].astype(np.intp)
+    j = drive.targets[chosen].astype(np.intp)
     found = predict_pairs(predictor, features, i, j)
     reachable = drive.reachable[chosen]
     true = relative(drive.poses[i], drive.poses[j])

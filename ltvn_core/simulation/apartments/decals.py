@@ -50,10 +50,13 @@ def rug(rng: SeededRng) -> Rgb:
     """Return a carpet with a border and a figure."""
     column, row = pixel_grid()
     across, down = np.abs(column - TEXTURE_SIZE / 2 + 0.5), np.abs(row - TEXTURE_SIZE / 2 + 0.5)
-    square, round_, diamond = np.maximum(across, down), np.sqrt(across**2 + down**2), (across + down) * 0.8
+    square = np.maximum(across, down)
+    round_ = np.sqrt(across**2 + down**2)
+    diamond = (across + down) * 0.8
     image = np.broadcast_to(_any_colour(rng), (TEXTURE_SIZE, TEXTURE_SIZE, 3)).copy()
     for _ in range(5):
-        radius, width = rng.uniform(10, 118), rng.uniform(5, 22)
+        radius = rng.uniform(10, 118)
+        width = rng.uniform(5, 22)
         figure = rng.choice((square, square, round_, diamond))
         image[(figure > radius) & (figure < radius + width)] = _any_colour(rng)
     image[np.broadcast_to((square > 118) & ((column // 4) % 2 == 0), (TEXTURE_SIZE, TEXTURE_SIZE))] = _any_colour(rng)
@@ -63,7 +66,8 @@ def rug(rng: SeededRng) -> Rgb:
 def books(rng: SeededRng) -> Rgb:
     """Return the backs of a row of books on a dark shelf."""
     image = np.full((64, 128, 3), 32.0)
-    hue, left = rng.uniform(0, 1), 0
+    hue = rng.uniform(0, 1)
+    left = 0
     while left < 128:
         width, height = 3 + rng.index(7), 40 + rng.index(22)
         back = hsv_colour(hue + rng.uniform(-0.3, 0.3), rng.uniform(0.2, 0.9), rng.uniform(0.25, 0.95))
@@ -108,7 +112,9 @@ def _shapes(rng: SeededRng, size: int) -> ImageArray:
     hue = rng.uniform(0, 1)
     image = np.broadcast_to(hsv_colour(hue, rng.uniform(0.05, 0.5), 0.95), (size, size, 3)).copy()
     for _ in range(5 + rng.index(8)):
-        x, y, radius = rng.uniform(0, size), rng.uniform(0, size), rng.uniform(0.06, 0.3) * size
+        x = rng.uniform(0, size)
+        y = rng.uniform(0, size)
+        radius = rng.uniform(0.06, 0.3) * size
         if rng.chance(0.5):
             inside = (column - x) ** 2 + (row - y) ** 2 < radius**2
         else:
@@ -129,14 +135,16 @@ def _landscape(rng: SeededRng, size: int) -> ImageArray:
 
 
 def _marble(rng: SeededRng, size: int) -> ImageArray:
-    hue, mix = rng.uniform(0, 1), tiling_noise(rng, size)[..., None]
+    hue = rng.uniform(0, 1)
+    mix = tiling_noise(rng, size)[..., None]
     image = hsv_colour(hue, 0.8, 0.9) * mix + hsv_colour(hue + 0.4, 0.7, 0.4) * (1 - mix)
     image[tiling_noise(rng, size) > 0.62] = hsv_colour(hue + 0.2, 0.9, 0.95)
     return image
 
 
 def _bands(rng: SeededRng, size: int) -> ImageArray:
-    image, top = np.zeros((size, size, 3)), 0
+    image = np.zeros((size, size, 3))
+    top = 0
     hue = rng.uniform(0, 1)
     while top < size:
         height = 8 + rng.index(28)
@@ -147,7 +155,9 @@ def _bands(rng: SeededRng, size: int) -> ImageArray:
 
 def _rings(rng: SeededRng, size: int) -> ImageArray:
     column, row = pixel_grid(size)
-    x, y, width = rng.uniform(0.2, 0.8) * size, rng.uniform(0.2, 0.8) * size, rng.uniform(6, 16)
+    x = rng.uniform(0.2, 0.8) * size
+    y = rng.uniform(0.2, 0.8) * size
+    width = rng.uniform(6, 16)
     ring = np.sqrt((column - x) ** 2 + (row - y) ** 2) // width
     palette = np.array([_any_colour(rng) for _ in range(3)])
     return palette[ring.astype(np.intp) % 3]
@@ -167,7 +177,9 @@ def _bouquet(rng: SeededRng, size: int) -> ImageArray:
 
 def _city(rng: SeededRng, image: ImageArray) -> None:
     for _ in range(5 + rng.index(5)):
-        left, width, top = rng.index(TEXTURE_SIZE - 30), 22 + rng.index(45), 60 + rng.index(130)
+        left = rng.index(TEXTURE_SIZE - 30)
+        width = 22 + rng.index(45)
+        top = 60 + rng.index(130)
         house = hsv_colour(rng.uniform(0, 1), rng.uniform(0.05, 0.4), rng.uniform(0.4, 0.85))
         image[top:, left : left + width] = house
         image[top + 8 :: 16, left + 4 : left + width - 4] = house * 0.6
@@ -184,7 +196,9 @@ def _trees(rng: SeededRng, image: ImageArray) -> None:
     column, row = pixel_grid()
     image[int(TEXTURE_SIZE * 0.72) :] = hsv_colour(rng.uniform(0.22, 0.33), 0.5, 0.65)
     for _ in range(3 + rng.index(4)):
-        x, y, radius = rng.uniform(0, TEXTURE_SIZE), rng.uniform(90, 170), rng.uniform(26, 60)
+        x = rng.uniform(0, TEXTURE_SIZE)
+        y = rng.uniform(90, 170)
+        radius = rng.uniform(26, 60)
         image[y.__trunc__() :, max(int(x) - 5, 0) : int(x) + 5] = hsv_colour(0.07, 0.5, 0.35)
         leaves = (column - x) ** 2 + (row - y) ** 2 < (radius * (0.7 + 0.6 * tiling_noise(rng, octaves=3))) ** 2
         image[leaves] = hsv_colour(rng.uniform(0.2, 0.36), 0.6, rng.uniform(0.35, 0.65))

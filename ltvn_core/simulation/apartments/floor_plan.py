@@ -87,7 +87,7 @@ def generate_floor_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
         rooms = _assign_kinds(trial, layout)
         doorways = _draw_doorways(trial, rooms)
         if doorways is not None and min(room.shorter_side_m for room in rooms) >= 1.3:
-            return _mirrored(FloorPlan(width, depth, rooms, doorways), trial)
+            return _mirrored(FloorPlan(width=width, depth=depth, rooms=rooms, doorways=doorways), trial)
     return _row_of_rooms(rng, width, depth)
 
 
@@ -96,7 +96,7 @@ def _snap(metres: float) -> float:
 
 
 def _hall(x0: float, y0: float, x1: float, y1: float) -> Room:
-    return Room(RoomKind.HALL, _snap(x0), _snap(y0), _snap(x1), _snap(y1))
+    return Room(kind=RoomKind.HALL, x0=_snap(x0), y0=_snap(y0), x1=_snap(x1), y1=_snap(y1))
 
 
 def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
@@ -140,7 +140,8 @@ def _elbow(rng: SeededRng, width: float, depth: float) -> list[Room]:
     """A corridor with a corner, and three blocks of rooms around it."""
     corridor = rng.uniform_multiple(1.3, 1.6)
     low = _snap(max(2.7, depth * rng.uniform(0.36, 0.46)))
-    high, right = _snap(low + corridor), _snap(width * rng.uniform(0.5, 0.62))
+    high = _snap(low + corridor)
+    right = _snap(width * rng.uniform(0.5, 0.62))
     left = _snap(right - corridor)
     room_area_m2 = rng.uniform(10, 15)
     blocks = [_hall(0, 0, width, low), _hall(0, high, left, depth), _hall(right, low, width, depth)]
@@ -150,7 +151,8 @@ def _elbow(rng: SeededRng, width: float, depth: float) -> list[Room]:
 
 def _open(rng: SeededRng, width: float, depth: float) -> list[Room]:
     """A small entrance hall and rooms that lead into each other."""
-    deep, broad = rng.uniform_multiple(2.0, 3.0), rng.uniform_multiple(1.5, 2.0)
+    deep = rng.uniform_multiple(2.0, 3.0)
+    broad = rng.uniform_multiple(1.5, 2.0)
     at = _snap(width * rng.uniform(0.35, 0.6))
     blocks = [_hall(0, 0, at, depth), _hall(at, deep, width, depth), _hall(at + broad, 0, width, deep)]
     room_area_m2 = rng.uniform(12, 18)
@@ -205,7 +207,7 @@ def _common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
     ):
         for wall, other in ((p_high, q_low), (p_low, q_high)):
             if abs(wall - other) < 1e-6 and along[1] - along[0] > MIN_DOORWAY_M + 0.35:
-                return Doorway((a, b), axis, wall, along[0], along[1])
+                return Doorway(rooms=(a, b), axis=axis, wall=wall, low=along[0], high=along[1])
     return None
 
 
@@ -267,16 +269,21 @@ def _flipped(plan: FloorPlan, axis: int) -> FloorPlan:
 
 
 def _transposed(plan: FloorPlan) -> FloorPlan:
-    rooms = tuple(Room(room.kind, room.y0, room.x0, room.y1, room.x1) for room in plan.rooms)
+    rooms = tuple(Room(kind=room.kind, x0=room.y0, y0=room.x0, x1=room.y1, y1=room.x1) for room in plan.rooms)
     doorways = tuple(replace(door, axis=1 - door.axis) for door in plan.doorways)
-    return FloorPlan(plan.depth, plan.width, rooms, doorways)
+    return FloorPlan(width=plan.depth, depth=plan.width, rooms=rooms, doorways=doorways)
 
 
 def _row_of_rooms(rng: SeededRng, width: float, depth: float) -> FloorPlan:
     """Lay rooms side by side; always possible."""
     count = max(2, int(width // 3.2))
     edges = [_snap(width * i / count) for i in range(count + 1)]
-    layout = [Room(RoomKind.BEDROOM, edges[i], 0.0, edges[i + 1], depth) for i in range(count)]
+    layout = [Room(kind=RoomKind.BEDROOM, x0=edges[i], y0=0.0, x1=edges[i + 1], y1=depth) for i in range(count)]
     rooms = _assign_kinds(rng, layout)
     gaps = [_common_wall(rooms, i, i + 1) for i in range(count - 1)]
-    return FloorPlan(width, depth, rooms, tuple(_narrowed(rng, rooms, gap) for gap in gaps if gap is not None))
+    return FloorPlan(
+        width=width,
+        depth=depth,
+        rooms=rooms,
+        doorways=tuple(_narrowed(rng, rooms, gap) for gap in gaps if gap is not None),
+    )

@@ -120,7 +120,9 @@ def _high_table(c: FurnitureBuilder) -> None:
 
 
 def _shelf(c: FurnitureBuilder) -> None:
-    w, d, height = c.placement.width, c.placement.depth, c.rng.uniform(1.3, 2.1)
+    w = c.placement.width
+    d = c.placement.depth
+    height = c.rng.uniform(1.3, 2.1)
     c.box(c.wood, (0, -d / 2 + 0.02, 0), (w, 0.04, height))
     for side in (-1, 1):
         c.box(c.wood, (side * (w / 2 - 0.02), 0, 0), (0.04, d, height))
@@ -133,7 +135,9 @@ def _shelf(c: FurnitureBuilder) -> None:
 
 
 def _wardrobe(c: FurnitureBuilder) -> None:
-    w, d, height = c.placement.width, c.placement.depth, c.rng.uniform(1.9, 2.2)
+    w = c.placement.width
+    d = c.placement.depth
+    height = c.rng.uniform(1.9, 2.2)
     c.box(c.wood, (0, 0, 0), (w, d, height), tile_m=0.9)
     c.box(c.materials.dark, (0, d / 2, 0.1), (0.012, 0.006, height - 0.2))
     for side in (-1, 1):
@@ -237,20 +241,20 @@ def _basin(c: FurnitureBuilder) -> None:
 
 
 SOFA = FurnitureKind((1.6, 2.3), (0.85, 0.95), _sofa)
-ARMCHAIR = FurnitureKind((0.75, 0.9), (0.75, 0.85), _armchair, against_wall=False)
-LOW_TABLE = FurnitureKind((0.8, 1.2), (0.55, 0.7), _low_table, against_wall=False)
-HIGH_TABLE = FurnitureKind((1.2, 1.7), (0.8, 0.9), _high_table, against_wall=False)
-SHELF = FurnitureKind((0.8, 1.5), (0.35, 0.4), _shelf, tall=True)
-WARDROBE = FurnitureKind((1.0, 1.9), (0.6, 0.6), _wardrobe, tall=True)
+ARMCHAIR = FurnitureKind(width=(0.75, 0.9), depth=(0.75, 0.85), draw=_armchair, against_wall=False)
+LOW_TABLE = FurnitureKind(width=(0.8, 1.2), depth=(0.55, 0.7), draw=_low_table, against_wall=False)
+HIGH_TABLE = FurnitureKind(width=(1.2, 1.7), depth=(0.8, 0.9), draw=_high_table, against_wall=False)
+SHELF = FurnitureKind(width=(0.8, 1.5), depth=(0.35, 0.4), draw=_shelf, tall=True)
+WARDROBE = FurnitureKind(width=(1.0, 1.9), depth=(0.6, 0.6), draw=_wardrobe, tall=True)
 CHEST = FurnitureKind((0.8, 1.3), (0.45, 0.5), _chest)
 BED = FurnitureKind((1.1, 1.7), (2.0, 2.1), _bed)
 DESK = FurnitureKind((1.2, 1.6), (0.65, 0.75), _desk)
-COUNTER = FurnitureKind((1.6, 2.8), (0.6, 0.6), _counter, tall=True)
-FRIDGE = FurnitureKind((0.65, 0.7), (0.65, 0.7), _fridge, tall=True)
-TELEVISION = FurnitureKind((1.2, 1.8), (0.45, 0.45), _television, tall=True)
+COUNTER = FurnitureKind(width=(1.6, 2.8), depth=(0.6, 0.6), draw=_counter, tall=True)
+FRIDGE = FurnitureKind(width=(0.65, 0.7), depth=(0.65, 0.7), draw=_fridge, tall=True)
+TELEVISION = FurnitureKind(width=(1.2, 1.8), depth=(0.45, 0.45), draw=_television, tall=True)
 PLANT = FurnitureKind((0.45, 0.45), (0.45, 0.45), _plant)
 LAMP = FurnitureKind((0.4, 0.4), (0.4, 0.4), _lamp)
 TOY_CHEST = FurnitureKind((0.8, 1.2), (0.4, 0.45), _toy_chest)
 BATHTUB = FurnitureKind((1.5, 1.7), (0.75, 0.8), _bathtub)
 TOILET = FurnitureKind((0.45, 0.45), (0.7, 0.7), _toilet)
-BASIN = FurnitureKind((0.6, 0.9), (0.45, 0.5), _basin, tall=True)
+BASIN = FurnitureKind(width=(0.6, 0.9), depth=(0.45, 0.5), draw=_basin, tall=True)

@@ -33,18 +33,31 @@ class FurniturePlacer:
     """Fills rooms."""
 
     def __init__(self, builder: SurfaceBuilder, occupancy: OccupancyGrid, materials: ApartmentMaterials) -> None:
-        self._builder, self._occupancy, self._materials = builder, occupancy, materials
+        self._builder = builder
+        self._occupancy = occupancy
+        self._materials = materials
 
     def place_furniture(self, rng: SeededRng, room: Room, sides: Sequence[WallSide]) -> list[list[tuple[float, float]]]:
         """Place what fits of the room's wishes; return the stretches of each wall that tall pieces hide."""
         hidden: list[list[tuple[float, float]]] = [[] for _ in sides]
-        wood, cloth = rng.choice(self._materials.woods), rng.choice(self._materials.cloths)
+        wood = rng.choice(self._materials.woods)
+        cloth = rng.choice(self._materials.cloths)
         for piece in FURNITURE_BY_ROOM_KIND[room.kind]:
-            width, depth = rng.uniform_multiple(*piece.width), rng.uniform_multiple(*piece.depth)
+            width = rng.uniform_multiple(*piece.width)
+            depth = rng.uniform_multiple(*piece.depth)
             placement, wall, wall_interval = self._place(rng, room, sides, piece, width, depth)
             if placement is None:
                 continue
-            piece.draw(FurnitureBuilder(self._builder, placement, rng, self._materials, wood, cloth))
+            piece.draw(
+                FurnitureBuilder(
+                    builder=self._builder,
+                    placement=placement,
+                    rng=rng,
+                    materials=self._materials,
+                    wood=wood,
+                    cloth=cloth,
+                )
+            )
             if piece.tall and wall is not None:
                 hidden[wall].append(wall_interval)
         return hidden
@@ -75,13 +88,18 @@ def _beside(
     low = rng.uniform_multiple(low_end, high_end, GRID_STEP_M)
     near = side.face
     far = near + side.inward * depth
-    middle, along = (near + far) / 2, low + width / 2
+    middle = (near + far) / 2
+    along = low + width / 2
     a, b = sorted((near, far))
     if side.axis == 0:
         turn = (0.0, -1.0) if side.inward > 0 else (0.0, 1.0)
-        return FurniturePlacement(middle, along, turn, width, depth), FloorRectangle(a, low, b, low + width)
+        return FurniturePlacement(x=middle, y=along, turn=turn, width=width, depth=depth), FloorRectangle(
+            x0=a, y0=low, x1=b, y1=low + width
+        )
     turn = (1.0, 0.0) if side.inward > 0 else (-1.0, 0.0)
-    return FurniturePlacement(along, middle, turn, width, depth), FloorRectangle(low, a, low + width, b)
+    return FurniturePlacement(x=along, y=middle, turn=turn, width=width, depth=depth), FloorRectangle(
+        x0=low, y0=a, x1=low + width, y1=b
+    )
 
 
 def _within(
@@ -96,8 +114,8 @@ def _within(
     x0 = rng.uniform_multiple(room.x0 + margin, room.x1 - margin - across, GRID_STEP_M)
     y0 = rng.uniform_multiple(room.y0 + margin, room.y1 - margin - down, GRID_STEP_M)
     turn = (0.0, 1.0) if turned else rng.choice(((1.0, 0.0), (-1.0, 0.0)))
-    placement = FurniturePlacement(x0 + across / 2, y0 + down / 2, turn, width, depth)
-    return placement, FloorRectangle(x0, y0, x0 + across, y0 + down)
+    placement = FurniturePlacement(x=x0 + across / 2, y=y0 + down / 2, turn=turn, width=width, depth=depth)
+    return placement, FloorRectangle(x0=x0, y0=y0, x1=x0 + across, y1=y0 + down)
 
 
 def _wall_interval(placement: FurniturePlacement, side: WallSide | None, width: float) -> tuple[float, float]:

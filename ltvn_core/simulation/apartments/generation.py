@@ -46,7 +46,8 @@ def generate_apartment(seed: int, area_m2: float) -> Apartment:
     rng = SeededRng(np.random.default_rng(seed))
     while True:  # A plan whose empty rooms are cut off from each other is drawn again; none was met so far.
         plan = generate_floor_plan(rng.spawn(), area_m2)
-        builder, occupancy = SurfaceBuilder(), OccupancyGrid(plan)
+        builder = SurfaceBuilder()
+        occupancy = OccupancyGrid(plan)
         materials = choose_apartment_materials(builder, rng.spawn())
         shell = RoomShell(builder, occupancy, rng.spawn(), materials, round(rng.uniform(2.45, 2.75), 2))
         hues = _hues(rng.spawn(), len(plan.rooms))
@@ -69,7 +70,7 @@ def generate_apartment(seed: int, area_m2: float) -> Apartment:
             shell.add_decoration(room, side, covered)
     surfaces = builder.build()
     blocked = cells_really_blocked(occupancy.blocked, occupancy.origin, surfaces.vertices[surfaces.faces])
-    return Apartment(plan, surfaces, blocked, occupancy.origin)
+    return Apartment(plan=plan, surfaces=surfaces, blocked=blocked, origin=occupancy.origin)
 
 
 def _hues(rng: SeededRng, count: int) -> list[float]:

@@ -68,7 +68,9 @@ def choose_room_materials(builder: SurfaceBuilder, rng: SeededRng, kind: RoomKin
     contrast = hsv_colour(hue + rng.uniform(0.25, 0.75), rng.uniform(0.2, 0.6), rng.uniform(0.4, 0.88))
     wall = builder.texture(_wall(rng, kind, base, contrast))
     accent = builder.texture(_wall(rng, kind, contrast, base)) if rng.chance(0.55) else wall
-    return RoomMaterials(wall, accent, builder.texture(_floor(rng, kind, contrast)), rng.uniform(1.2, 2.0))
+    return RoomMaterials(
+        wall=wall, accent=accent, floor=builder.texture(_floor(rng, kind, contrast)), floor_tile_m=rng.uniform(1.2, 2.0)
+    )
 
 
 def _wall(rng: SeededRng, kind: RoomKind, base: ColourArray, contrast: ColourArray) -> tiling_textures.Rgb:

@@ -75,5 +75,5 @@ class OccupancyGrid:
 def _apron(door: Doorway) -> FloorRectangle:
     low, high = door.wall - _DOOR_APRON_M, door.wall + _DOOR_APRON_M
     if door.axis == 0:
-        return FloorRectangle(low, door.low, high, door.high)
-    return FloorRectangle(door.low, low, door.high, high)
+        return FloorRectangle(x0=low, y0=door.low, x1=high, y1=door.high)
+    return FloorRectangle(x0=door.low, y0=low, x1=door.high, y1=high)

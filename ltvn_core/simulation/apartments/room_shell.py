@@ -59,7 +59,7 @@ def _wall_side(plan: FloorPlan, index: int, axis: int, at: float, inward: int, l
     size = (plan.width, plan.depth)[axis]
     doors = [d for d in plan.doorways if index in d.rooms and _lies_on(d, axis, at, low, high)]
     gaps = tuple(sorted((door.low, door.high) for door in doors))
-    return WallSide(axis, at, inward, low, high, gaps, outer=at < 1e-6 or at > size - 1e-6)
+    return WallSide(axis=axis, at=at, inward=inward, low=low, high=high, gaps=gaps, outer=at < 1e-6 or at > size - 1e-6)
 
 
 def _lies_on(door: Doorway, axis: int, at: float, low: float, high: float) -> bool:
@@ -77,8 +77,11 @@ class RoomShell:
         materials: ApartmentMaterials,
         height_m: float,
     ) -> None:
-        self._builder, self._occupancy, self._rng = builder, occupancy, rng
-        self._materials, self._height = materials, height_m
+        self._builder = builder
+        self._occupancy = occupancy
+        self._rng = rng
+        self._materials = materials
+        self._height = height_m
 
     def draw(self, room: Room, sides: tuple[WallSide, ...], style: RoomMaterials) -> None:
         """Draw floor, ceiling, lamp and walls."""
@@ -146,7 +149,8 @@ class RoomShell:
         texture: TextureIndex,
         tile_m: float | None,
     ) -> None:
-        along, up = (low + high) / 2, (bottom + top) / 2
+        along = (low + high) / 2
+        up = (bottom + top) / 2
         if side.axis == 0:
             self._builder.box(texture, (middle, along, up), (thick, high - low, top - bottom), tile_m=tile_m)
         else:
@@ -156,7 +160,11 @@ class RoomShell:
         if side.outer or high - low < 1e-3:
             return
         near, far = sorted((side.at, side.face))
-        area = FloorRectangle(near, low, far, high) if side.axis == 0 else FloorRectangle(low, near, high, far)
+        area = (
+            FloorRectangle(x0=near, y0=low, x1=far, y1=high)
+            if side.axis == 0
+            else FloorRectangle(x0=low, y0=near, x1=high, y1=far)
+        )
         self._occupancy.block(area)
 
     def _add_window(self, side: WallSide, taken: list[tuple[float, float]]) -> None:
@@ -176,7 +184,8 @@ class RoomShell:
         place = self._free_interval(side, width, taken)
         if place is None:
             return
-        height, middle = min(width * self._rng.uniform(0.6, 1.2), 1.0), self._rng.uniform(1.15, 1.5)
+        height = min(width * self._rng.uniform(0.6, 1.2), 1.0)
+        middle = self._rng.uniform(1.15, 1.5)
         painting = self._builder.texture(decals.painting(self._rng))
         self._mount(side, place, middle - height / 2, middle + height / 2, painting)
 

@@ -71,9 +71,11 @@ def wood(rng: SeededRng, base: ColourArray, *, planks: int = 1, size: int = TEXT
 def parquet(rng: SeededRng, base: ColourArray) -> Rgb:
     """Return a floor of square blocks of strips, each turned against the next."""
     column, row = pixel_grid()
-    block, strip = 64, 16
+    block = 64
+    strip = 16
     turned = ((column // block + row // block) % 2).astype(bool)
-    along, across = np.where(turned, row, column), np.where(turned, column, row)
+    along = np.where(turned, row, column)
+    across = np.where(turned, column, row)
     tone = rng.uniform_array(16, 16)[across // strip, along // block]
     brightness = (0.82 + 0.3 * tone) * (0.9 + 0.15 * tiling_noise(rng, octaves=5, cells=(8, 8)))
     return to_uint8(base * np.where(across % strip < 1, brightness * 0.6, brightness)[..., None])
@@ -122,7 +124,9 @@ def cloth(rng: SeededRng, base: ColourArray) -> Rgb:
     """Return woven cloth: plain, striped or checked."""
     column, row = pixel_grid(128)
     weave = 0.84 + 0.08 * ((column // 2 + row // 2) % 2) + 0.1 * tiling_noise(rng, 128, cells=(4, 4))
-    kind, width, dark = rng.index(4), 8 << rng.index(2), rng.uniform(0.55, 0.8)
+    kind = rng.index(4)
+    width = 8 << rng.index(2)
+    dark = rng.uniform(0.55, 0.8)
     if kind == 1:
         weave = weave * np.where((column // width) % 3 == 0, dark, 1.0)
     if kind == 2:

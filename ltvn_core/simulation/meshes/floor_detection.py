@@ -84,7 +84,8 @@ def _level_heights(triangles: Triangles) -> list[float]:
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     doubled = np.linalg.norm(normal, axis=1)
     level = np.abs(normal[:, 2]) > _LEVEL * doubled
-    height, area = triangles[level][:, :, 2].mean(axis=1), doubled[level] / 2
+    height = triangles[level][:, :, 2].mean(axis=1)
+    area = doubled[level] / 2
     found: list[float] = []
     while len(found) < _CANDIDATES and area.sum() > _LEAST_FLOOR_M2:
         slab = np.floor(height / 0.05).astype(np.int64)
@@ -94,7 +95,8 @@ def _level_heights(triangles: Triangles) -> list[float]:
         if area[near].sum() < _LEAST_FLOOR_M2:
             break
         found.append(_weighted_median(height[near], area[near]))
-        height, area = height[~near], area[~near]
+        height = height[~near]
+        area = area[~near]
     return sorted(found)
 
 
@@ -159,11 +161,18 @@ def _cropped(height_m: float, floor: Mask, low: Mask, tall: Mask, origin: NDArra
     """Cut the grids to the free floor and a blocked border."""
     free = floor & ~low
     if not free.any():
-        return StoreyFloor(height_m, ClearanceMap(np.ones((3, 3), bool), origin), np.zeros((3, 3), bool), 0.0)
+        return StoreyFloor(
+            height_m=height_m,
+            clearance=ClearanceMap(np.ones((3, 3), bool), origin),
+            tall=np.zeros((3, 3), bool),
+            area_m2=0.0,
+        )
     rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
     first = np.maximum([rows[0] - 4, columns[0] - 4], 0)
     part = np.s_[first[0] : rows[-1] + 5, first[1] : columns[-1] + 5]
     blocked = np.pad(~free[part], 1, constant_values=True)
     corner = origin + (first[::-1] - 1) * CELL_M
     area = float(np.count_nonzero(floor)) * CELL_M**2
-    return StoreyFloor(height_m, ClearanceMap(blocked, corner, CELL_M), np.pad(tall[part], 1), area)
+    return StoreyFloor(
+        height_m=height_m, clearance=ClearanceMap(blocked, corner, CELL_M), tall=np.pad(tall[part], 1), area_m2=area
+    )

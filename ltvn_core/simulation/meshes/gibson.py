@@ -20,9 +20,8 @@ def find_mesh(folder: Path) -> Path:
     """Return the folder's mesh. Raises SceneError if it is not laid out like a Gibson space."""
     if not (folder / MESH_FILE).is_file():
         raise SceneError(
-            f"{folder} holds no {MESH_FILE}, so it is no scene in Gibson layout. Give a folder with {MESH_FILE} (and, if "
-            "there "
-            "are, floors.txt and floor_trav_0.png), or the mesh file itself."
+            f"{folder} has no {MESH_FILE}, so it is not a scene in Gibson layout. Give a folder with {MESH_FILE} (and, "
+            "where they exist, floors.txt and floor_trav_0.png), or the mesh file itself."
         )
     return folder / MESH_FILE
 

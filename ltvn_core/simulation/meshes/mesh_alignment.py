@@ -21,7 +21,9 @@ log = logging.getLogger(__name__)
 _SURE = 1.3
 """The standard's axis is believed unless the other has a slab so many times as large."""
 _SLAB_M = 0.1
-_LEAST_SPAN_M, _MOST_SPAN_M, _MOST_HEIGHT_M = 1.0, 150.0, 40.0
+_LEAST_SPAN_M = 1.0
+_MOST_SPAN_M = 150.0
+_MOST_HEIGHT_M = 40.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,8 @@ def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfac
     turned = replace(surfaces, vertices=vertices)
     low, high = _extent(turned)
     _check_size(high - low, mesh)
-    corners, margin = vertices[surfaces.faces], 0.5 * (high - low).max() + 1
+    corners = vertices[surfaces.faces]
+    margin = 0.5 * (high - low).max() + 1
     return turned.only(((corners > low - margin) & (corners < high + margin)).all(axis=(1, 2)))
 
 
@@ -108,7 +111,8 @@ def _extent(surfaces: Surfaces) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def _check_size(size: NDArray[np.float64], mesh: Path) -> None:
-    span, height = float(size[:2].max()), float(size[2])
+    span = float(size[:2].max())
+    height = float(size[2])
     if _LEAST_SPAN_M <= span <= _MOST_SPAN_M and height <= _MOST_HEIGHT_M:
         return
     factor = next((f for f in (1.0, 0.01, 0.001, 1000.0) if 3 <= span * f <= 60 and height * f <= 15), 0.001)

@@ -65,7 +65,9 @@ class _Part:
         with np.errstate(invalid="ignore", over="ignore"):
             doubled = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
         whole = np.isfinite(doubled) & (doubled > 0)
-        self.triangles, self.corner_uv, self.face_texture = triangles[whole], corner_uv[whole], face_texture[whole]
+        self.triangles = triangles[whole]
+        self.corner_uv = corner_uv[whole]
+        self.face_texture = face_texture[whole]
 
 
 def _part(mesh: trimesh.Trimesh, transform: NDArray[np.float64], colours: TextureCollector) -> _Part:

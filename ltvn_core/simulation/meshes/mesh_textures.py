@@ -62,7 +62,8 @@ class TextureCollector:
         return tuple(shrink_to_budget([resize_to_power_of_two(image) for image in self._images], MAX_TEXELS))
 
     def _texture_of(self, material: Any, *, with_image: bool) -> int:
-        image, factor = _image_of(material), _factor_of(material)
+        image = _image_of(material)
+        factor = _factor_of(material)
         if image is None or not with_image:
             colour = self._seen_colour(factor) if factor is not None else GREY
             return self._add(colour, np.array([[colour]], np.uint8))
@@ -127,7 +128,9 @@ def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.flo
         if len(coarse) == 0 or len(coarse) > 200_000:
             break  # A scan has small faces already.
         divided: Any = trimesh.remesh.subdivide(vertices, faces, coarse, {"colour": colours})
-        vertices, faces, colours = divided[0], divided[1], divided[2]["colour"]
+        vertices = divided[0]
+        faces = divided[1]
+        colours = divided[2]["colour"]
     return vertices[faces], colours[faces]
 
 

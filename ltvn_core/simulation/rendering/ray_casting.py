@@ -34,4 +34,4 @@ class RayCaster:
     def cast(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayHits:
         """Cast rays from origins (N, 3) along directions (N, 3), which need not have unit length."""
         found = self._scene.run(origins, directions, output=True)
-        return RayHits(found["primID"], found["tfar"], found["u"], found["v"])
+        return RayHits(face=found["primID"], t=found["tfar"], u=found["u"], v=found["v"])

@@ -1,6 +1,7 @@
 """What events look like in the Rerun viewer: plan, goal, subgoal, pruned edges, curves, state and log.
 
-Pure functions; owns shapes and colours. Keeps no memory except which edges have a curve (`BeliefCurves`).
+Pure functions; owns shapes, and takes colours from `ltvn_core.palette`. Keeps no memory except which edges have a
+curve (`BeliefCurves`).
 """
 
 import math
@@ -8,17 +9,17 @@ from collections.abc import Sequence
 
 import rerun as rr
 
+from ltvn_core import palette
 from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import BeliefUpdated, EdgePruned
 from ltvn_core.navigation import events as ev
+from ltvn_core.palette import Rgb8
 from ltvn_core.recording import event_text, schema
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.map_drawing import GRAPH_HEIGHT_M, DrawnEntity
 from ltvn_core.types import FrameId, NodeId
 
 _PLAN_HEIGHT_M = 0.10
-_PLAN, _GOAL, _HERE, _SUBGOAL = [240, 228, 66], [230, 60, 180], [255, 255, 255], [86, 180, 233]
-_PRUNED = [200, 30, 30]
 MAX_BELIEF_CURVES = 24
 """So many edges get a curve of their own; thousands of entities would make every viewer crawl."""
 
@@ -80,20 +81,22 @@ def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
         case ev.QueryStarted(goal=goal):
             # The last plan stays until the next query, so that the end of a recording shows it.
             return [
-                _strip(schema.PLAN, [], drawn_poses, _PLAN),
-                _dots(schema.GOAL, [goal], drawn_poses, _GOAL, radius_m=0.15),
+                _strip(schema.PLAN, [], drawn_poses, palette.PLAN),
+                _dots(schema.GOAL, [goal], drawn_poses, palette.GOAL, radius_m=0.15),
             ]
         case ev.Localised(node=node):
-            here = _dots(schema.LOCALISED, [] if node is None else [node], drawn_poses, _HERE, radius_m=0.08)
+            here = _dots(
+                schema.LOCALISED, [] if node is None else [node], drawn_poses, palette.LOCALISED, radius_m=0.08
+            )
             return [here, *_margin(event)]
         case ev.Planned(nodes=nodes):
-            return [_strip(schema.PLAN, nodes, drawn_poses, _PLAN)]
+            return [_strip(schema.PLAN, nodes, drawn_poses, palette.PLAN)]
         case ev.AttemptStarted():
             return _subgoal(event, drawn_poses)
         case ev.AttemptEnded():
             return [DrawnEntity(schema.WAYPOINT, [rr.Arrows3D(origins=[], vectors=[])])]
         case ev.GraphChanged(delta=EdgePruned(source=source, target=target)):
-            return [_strip(schema.PRUNED, [source, target], drawn_poses, _PRUNED)]
+            return [_strip(schema.PRUNED, [source, target], drawn_poses, palette.EDGE_REMOVED)]
     return []
 
 
@@ -110,19 +113,19 @@ def _subgoal(event: ev.AttemptStarted, drawn_poses: DrawnPoses) -> list[DrawnEnt
         origins=[[x, y, _PLAN_HEIGHT_M]],
         vectors=[[0.3 * math.cos(yaw), 0.3 * math.sin(yaw), 0.0]],
         radii=0.025,
-        colors=[_SUBGOAL],
+        colors=[palette.PREDICTED_POSE],
     )
     return [DrawnEntity(schema.WAYPOINT, [arrow])]
 
 
 def _dots(
-    entity: str, frames: Sequence[FrameId], drawn_poses: DrawnPoses, colour: list[int], *, radius_m: float
+    entity: str, frames: Sequence[FrameId], drawn_poses: DrawnPoses, colour: Rgb8, *, radius_m: float
 ) -> DrawnEntity:
     return DrawnEntity(
         entity, [rr.Points3D(drawn_poses.points(frames, _PLAN_HEIGHT_M), radii=radius_m, colors=[colour])]
     )
 
 
-def _strip(entity: str, frames: Sequence[FrameId], drawn_poses: DrawnPoses, colour: list[int]) -> DrawnEntity:
+def _strip(entity: str, frames: Sequence[FrameId], drawn_poses: DrawnPoses, colour: Rgb8) -> DrawnEntity:
     points = drawn_poses.points(frames, _PLAN_HEIGHT_M if entity == schema.PLAN else GRAPH_HEIGHT_M)
     return DrawnEntity(entity, [rr.LineStrips3D([points] if len(points) > 1 else [], radii=0.03, colors=[colour])])

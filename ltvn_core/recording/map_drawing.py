@@ -1,7 +1,8 @@
 """What robot and map look like in the Rerun viewer: pure functions from frames and graphs to drawn rows.
 
-Owns shapes and colours. Writes nothing itself, and nothing is read back from here except the columns of the graph,
-which stand in the same rows so that a clicked instance names its node or edge. Events are drawn in `event_drawing`.
+Owns shapes, and takes the colours that mean something from `ltvn_core.palette`. Writes nothing itself, and nothing is
+read back from here except the columns of the graph, which stand in the same rows so that a clicked instance names its
+node or edge. Events are drawn in `event_drawing`.
 """
 
 from collections.abc import Sequence
@@ -9,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
+from ltvn_core import palette
 from ltvn_core.graph.deltas import Edge, Node
 from ltvn_core.recording import schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, number_column
@@ -21,8 +22,9 @@ from ltvn_core.types import Intrinsics, Pose
 GRAPH_HEIGHT_M = 0.05
 """The graph floats a little above the floor."""
 _DEPTH_RANGE_MM = (0.0, 8000.0)
-_SURE, _DOUBTFUL = np.array([0, 158, 115.0]), np.array([213, 94, 0.0])
-_NODE_COLOUR, _TRAIL_COLOUR, _GREY, _WHITE = [86, 140, 233], [120, 120, 130], [150, 150, 150], [255, 255, 255]
+_TRAIL_COLOUR = [120, 120, 130]
+_ODOMETRY_COLOUR = [150, 150, 150]
+_NOSE_COLOUR = [255, 255, 255]
 
 
 class DrawnEntity(NamedTuple):
@@ -38,8 +40,8 @@ def static_entities(intrinsics: Intrinsics, scene_glb: bytes | None) -> list[Dra
     parts = [
         DrawnEntity(schema.WORLD, [rr.ViewCoordinates.RIGHT_HAND_Z_UP]),
         DrawnEntity(schema.BODY, [body]),
-        DrawnEntity(f"{schema.BODY}/nose", [_arrow(0.42, _WHITE)]),
-        DrawnEntity(f"{schema.ODOMETRY}/arrow", [_arrow(GRAPH_HEIGHT_M, _GREY)]),
+        DrawnEntity(f"{schema.BODY}/nose", [_arrow(0.42, _NOSE_COLOUR)]),
+        DrawnEntity(f"{schema.ODOMETRY}/arrow", [_arrow(GRAPH_HEIGHT_M, _ODOMETRY_COLOUR)]),
         DrawnEntity(schema.TRAIL, [rr.Points3D.from_fields(radii=0.015, colors=[_TRAIL_COLOUR])]),
         DrawnEntity(schema.CAMERA, [_pinhole(intrinsics), rr.Transform3D(translation=[0, 0, intrinsics.height_m])]),
         DrawnEntity(schema.RGB, [rr.EncodedImage.from_fields(media_type="image/jpeg")]),
@@ -65,7 +67,7 @@ def draw_robot(drawn_pose: Pose, odometry: Pose) -> list[DrawnEntity]:
 def draw_graph(nodes: Sequence[Node], edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[DrawnEntity]:
     """Draw the whole map; `drawn_poses` must know every node."""
     ids = [node.id for node in nodes]
-    points = rr.Points3D(drawn_poses.points(ids, GRAPH_HEIGHT_M), radii=0.07, colors=[_NODE_COLOUR])
+    points = rr.Points3D(drawn_poses.points(ids, GRAPH_HEIGHT_M), radii=0.07, colors=[palette.NODE])
     return [
         DrawnEntity(
             schema.NODES, [points, ArchetypeColumns(schema.NODE_ROW, {"node_id": number_column(ids, np.int32)})]
@@ -73,11 +75,6 @@ def draw_graph(nodes: Sequence[Node], edges: Sequence[Edge], drawn_poses: DrawnP
         DrawnEntity(schema.EDGES, _edges(edges, drawn_poses)),
         DrawnEntity(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
     ]
-
-
-def belief_colours(p: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return (N, 3) colours from doubtful (orange) to sure (green), told apart by the colour-blind as well."""
-    return (_DOUBTFUL + p[:, None] * (_SURE - _DOUBTFUL)).astype(np.uint8)
 
 
 def _edges(edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:
@@ -89,7 +86,7 @@ def _edges(edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[rr.AsComponen
     ends = {"source": number_column(sources, np.int32), "target": number_column(targets, np.int32)}
     belief = {name: number_column(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
     return [
-        rr.LineStrips3D(strips, radii=0.02, colors=belief_colours(beliefs[:, 0])),
+        rr.LineStrips3D(strips, radii=0.02, colors=palette.probability_colours(beliefs[:, 0])),
         ArchetypeColumns(schema.EDGE_ROW, ends | belief),
     ]
 

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, PercentFormatter, StrMethodFormatter
 
 from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.palette import PROBABILITY_RAMP_ON_WHITE
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 
 WIDTH_IN = 8.4
@@ -66,9 +67,9 @@ def cause_colour(cause: FailureCause) -> Colour:
     return _CAUSE_COLOURS[cause]
 
 
-def belief_colours(palette: FigurePalette) -> LinearSegmentedColormap:
-    """Return the colours of p from 0 to 1; no pale middle as in the app, for these are drawn on white."""
-    return LinearSegmentedColormap.from_list("p", [palette.second, (0.6, 0.6, 0.62), palette.first])
+def probability_colour_map() -> LinearSegmentedColormap:
+    """Return the colours of p from 0 to 1 on white."""
+    return LinearSegmentedColormap.from_list("p", (PROBABILITY_RAMP_ON_WHITE / 255).tolist())
 
 
 def in_percent(axes: Axes, **limits: Any) -> None:

@@ -15,6 +15,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from PIL import Image
 
+from ltvn_core import palette
 from ltvn_core.errors import OptionError
 
 MAX_BYTES = 150_000
@@ -39,6 +40,10 @@ class FigurePalette:
     grey: Colour = (0.45, 0.47, 0.5)
     """What is to be compared with."""
     text: Colour = (0.13, 0.15, 0.18)
+
+
+FIGURE_PALETTE = FigurePalette(palette.SOURCE.on_white, palette.TARGET.on_white, palette.GOAL.on_white)
+"""The colours of the page, as ink on white."""
 
 
 @contextmanager

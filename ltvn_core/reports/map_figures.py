@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ltvn_core.evaluation.results import MapDrawing, TrialResult
-from ltvn_core.reports.evaluation_style import WIDTH_IN, belief_colours
+from ltvn_core.reports.evaluation_style import WIDTH_IN, probability_colour_map
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 
 _SPURIOUS: Colour = (0.85, 0.1, 0.25)
@@ -92,7 +92,7 @@ def _draw_edges(axes: Axes, plan: MapDrawing, palette: FigurePalette) -> None:
     good = [(places[i], places[j]) for i, j, _, spurious in plan.edges if not spurious]
     p = np.array([p for *_, p, spurious in plan.edges if not spurious])
     thin = 0.9 if len(good) < 3000 else 0.35
-    lines = LineCollection(good, cmap=belief_colours(palette), linewidths=thin, alpha=0.75, zorder=2, rasterized=True)
+    lines = LineCollection(good, cmap=probability_colour_map(), linewidths=thin, alpha=0.75, zorder=2, rasterized=True)
     lines.set_array(p)
     lines.set_clim(0, 1)
     axes.add_collection(lines)
@@ -103,7 +103,7 @@ def _draw_edges(axes: Axes, plan: MapDrawing, palette: FigurePalette) -> None:
 
 
 def _legend(figure: Figure, axes: list[Axes], palette: FigurePalette) -> None:
-    mappable = ScalarMappable(cmap=belief_colours(palette))
+    mappable = ScalarMappable(cmap=probability_colour_map())
     bar = figure.colorbar(mappable, ax=axes, location="bottom", shrink=0.4, aspect=40, pad=0.02)
     bar.set_label("p of the edge")
     bar.outline.set_visible(False)  # type: ignore[operator]

@@ -5,14 +5,14 @@ Owns the drawing; needs no other library than those of the core. Hovering a part
 
 import base64
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from html import escape
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
+from ltvn_core import palette
 from ltvn_core.evaluation.map_layout import MapLayout
 from ltvn_core.evaluation.results import MapDrawing
 from ltvn_core.graph.deltas import Edge
@@ -23,19 +23,6 @@ _YAW_M = 0.16
 """How far a node's tick points to where it looks."""
 
 
-@dataclass(frozen=True, slots=True)
-class MapColours:
-    """Colours as a style sheet writes them, for a dark ground."""
-
-    ramp: Sequence[str]
-    """p = 0 to 1 in equal steps."""
-    node: str
-    spurious: str
-    ground: str
-    wall: str = "rgb(74,80,94)"
-    text: str = "rgb(230,233,240)"
-
-
 class _Box(NamedTuple):
     x_m: float
     y_m: float
@@ -43,23 +30,24 @@ class _Box(NamedTuple):
     height_m: float
 
 
-def map_svg(drawn: MapLayout, colours: MapColours) -> str:
+def map_svg(drawn: MapLayout) -> str:
     """Return a figure that needs no other file, in metres, x to the right and y up."""
     box = _box(drawn.plan)
     # A picture's y goes down, so everything is drawn with its sign turned.
     view = f"{box.x_m:.3f} {-(box.y_m + box.height_m):.3f} {box.width_m:.3f} {box.height_m:.3f}"
     style = (
-        f"text{{font:.25px sans-serif;fill:{colours.text}}}.e{{stroke-width:.025;fill:none}}"
-        f".e:hover,.e.on{{stroke-width:.07}}.n{{fill:{colours.node};stroke:{colours.node};stroke-width:.02}}"
-        f".n:hover,.n.on{{stroke-width:.08}}.s{{stroke:{colours.spurious};stroke-width:.05;stroke-dasharray:.12 .06}}"
+        f"text{{font:.25px sans-serif;fill:{palette.TEXT.css}}}.e{{stroke-width:.025;fill:none}}"
+        f".e:hover,.e.on{{stroke-width:.07}}.n{{fill:{palette.NODE.css};stroke:{palette.NODE.css};stroke-width:.02}}"
+        f".n:hover,.n.on{{stroke-width:.08}}"
+        f".s{{stroke:{palette.EDGE_REMOVED.css};stroke-width:.05;stroke-dasharray:.12 .06}}"
     )
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" id="scene" viewBox="{view}" role="img">',
         f"<title>{escape(drawn.title)}</title><style>{style}</style>",
         f'<rect x="{box.x_m:.3f}" y="{-(box.y_m + box.height_m):.3f}" width="{box.width_m:.3f}" '
-        f'height="{box.height_m:.3f}" fill="{colours.ground}"/>',
-        *_floor(drawn.plan, colours),
-        *_edges(drawn, colours),
+        f'height="{box.height_m:.3f}" fill="{palette.BACKGROUND.css}"/>',
+        *_floor(drawn.plan),
+        *_edges(drawn),
         *_nodes(drawn),
         "</svg>",
     ]
@@ -75,14 +63,13 @@ def _box(plan: MapDrawing) -> _Box:
     return _Box(float(low[0]), float(low[1]), *(high - low).tolist())
 
 
-def _floor(plan: MapDrawing, colours: MapColours) -> Iterator[str]:
+def _floor(plan: MapDrawing) -> Iterator[str]:
     """Draw where no robot fits, as a small picture of one point per cell."""
     if not plan.free:
         return
     taken = np.array([[cell == "#" for cell in row] for row in plan.free[::-1]])
-    red, green, blue = (int(part) for part in colours.wall[4:-1].split(","))
     pixels = np.zeros((*taken.shape, 4), np.uint8)
-    pixels[taken] = (blue, green, red, 255)
+    pixels[taken] = (palette.WALL.blue, palette.WALL.green, palette.WALL.red, 255)
     data = base64.b64encode(cv2.imencode(".png", pixels)[1].tobytes()).decode()
     box = _box(plan)
     yield (
@@ -91,7 +78,7 @@ def _floor(plan: MapDrawing, colours: MapColours) -> Iterator[str]:
     )
 
 
-def _edges(drawn: MapLayout, colours: MapColours) -> Iterator[str]:
+def _edges(drawn: MapLayout) -> Iterator[str]:
     """Draw one line per pair of nodes, in the colour of its less likely direction."""
     places = {node: (x, -y) for node, x, y, _ in drawn.plan.nodes}
     spurious = {(source, target) for source, target, _, wrong in drawn.plan.edges if wrong}
@@ -99,7 +86,7 @@ def _edges(drawn: MapLayout, colours: MapColours) -> Iterator[str]:
         back = pair[1], pair[0]
         both = [drawn.graph.edges[key] for key in (pair, back) if key in drawn.graph.edges]
         (x1, y1), (x2, y2) = places[pair[0]], places[pair[1]]
-        colour = _ramp(min(edge.belief.p for edge in both), colours.ramp)
+        colour = _probability_css(min(edge.belief.p for edge in both))
         wrong = pair in spurious or back in spurious
         said = "\n".join(_edge_words(edge, (edge.source, edge.target) in spurious) for edge in both)
         yield (
@@ -127,8 +114,6 @@ def _nodes(drawn: MapLayout) -> Iterator[str]:
         )
 
 
-def _ramp(p: float, ramp: Sequence[str]) -> str:
-    """Mix the colour of a probability."""
-    stops = np.array([[int(part) for part in stop[4:-1].split(",")] for stop in ramp], np.float64)
-    mixed = [np.interp(p, np.linspace(0, 1, len(stops)), channel) for channel in stops.T]
-    return f"rgb({','.join(str(round(float(part))) for part in mixed)})"
+def _probability_css(p: float) -> str:
+    red, green, blue = palette.probability_colours([p])[0].tolist()
+    return palette.Rgb8(red, green, blue).css

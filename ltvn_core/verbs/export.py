@@ -108,11 +108,10 @@ class ExportVerb(Verb):
         from ltvn_core.recording.reader import Recording
         from ltvn_core.reports.map_svg import map_svg
         from ltvn_viz.layers.scene_html import scene_html
-        from ltvn_viz.scene_colours import scene_colours
 
         recording = Recording.open(self.recording)
         drawn = map_layout(recording, at_s=self.to_s)
         if self.svg is not None:
-            write_text_atomically(self.svg, map_svg(drawn, scene_colours()))
+            write_text_atomically(self.svg, map_svg(drawn))
         if self.html is not None:
             write_text_atomically(self.html, scene_html(recording, drawn))

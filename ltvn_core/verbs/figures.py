@@ -10,7 +10,6 @@ from ltvn_core.training.simulated_scenes import open_dataset_scene
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.reports.figure_style import FigurePalette
     from ltvn_core.training_data.shards import Shard
 
 
@@ -72,11 +71,12 @@ class FiguresVerb(Verb):
         """Return the pictures and the number of labelled pairs behind them."""
         require_docs_extra()
         from ltvn_core.network.predictor import load_predictor
+        from ltvn_core.reports.figure_style import FIGURE_PALETTE
         from ltvn_core.reports.network_figures import draw_network_figures
 
         predictor, shards = load_predictor(weights), self._shards()
         pictures = draw_network_figures(
-            predictor, shards, drives(self.scenes, images=self.images), ink_on_white(), self.output
+            predictor, shards, drives(self.scenes, images=self.images), FIGURE_PALETTE, self.output
         )
         return pictures, sum(len(shard.sources) for shard in shards)
 
@@ -96,15 +96,3 @@ def require_docs_extra() -> None:
 
     if missing := [name for name in ("matplotlib", "jinja2") if find_spec(name) is None]:
         raise OptionError(f"Drawing needs {' and '.join(missing)}, which is not installed: pip install 'ltvn[docs]'.")
-
-
-def ink_on_white() -> "FigurePalette":
-    """Return the app's colours, for pictures on white."""
-    from ltvn_core.reports.figure_style import FigurePalette
-    from ltvn_viz import palette
-
-    def on_white(colour: palette.Rgb8) -> tuple[float, float, float]:
-        red, green, blue = (0.82 * part / 255 for part in colour)  # The page is dark and needs lighter colours.
-        return red, green, blue
-
-    return FigurePalette(on_white(palette.SOURCE), on_white(palette.TARGET), on_white(palette.GOAL))

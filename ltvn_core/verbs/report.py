@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.figures import ink_on_white, require_docs_extra
+from ltvn_core.verbs.figures import require_docs_extra
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -54,14 +54,15 @@ class ReportVerb(Verb):
         require_docs_extra()
         from ltvn_core.reports.evaluation_blocks import fill_results_page
         from ltvn_core.reports.evaluation_files import find_results
+        from ltvn_core.reports.figure_style import FIGURE_PALETTE
 
         self._check()
-        found, palette = find_results(self.folder), ink_on_white()
+        found = find_results(self.folder)
         shown = self._write(found)
         pictures = ()
         if self.page is not None:
             pictures = fill_results_page(
-                found.results, palette, page=self.page, images=self.images, section=self.section
+                found.results, FIGURE_PALETTE, page=self.page, images=self.images, section=self.section
             )
         trials = found.results.trials
         return ReportSummary(
@@ -94,9 +95,10 @@ class ReportVerb(Verb):
         from ltvn_core.reports.evaluation_files import with_images
         from ltvn_core.reports.evaluation_page import render_page
         from ltvn_core.reports.failure_gallery import select_failures
+        from ltvn_core.reports.figure_style import FIGURE_PALETTE
 
         rows = with_images(tqdm(select_failures(found.failures, self.failures), desc="failures", unit="episode"))
-        html = render_page(found.results, rows, ink_on_white(), folder=self.output.parent)
+        html = render_page(found.results, rows, FIGURE_PALETTE, folder=self.output.parent)
         parts = [path.with_name(f".{path.name}.part") for path in (self.output, self._json)]
         try:
             self.output.parent.mkdir(parents=True, exist_ok=True)

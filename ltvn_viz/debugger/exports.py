@@ -14,7 +14,6 @@ from ltvn_core.recording.excerpt import event_window, time_span, write_excerpt
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.map_svg import map_svg
 from ltvn_viz.layers.scene_html import scene_html
-from ltvn_viz.scene_colours import scene_colours
 from ltvn_viz.session.recording_library import RecordingLibrary
 
 
@@ -39,5 +38,5 @@ def save_map(library: RecordingLibrary, name: str, at_s: float) -> tuple[Path, P
     stem = f"map-{Path(name).stem}-{at_s:.0f}s"
     page, figure = library.new_file(stem, ".html"), library.new_file(stem, ".svg")
     write_text_atomically(page, scene_html(recording, drawn))
-    write_text_atomically(figure, map_svg(drawn, scene_colours()))
+    write_text_atomically(figure, map_svg(drawn))
     return page, figure

@@ -1,0 +1,86 @@
+"""The colours of map and run, and what each means: one set for the page, the Rerun viewer, reports and exported maps.
+
+Owns every colour that stands for something. The probability of an edge runs from orange over pale to blue, which keeps
+apart for every common kind of colour blindness; green is what is new and red is what is gone, and wherever an edge came
+or went its width or height says so too. Plain numpy, so that any package can read it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+PROBABILITY_RAMP = np.array(
+    [[235, 90, 10], [250, 170, 70], [235, 226, 196], [95, 175, 250], [25, 115, 250]], np.float64
+)
+"""Colours (5, 3) of p = 0 to 1 in equal steps, as sRGB in [0, 255], on a dark ground."""
+
+PROBABILITY_RAMP_ON_WHITE = np.stack([PROBABILITY_RAMP[0], np.array([153, 153, 158.0]), PROBABILITY_RAMP[-1]])
+"""Colours (3, 3) of p = 0, 0.5 and 1 on paper: the same ends, and grey between them, where pale would not be seen."""
+
+_INK = 0.82
+"""Colours are made for a dark page; on white they need this share of their light."""
+
+
+class Rgb8(NamedTuple):
+    """A colour of the screen, each part in [0, 255]."""
+
+    red: int
+    green: int
+    blue: int
+
+    @property
+    def css(self) -> str:
+        """The colour as a style sheet writes it."""
+        return f"rgb({self.red},{self.green},{self.blue})"
+
+    @property
+    def on_white(self) -> tuple[float, float, float]:
+        """The colour as dark as ink must be on white, each part in [0, 1]."""
+        return _INK * self.red / 255, _INK * self.green / 255, _INK * self.blue / 255
+
+
+NODE = Rgb8(176, 196, 232)
+LOCALISED = Rgb8(250, 215, 60)
+GOAL = Rgb8(204, 121, 240)
+PLAN = Rgb8(250, 215, 60)
+PREDICTED_POSE = Rgb8(250, 215, 60)
+TRAJECTORY = Rgb8(255, 252, 240)
+EDGE_ADDED = Rgb8(0, 200, 120)
+EDGE_REMOVED = Rgb8(230, 40, 60)
+SOURCE = Rgb8(70, 150, 255)
+TARGET = Rgb8(240, 110, 30)
+BACKGROUND = Rgb8(24, 27, 34)
+WALL = Rgb8(74, 80, 94)
+TEXT = Rgb8(230, 233, 240)
+ACCENT = Rgb8(56, 139, 253)
+
+
+def probability_colours(p: ArrayLike) -> NDArray[np.uint8]:
+    """Colour probabilities (N,) in [0, 1] as (N, 3)."""
+    steps = np.linspace(0, 1, len(PROBABILITY_RAMP))
+    return (
+        np.stack([np.interp(np.asarray(p, np.float64), steps, channel) for channel in PROBABILITY_RAMP.T], axis=-1)
+        .round()
+        .astype(np.uint8)
+    )
+
+
+def probability_gradient_css() -> str:
+    """Return the colours of p = 0 to 1 as a style sheet lists the stops of a gradient."""
+    return ", ".join(Rgb8(*(int(part) for part in stop)).css for stop in PROBABILITY_RAMP)
+
+
+def srgb_to_linear(colours: ArrayLike) -> NDArray[np.uint8]:
+    """Turn colours of the screen (..., 3) into amounts of light, which is what lines and batched meshes are given."""
+    return _LIGHT[np.asarray(colours, np.uint8)]
+
+
+_LIGHT = np.rint(255 * (np.arange(256) / 255) ** 2.2).astype(np.uint8)
+
+
+def faded(colour: Rgb8, ages_s: NDArray[np.float64], over_s: float) -> NDArray[np.uint8]:
+    """Fade a colour into the background over `over_s` seconds; returns (N, 3) for ages (N,)."""
+    share = np.clip(1 - ages_s / over_s, 0, 1)[:, None]
+    mixed = share * np.array(colour) + (1 - share) * np.array(BACKGROUND)
+    return mixed.round().astype(np.uint8)

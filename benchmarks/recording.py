@@ -25,7 +25,7 @@ def write_and_read() -> list[Measurement]:
 
             def write() -> None:
                 step = next(steps)
-                writer.frame(replace(observations[step % OBSERVATIONS], step=step, stamp=0.1 * step))
+                writer.write_frame(replace(observations[step % OBSERVATIONS], step=step, stamp=0.1 * step))
 
             step_s = seconds(write, STEPS - 1)
         return [

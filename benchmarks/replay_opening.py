@@ -59,12 +59,12 @@ def write_long_run(path: Path) -> None:
     pictures = itertools.cycle(demo_observations(_PICTURES))
     with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
         for node in range(NODES):
-            writer.frame(replace(next(pictures), step=node, stamp=0.0))
+            writer.write_frame(replace(next(pictures), step=node, stamp=0.0))
         for count, stamped in enumerate(synthetic_run()):
             stamped = stamped._replace(step=NODES - 1 + stamped.step)
-            writer.event(stamped)
+            writer.write_event(stamped)
             if stamped.step >= NODES and count % _FRAME_EVERY == 0:
-                writer.frame(replace(next(pictures), step=stamped.step, stamp=stamped.stamp))
+                writer.write_frame(replace(next(pictures), step=stamped.step, stamp=stamped.stamp))
 
 
 class _HeadlessPage:

@@ -135,7 +135,7 @@ def _new_recording(path: Path, backend: Backend, live_map: LiveMap, live_port: i
     )
     try:
         if live_map.graph.nodes:
-            writer.map(live_map.graph, live_map.map_observations())
+            writer.write_map(live_map.graph, live_map.map_observations())
     except LtvnError:
         writer.close()
         raise

@@ -42,11 +42,11 @@ def _record(
     settings["method"] = asdict(system.method)
     about = {"scene": runner.scene.address, "config": settings, "fingerprint": runner.fingerprint}
     with atomic_output(files.failure(number)) as part, RecordingWriter(part, **about) as writer:
-        writer.map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])
+        writer.write_map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])
 
         def write(event: Event, robot: SimulatedRobot) -> None:
             state = robot.state()
-            writer.event(StampedEvent(state.step, state.stamp, event))
+            writer.write_event(StampedEvent(state.step, state.stamp, event))
 
         again = runner.run(
             number,

@@ -84,7 +84,7 @@ def _drive(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
             RecordingWriter(part, scene=simulation.scene.address, config=settings, fingerprint="") as writer,
         ):
             for observation in seen:
-                writer.frame(observation)
+                writer.write_frame(observation)
     frames = [each.step for each in seen]
     poses = np.array([each.exact_pose for each in seen])
     goals = choose_goals(simulation.scene, frames, poses, protocol.goals, np.random.default_rng([plan.seed, 1]))

@@ -175,14 +175,14 @@ def _write(
             writer.write_encoded_frame(recording.stored_frame(frame).frame)
         begin = _start_note(recording, everything, times[0])
         for delta in graph.deltas():
-            writer.event(begin._replace(event=GraphChanged(delta)))
-        writer.event(begin)
-        writer.graph(graph, begin.step, begin.stamp)
+            writer.write_event(begin._replace(event=GraphChanged(delta)))
+        writer.write_event(begin)
+        writer.draw_graph(graph, begin.step, begin.stamp)
         for stamped in everything:
-            writer.event(stamped)
+            writer.write_event(stamped)
             if isinstance(stamped.event, GraphChanged):
                 graph.apply(stamped.event.delta)
-                writer.graph(graph, stamped.step, stamped.stamp)
+                writer.draw_graph(graph, stamped.step, stamped.stamp)
 
 
 def _start_note(recording: Recording, events: Sequence[StampedEvent], from_s: float) -> StampedEvent:

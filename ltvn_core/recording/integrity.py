@@ -160,9 +160,9 @@ def _rewrite(recording: Recording, output: Path, frames: Sequence[FrameId], even
         for stamped in events:
             while left and left[-1] <= stamped.step:
                 writer.write_encoded_frame(recording.stored_frame(left.pop()).frame)
-            writer.event(stamped)
+            writer.write_event(stamped)
             if isinstance(stamped.event, GraphChanged):
                 graph.apply(stamped.event.delta)
-                writer.graph(graph, stamped.step, stamped.stamp)
+                writer.draw_graph(graph, stamped.step, stamped.stamp)
         while left:
             writer.write_encoded_frame(recording.stored_frame(left.pop()).frame)

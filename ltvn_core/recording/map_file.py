@@ -57,7 +57,7 @@ def save_map(
     ):
         for frame in _stored_frames(origin, wanted) if origin is not None else ():
             writer.write_encoded_frame(frame)
-        writer.map(graph, (kept[frame] for frame in sorted(kept)))
+        writer.write_map(graph, (kept[frame] for frame in sorted(kept)))
 
 
 def load_map(path: Path | str) -> LoadedMap:

@@ -26,5 +26,5 @@ class RecordedRobot:
     def observe(self) -> Observation:
         """Take a picture and record it."""
         observation = self._robot.observe()
-        self._writer.frame(observation)
+        self._writer.write_frame(observation)
         return observation

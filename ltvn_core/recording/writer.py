@@ -94,7 +94,7 @@ class RecordingWriter:
         """Why the recording stopped by itself, or None."""
         return self._stream.failure
 
-    def frame(self, observation: Observation) -> None:
+    def write_frame(self, observation: Observation) -> None:
         """Write a frame; one that is there already is left alone. The caller may reuse its arrays at once."""
         if observation.step not in self._frames:
             self.write_encoded_frame(encode_frame(observation))
@@ -110,7 +110,7 @@ class RecordingWriter:
         self._stream.log(*log_time, schema.DEPTH, *_depth_row(frame))
         self._draw(log_time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
 
-    def event(self, stamped: StampedEvent) -> None:
+    def write_event(self, stamped: StampedEvent) -> None:
         """Write an event, exactly and as the viewer shows it."""
         log_time = _LogTime(int(stamped.step), float(stamped.stamp))
         if isinstance(stamped.event, GraphChanged) and isinstance(stamped.event.delta, NodeAdded):
@@ -123,23 +123,23 @@ class RecordingWriter:
         self._draw(log_time, event_drawing.draw_event(stamped.event, self._drawn_poses))
         self._draw(log_time, self._curves.extend_curve(stamped.event))
 
-    def graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
+    def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map if it changed, at most twice a second; call it as often as you like."""
         log_time = _LogTime(int(step), float(stamp))
         if self._draw_schedule.is_due(graph, log_time):
             self._draw_graph(graph, log_time)
 
-    def map(self, graph: TopologicalGraph, observations: Iterable[Observation]) -> None:
+    def write_map(self, graph: TopologicalGraph, observations: Iterable[Observation]) -> None:
         """Write a whole map with its frames, so that what follows needs no other file; call it first."""
         last = _LogTime(0, 0.0)
         for observation in observations:
-            self.frame(observation)
+            self.write_frame(observation)
             last = max(last, _LogTime(int(observation.step), float(observation.stamp)))
         for delta in graph.deltas():
-            self.event(StampedEvent(*last, GraphChanged(delta)))
+            self.write_event(StampedEvent(*last, GraphChanged(delta)))
         text = f"map with {len(graph.nodes)} nodes, {len(graph.edges)} edges and {len(graph.reserve)} images in reserve"
-        self.event(StampedEvent(*last, Note(text)))
-        self.graph(graph, *last)
+        self.write_event(StampedEvent(*last, Note(text)))
+        self.draw_graph(graph, *last)
 
     def close(self) -> None:
         """Draw the map as it is now and finish the file. Raises RecordingError when that fails; may be repeated."""

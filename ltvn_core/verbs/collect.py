@@ -62,6 +62,6 @@ class CollectVerb(Verb):
             for observation in tqdm(
                 drive_tour(robot, simulation.scene, rng, loops=self.loops), desc="collect", unit="frame"
             ):
-                writer.frame(observation)
+                writer.write_frame(observation)
                 frames += 1
         return CollectSummary(self.output, simulation.scene.name, frames, robot.collisions, robot.stamp)

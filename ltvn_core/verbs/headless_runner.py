@@ -66,7 +66,7 @@ class HeadlessRunner:
         """Drive a mapping tour, record it, and return its keyframes."""
         seen = []
         for observation in tqdm(drive_tour(self.robot, self.scene, rng, loops=loops), desc="collect", unit="frame"):
-            self.writer.frame(observation)
+            self.writer.write_frame(observation)
             seen.append(observation)
         return seen
 
@@ -132,7 +132,7 @@ class HeadlessRunner:
 
     def _record(self, event: Event) -> None:
         state = self.robot.state()
-        self.writer.event(StampedEvent(state.step, state.stamp, event))
+        self.writer.write_event(StampedEvent(state.step, state.stamp, event))
 
     def _change(self, deltas: Sequence[GraphDelta]) -> None:
         for delta in deltas:
@@ -142,4 +142,4 @@ class HeadlessRunner:
 
     def _draw(self) -> None:
         state = self.robot.state()
-        self.writer.graph(self.graph, state.step, state.stamp)
+        self.writer.draw_graph(self.graph, state.step, state.stamp)

@@ -117,7 +117,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     keyframes.add(list(loaded.observations.values()))
     about = {"scene": scene, "config": options.settings(), "fingerprint": predictor.fingerprint}
     with RecordingWriter(options.recording, **about, live_port=announce_stream(options.stream)) as writer:
-        writer.map(loaded.graph, loaded.observations.values())
+        writer.write_map(loaded.graph, loaded.observations.values())
         runner = HeadlessRunner(simulation, writer, keyframes, predictor, options.method(), loaded.graph)
         outcome = runner.run_queries(options.goals(runner, rng), rng)
     if options.output is not None:

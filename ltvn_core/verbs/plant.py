@@ -95,7 +95,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
         "fingerprint": predictor.fingerprint,
     }
     with RecordingWriter(options.recording, **about) as writer:
-        writer.map(graph, [loaded.observations[node] for node in graph.nodes])
+        writer.write_map(graph, [loaded.observations[node] for node in graph.nodes])
         runner = HeadlessRunner(simulation, writer, keyframes, predictor, method, graph)
         outcome = runner.run_queries([fault.goal for fault in faults], rng, starts=[fault.start for fault in faults])
     wall_s = time.monotonic() - started

@@ -60,7 +60,7 @@ class LiveRun:
                 observation.stamp,
                 observation.odometry if observation.exact_pose is None else observation.exact_pose,
             )
-            self.recorder.frame(observation)
+            self.recorder.write_frame(observation)
         return observation
 
     def begin_recording(self, worker: Worker) -> None:
@@ -68,11 +68,11 @@ class LiveRun:
         self.recorder.start(worker)
         before = self.observation
         if self.capture() is before and before is not None:
-            self.recorder.frame(before)
+            self.recorder.write_frame(before)
 
     def emit(self, event: Event) -> None:
         """Let an event have happened now."""
         stamped = StampedEvent(self.robot.step, self.robot.stamp, event)
         self.timeline.event(stamped)
-        self.recorder.event(stamped)
+        self.recorder.write_event(stamped)
         self.breakpoint_monitor.consume(stamped, self.timeline.start_s)

@@ -24,15 +24,15 @@ logger = logging.getLogger(__name__)
 class RecordingSink(Protocol):
     """Writes one recording."""
 
-    def frame(self, observation: Observation) -> None:
+    def write_frame(self, observation: Observation) -> None:
         """Append an image."""
         ...
 
-    def event(self, stamped: StampedEvent) -> None:
+    def write_event(self, stamped: StampedEvent) -> None:
         """Append an event."""
         ...
 
-    def graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
+    def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map."""
         ...
 
@@ -81,7 +81,7 @@ class Recorder:
         self._path, self._frames, self._first_s, self._last_s = path, 0, 0.0, 0.0
         worker.submit(lambda: self._try_open(path), self._opened)
 
-    def frame(self, observation: Observation) -> None:
+    def write_frame(self, observation: Observation) -> None:
         """Append an image, if a recording is under way; a failure ends the recording and raises RecordingError."""
         if self._path is None:
             return
@@ -90,16 +90,16 @@ class Recorder:
         # The mapper may hand in an image again, which the file then holds once.
         self._frames += not self._frames or observation.stamp > self._last_s
         self._last_s = max(self._last_s, observation.stamp)
-        self._write(lambda writer: writer.frame(observation))
+        self._write(lambda writer: writer.write_frame(observation))
 
-    def event(self, stamped: StampedEvent) -> None:
+    def write_event(self, stamped: StampedEvent) -> None:
         """Append an event, if a recording is under way; a failure ends the recording and raises RecordingError."""
-        self._write(lambda writer: writer.event(stamped))
+        self._write(lambda writer: writer.write_event(stamped))
 
-    def graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
+    def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map for the viewer, if a recording is under way; nobody may change the map meanwhile."""
         if self._writer is not None:
-            self._write(lambda writer: writer.graph(graph, step, stamp))
+            self._write(lambda writer: writer.draw_graph(graph, step, stamp))
 
     def keep(self) -> Path:
         """End the recording and return its file; raises RecordingError when none is under way."""

@@ -140,7 +140,7 @@ class Session:
             state.activity = state.teleop
         if state.worker.pending == 0:
             # Nobody changes the map now, so the recording may draw it.
-            state.live.recorder.graph(state.live_map.graph, state.live.robot.step, state.live.robot.stamp)
+            state.live.recorder.draw_graph(state.live_map.graph, state.live.robot.step, state.live.robot.stamp)
 
     def _show(self) -> None:
         self._publish(self._snapshot_builder.build(self._state))

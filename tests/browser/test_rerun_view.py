@@ -66,12 +66,12 @@ def test_a_recording_is_watched_while_it_is_written(chromium: Browser, tmp_path:
         RecordingWriter(tmp_path / "live.rrd", **about, live_port=port) as writer,
         serve_viewer(live_address(port)) as live,
     ):
-        writer.frame(example_recording.observation(0))
+        writer.write_frame(example_recording.observation(0))
         page = chromium.new_page(viewport={"width": 900, "height": 600})
         page.goto(live.url)
         _until(page, lambda: page.evaluate("document.body.dataset.open === 'yes'"), "the viewer opened the stream")
         for step in range(1, 10):
-            writer.frame(example_recording.observation(step))
+            writer.write_frame(example_recording.observation(step))
         _until(page, lambda: _colours(page) > 500, "the canvas shows pictures")
         page.close()
 

@@ -98,16 +98,16 @@ class FakeWriter:
     closed: bool = False
     full: bool = False
 
-    def frame(self, observation: Observation) -> None:
+    def write_frame(self, observation: Observation) -> None:
         if self.full:
             raise OSError(28, "No space left on device")
         if observation.step not in {seen.step for seen in self.frames}:
             self.frames.append(observation)
 
-    def event(self, stamped: StampedEvent) -> None:
+    def write_event(self, stamped: StampedEvent) -> None:
         self.events.append(stamped)
 
-    def graph(self, graph: object, step: FrameId, stamp: float) -> None:
+    def draw_graph(self, graph: object, step: FrameId, stamp: float) -> None:
         """Draw nothing."""
 
     def close(self) -> None:
@@ -220,10 +220,10 @@ class SessionHarness:
         self.writers.append(writer)
         live_map = self.state.live_map
         for seen in live_map.map_observations():
-            writer.frame(seen)
+            writer.write_frame(seen)
         last = max((seen.step for seen in live_map.map_observations()), default=0)
         for delta in live_map.graph.deltas():
-            writer.event(StampedEvent(last, last * CONTROL_STEP_S, GraphChanged(delta)))
+            writer.write_event(StampedEvent(last, last * CONTROL_STEP_S, GraphChanged(delta)))
         return writer
 
 

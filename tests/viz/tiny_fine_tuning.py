@@ -62,5 +62,5 @@ def record_drive(path: Path, images: int | None = None) -> Path:
     """Write a recording of the drive, or of its first images."""
     with RecordingWriter(path, scene="box", config={}, fingerprint="") as writer:
         for seen in drive()[:images]:
-            writer.frame(seen)
+            writer.write_frame(seen)
     return path

@@ -85,7 +85,7 @@ class Teleop:
         self._mapping_ended()
         if deltas:
             # A recording that began while this image waited must hold it too, or its map would lack a picture.
-            self._live.recorder.frame(observation)
+            self._live.recorder.write_frame(observation)
         for delta in deltas:
             self._live.emit(GraphChanged(delta))
 

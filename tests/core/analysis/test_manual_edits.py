@@ -82,7 +82,7 @@ def test_a_goal_has_a_name_that_survives_saving(tmp_path: Path) -> None:
     graph.apply(manual_edits.mark_goal(graph, 1, goal=False))
     with RecordingWriter(tmp_path / "map.rrd", scene="demo", config={}, fingerprint="") as writer:
         for delta in graph.deltas():
-            writer.event(StampedEvent(0, 0.0, GraphChanged(delta)))
+            writer.write_event(StampedEvent(0, 0.0, GraphChanged(delta)))
     read = Recording.open(tmp_path / "map.rrd").final_graph()
     assert read == graph
     assert (read.nodes[1].name, read.nodes[1].goal) == ("kitchen door", False)

@@ -72,7 +72,7 @@ def write(path: Path, frames: int = 10) -> list[StampedEvent]:
     stamped = [StampedEvent(k % frames, CONTROL_STEP_S * (k % frames), event) for k, event in enumerate(events())]
     with RecordingWriter(path, scene="demo", config={"seed": 7}, fingerprint="abc") as writer:
         for step in range(frames):
-            writer.frame(observation(step))
+            writer.write_frame(observation(step))
         for event in stamped:
-            writer.event(event)
+            writer.write_event(event)
     return stamped

@@ -36,7 +36,7 @@ def test_what_is_streamed_is_a_whole_recording_too_and_the_next_one_takes_the_sa
     port = free_port()
     for name in ("first.rrd", "second.rrd"):
         with RecordingWriter(tmp_path / name, **ABOUT, live_port=port) as writer:
-            writer.event(StampedEvent(1, 0.1, Note(name)))
+            writer.write_event(StampedEvent(1, 0.1, Note(name)))
             listening = [c for c in psutil.Process().net_connections("inet") if c.status == psutil.CONN_LISTEN]
             assert {c.laddr.ip for c in listening if c.laddr.port == port} == {"127.0.0.1"}
         assert is_finished(tmp_path / name)

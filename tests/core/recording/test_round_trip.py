@@ -98,7 +98,7 @@ def test_a_rewritten_recording_holds_the_same(path: Path, tmp_path: Path) -> Non
         for frame in first.frames:
             writer.write_encoded_frame(first.stored_frame(frame).frame)
         for event in first.events:
-            writer.event(event)
+            writer.write_event(event)
     second = Recording.open(again)
     assert second.events == first.events
     assert [second.stored_frame(f) for f in second.frames] == [first.stored_frame(f) for f in first.frames] or all(
@@ -132,7 +132,9 @@ def test_arrays_may_be_changed_after_they_were_written(path: Path) -> None:
                 (reused.odometry, fresh.odometry),
             ):
                 mine[...] = theirs
-            writer.frame(type(reused)(reused.rgb, reused.depth, reused.odometry, fresh.stamp, step, fresh.exact_pose))
+            writer.write_frame(
+                type(reused)(reused.rgb, reused.depth, reused.odometry, fresh.stamp, step, fresh.exact_pose)
+            )
             reused.depth[...], reused.odometry[...] = 9.0, 9.0
     recording = Recording.open(path)
     for step in recording.frames:
@@ -189,7 +191,7 @@ def test_a_map_of_other_weights_is_refused(tmp_path: Path) -> None:
 
 def test_a_recording_without_a_map_says_how_to_make_one(path: Path) -> None:
     with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
-        writer.frame(example_recording.observation(0))
+        writer.write_frame(example_recording.observation(0))
     with pytest.raises(MapError, match="ltvn build"):
         load_map(path)
 
@@ -197,6 +199,6 @@ def test_a_recording_without_a_map_says_how_to_make_one(path: Path) -> None:
 def test_a_recording_that_begins_with_a_map_stands_alone(tmp_path: Path) -> None:
     graph = TopologicalGraph(event.delta for event in example_recording.events() if isinstance(event, GraphChanged))
     with RecordingWriter(tmp_path / "run.rrd", scene="demo", config={}, fingerprint="abc") as writer:
-        writer.map(graph, [example_recording.observation(step) for step in (0, 1, 2, 3, 4, 8)])
-        writer.frame(example_recording.observation(20))
+        writer.write_map(graph, [example_recording.observation(step) for step in (0, 1, 2, 3, 4, 8)])
+        writer.write_frame(example_recording.observation(20))
     assert load_map(tmp_path / "run.rrd").graph == graph

@@ -30,7 +30,7 @@ from tests.core.recording import scenario
 signal.signal(signal.SIGINT, signal.default_int_handler)
 with RecordingWriter(Path(sys.argv[1]), scene="demo", config={}, fingerprint="") as writer:
     for step in range(10**6):
-        writer.frame(scenario.observation(step))
+        writer.write_frame(scenario.observation(step))
         print(step, time.monotonic(), flush=True)
         time.sleep(0.01)
 """
@@ -188,13 +188,13 @@ path = Path(sys.argv[1])
 writer = RecordingWriter(path, scene="demo", config={}, fingerprint="")
 empty = path.stat().st_size
 for step in range(30):
-    writer.frame(scenario.observation(step))
+    writer.write_frame(scenario.observation(step))
 while path.stat().st_size < empty + 40_000:  # Until the disk has them.
     time.sleep(0.01)
 told = 0
 for step in range(30, 3000):
     try:
-        writer.frame(scenario.observation(step))
+        writer.write_frame(scenario.observation(step))
     except RecordingError as error:
         told += 1
         message = str(error)

@@ -42,8 +42,8 @@ def recording(tmp_path: Path) -> Path:
     path = tmp_path / "failure.rrd"
     with RecordingWriter(path, scene="somewhere", config={}, fingerprint="flat") as writer:
         for step, event in story.items():
-            writer.frame(observation(FIRST + step))
-            writer.event(StampedEvent(FIRST + step, (FIRST + step) * CONTROL_STEP_S, event))
+            writer.write_frame(observation(FIRST + step))
+            writer.write_event(StampedEvent(FIRST + step, (FIRST + step) * CONTROL_STEP_S, event))
     return path
 
 

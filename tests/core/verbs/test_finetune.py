@@ -18,7 +18,7 @@ WAY = poses_along((1.0, 1.0), (3.2, 1.0), (3.2, 3.3))
 def record(path: Path, seen: Iterable[Observation]) -> Path:
     with RecordingWriter(path, scene="box", config={}, fingerprint="") as writer:
         for each in seen:
-            writer.frame(each)
+            writer.write_frame(each)
     return path
 
 

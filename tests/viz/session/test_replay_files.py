@@ -40,11 +40,11 @@ def recording(tmp_path: Path) -> Path:
     path = tmp_path / "foreign.rrd"
     with RecordingWriter(path, scene="somewhere-else", config={}, fingerprint="flat") as writer:
         for picture in seen:
-            writer.frame(picture)
+            writer.write_frame(picture)
         for delta in harness.state.live_map.graph.deltas():
             if not hasattr(delta, "frames"):
-                writer.event(StampedEvent(seen[2].step, seen[2].stamp, GraphChanged(delta)))
-        writer.event(StampedEvent(seen[-1].step + 9, seen[-1].stamp + 3.0, Note("the end")))
+                writer.write_event(StampedEvent(seen[2].step, seen[2].stamp, GraphChanged(delta)))
+        writer.write_event(StampedEvent(seen[-1].step + 9, seen[-1].stamp + 3.0, Note("the end")))
     return path
 
 

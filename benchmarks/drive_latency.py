@@ -1,4 +1,4 @@
-"""How long a key press takes from the page's socket to the robot's drive command; part of `ltvn bench`.
+"""How long a key press takes from the page's socket to the robot's drive command; part of `python -m benchmarks`.
 
 Owns the measuring page: a plain websocket that says what a browser would. Everything behind it is the app's own.
 """

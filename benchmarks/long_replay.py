@@ -1,4 +1,4 @@
-"""What it costs to open a long run on a large map, and to go anywhere in it; part of `ltvn bench`.
+"""What it costs to open a long run on a large map, and to go anywhere in it; part of `python -m benchmarks`.
 
 Owns the measuring. The page's side of it, sending and drawing, is `benchmarks.drive_latency`'s.
 """

@@ -1,4 +1,4 @@
-"""What it costs to open a long recording from disk until the first picture is on its way; part of `ltvn bench`.
+"""What it costs to open a long recording from disk until the first picture is on its way; one of the benchmarks.
 
 Owns the measuring: the file, made up but written as any other, and a page that receives what is drawn. How fast a
 browser draws it is not measured.

@@ -1,6 +1,6 @@
 """Learning without any of the savings: the yardstick for training's speed.
 
-Every pair is learned from by itself, both images encoded in float32, nothing shared. Only `ltvn bench` uses it.
+Every pair is learned from by itself, both images encoded in float32, nothing shared. Only the benchmarks use it.
 """
 
 import numpy as np

@@ -1,79 +1,66 @@
 """`ltvn`: one program, one verb per job.
 
 Parses, runs, prints, and turns every error a user can cause into one clear line and a non-zero exit code. Owns no job
-of its own; those are in `ltvn_core.verbs`.
+of its own: verbs are classes in the entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`).
 """
 
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Annotated, TypeAlias
 
 import tyro
-from tyro.conf import subcommand
 
-from benchmarks.bench import BenchVerb
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.verbs.baseline import BaselineVerb
-from ltvn_core.verbs.build import BuildVerb
-from ltvn_core.verbs.collect import CollectVerb
-from ltvn_core.verbs.dataset import DatasetVerb
-from ltvn_core.verbs.demo import DemoVerb
-from ltvn_core.verbs.evaluate import EvaluateVerb
-from ltvn_core.verbs.export import ExportVerb
-from ltvn_core.verbs.figures import FiguresVerb
-from ltvn_core.verbs.finetune import FinetuneVerb
-from ltvn_core.verbs.lifelong import LifelongVerb
-from ltvn_core.verbs.measure import MeasureVerb
-from ltvn_core.verbs.navigate import NavigateVerb
-from ltvn_core.verbs.plant import PlantVerb
-from ltvn_core.verbs.recording_files import InfoVerb, RepairVerb, VerifyVerb
-from ltvn_core.verbs.report import ReportVerb
-from ltvn_core.verbs.train import TrainVerb
+from ltvn_core.verbs.discovery import GROUP, find_verbs, load_verb, load_verbs
 from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
-from ltvn_core.verbs.view import ViewVerb
-from ltvn_viz.verbs.app import AppVerb, ReplayVerb
-from ltvn_viz.verbs.pairs import PairsVerb
-
-AnyVerb: TypeAlias = (
-    Annotated[AppVerb, subcommand("app", prefix_name=False)]
-    | Annotated[DemoVerb, subcommand("demo", prefix_name=False)]
-    | Annotated[CollectVerb, subcommand("collect", prefix_name=False)]
-    | Annotated[BuildVerb, subcommand("build", prefix_name=False)]
-    | Annotated[NavigateVerb, subcommand("navigate", prefix_name=False)]
-    | Annotated[PlantVerb, subcommand("plant", prefix_name=False)]
-    | Annotated[EvaluateVerb, subcommand("evaluate", prefix_name=False)]
-    | Annotated[LifelongVerb, subcommand("lifelong", prefix_name=False)]
-    | Annotated[ReplayVerb, subcommand("replay", prefix_name=False)]
-    | Annotated[ViewVerb, subcommand("view", prefix_name=False)]
-    | Annotated[DatasetVerb, subcommand("dataset", prefix_name=False)]
-    | Annotated[PairsVerb, subcommand("pairs", prefix_name=False)]
-    | Annotated[TrainVerb, subcommand("train", prefix_name=False)]
-    | Annotated[FinetuneVerb, subcommand("finetune", prefix_name=False)]
-    | Annotated[BaselineVerb, subcommand("baseline", prefix_name=False)]
-    | Annotated[MeasureVerb, subcommand("measure", prefix_name=False)]
-    | Annotated[FiguresVerb, subcommand("figures", prefix_name=False)]
-    | Annotated[ReportVerb, subcommand("report", prefix_name=False)]
-    | Annotated[InfoVerb, subcommand("info", prefix_name=False)]
-    | Annotated[VerifyVerb, subcommand("verify", prefix_name=False)]
-    | Annotated[RepairVerb, subcommand("repair", prefix_name=False)]
-    | Annotated[ExportVerb, subcommand("export", prefix_name=False)]
-    | Annotated[BenchVerb, subcommand("bench", prefix_name=False)]
-)
 
 DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted."""
-    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
-    verb: Verb = tyro.cli(AnyVerb, prog="ltvn", description=DESCRIPTION, args=arguments)  # type: ignore[call-overload]
-    try:
-        report(verb)
-    except LtvnError as error:
-        print(f"ltvn: {error}", file=sys.stderr)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    verbs = find_verbs()
+    if not verbs:
+        print(f"ltvn: no package offers {GROUP}; install the toolkit: pip install ltvn (or -e .)", file=sys.stderr)
         return 1
+    if given and given[0] in verbs:
+        name, *options = given
+        try:
+            verb = load_verb(verbs[name])
+        except LtvnError as error:
+            return _say(error)
+        return run_verb(f"ltvn {name}", verb, options)
+    _show_all(verbs, given)
+    return 2
+
+
+def _show_all(verbs: Mapping[str, EntryPoint], given: Sequence[str]) -> None:
+    """Show the help of all verbs, or say what is wrong with the usage, and exit."""
+    loaded = load_verbs(verbs)
+    for line in loaded.broken:
+        print(f"ltvn: {line}", file=sys.stderr)
+    tyro.extras.subcommand_cli_from_dict(
+        dict(loaded.classes), prog="ltvn", description=DESCRIPTION, args=given, sort_subcommands=False
+    )
+
+
+def run_verb(program: str, verb: type[Verb], arguments: Sequence[str] | None = None) -> int:
+    """Parse a verb's options, run it and return the exit code; prints what came of it.
+
+    Args:
+        program: What a person types for this verb, for its help.
+        verb: The class whose fields are the options.
+        arguments: The options; those of the command line if not given.
+    """
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    chosen = tyro.cli(verb, prog=program, args=arguments)
+    try:
+        report(chosen)
+    except LtvnError as error:
+        return _say(error)
     except KeyboardInterrupt:
         print("ltvn: interrupted", file=sys.stderr)
         return 130
@@ -89,6 +76,11 @@ def report(verb: Verb) -> None:
         print(to_json(summary))
     else:
         _write_summary(verb.json, summary)
+
+
+def _say(error: LtvnError) -> int:
+    print(f"ltvn: {error}", file=sys.stderr)
+    return 1
 
 
 def _write_summary(path: Path, summary: Summary) -> None:

@@ -39,3 +39,7 @@ class OptionError(LtvnError):
 
 class ServerError(LtvnError):
     """The page cannot be served, for instance because the port is taken."""
+
+
+class PluginError(LtvnError):
+    """What another package adds to the toolkit cannot be used."""

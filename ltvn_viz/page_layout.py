@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import viser
 
-from ltvn_viz import palette
+from ltvn_core import palette
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
@@ -23,6 +23,7 @@ from ltvn_viz.panels.debugger_panel import DebuggerPanel
 from ltvn_viz.panels.drive_panel import DrivePanel
 from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
 from ltvn_viz.panels.follow_camera import FollowCamera
+from ltvn_viz.panels.html_widgets import legend_html
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import Notifications
 from ltvn_viz.panels.replay_panel import ReplayPanel
@@ -69,7 +70,7 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
         replay = ReplayPanel(gui, send)
     with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
         why = DebuggerPanel(gui, send)
-    gui.add_html(palette.legend_html())
+    gui.add_html(legend_html())
     window = gui.add_panel()
     with window.add_tab("Camera and depth", viser.Icon.CAMERA):
         camera = CameraPanel(gui)

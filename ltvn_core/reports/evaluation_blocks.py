@@ -22,7 +22,7 @@ from ltvn_core.reports.evaluation_tables import (
 )
 from ltvn_core.reports.figure_style import FigurePalette, documentation_style, save_png
 from ltvn_core.reports.lifelong_groups import group_lifelong
-from ltvn_core.reports.network_tables import fill_blocks
+from ltvn_core.reports.page_blocks import fill_blocks
 from ltvn_core.reports.result_rows import rows_of
 
 FIGURE_KINDS = ("success", "sizes", "causes", "floors", "lifelong", "calibration")

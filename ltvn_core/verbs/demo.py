@@ -1,4 +1,4 @@
-"""`ltvn demo`: the whole main job in one go: collect, build, navigate with maintenance, record."""
+"""The whole main job without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -44,11 +44,9 @@ class DemoSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemoVerb(Verb):
-    """Collect, build, navigate and record: the page's main job, or all of it without a browser (--headless)."""
+class HeadlessDemoVerb(Verb):
+    """Collect, build, navigate and record, without a browser."""
 
-    headless: bool = False
-    """Do it all here and print the result; without this the page opens."""
     queries: int = 20
     """How many random goals to drive to."""
     seed: int = 0
@@ -72,12 +70,6 @@ class DemoVerb(Verb):
 
     def run(self) -> Summary:
         """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
-        if not self.headless:
-            from ltvn_viz.verbs.app import AppVerb
-
-            return AppVerb(
-                scene=self.scene, seed=self.seed, predictor=self.predictor, weights=self.weights, stream=self.stream
-            ).run()
         if self.queries < 0 or self.loops < 1:
             raise OptionError(
                 f"--queries must be 0 or more and --loops 1 or more, got {self.queries} and {self.loops}."
@@ -99,7 +91,7 @@ def _dated_path(name: str) -> Path:
     return Path("runs") / time.strftime(f"{name}-%Y%m%d-%H%M%S.rrd")
 
 
-def _run_headless(options: DemoVerb) -> DemoSummary:
+def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     import numpy as np
 
     from ltvn_core.composition import open_method, open_predictor, open_simulation

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.figures import require_docs_extra
+from ltvn_core.reports.docs_extra import require_docs_extra
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:

@@ -4,10 +4,10 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from html import escape
 
+from ltvn_core import palette
 from ltvn_core.analysis.breakpoint_kinds import Breakpoint, EdgeBeliefBreakpoint, EdgeBreakpoint, NodeBreakpoint
 from ltvn_core.analysis.breakpoint_parser import format_breakpoint, parse_breakpoint
 from ltvn_core.errors import OptionError
-from ltvn_viz import palette
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
 from ltvn_viz.session.commands import Seek, SubmitText

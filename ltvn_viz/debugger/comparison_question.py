@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ltvn_core import palette
 from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MapMetrics, compare_maps, map_metrics
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import LtvnError
@@ -12,7 +13,6 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Judged, QueryEnded, StampedEvent
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Pose
-from ltvn_viz import palette
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.pointing import add_selected_edge

@@ -4,12 +4,12 @@ from html import escape
 
 import numpy as np
 
+from ltvn_core import palette
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, edge_history
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
 from ltvn_core.types import Waypoint
-from ltvn_viz import palette
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
 from ltvn_viz.debugger.svg_figures import image_figure, step_curve_svg

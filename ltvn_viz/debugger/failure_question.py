@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+from ltvn_core import palette
 from ltvn_core.analysis.failure_triage import (
     FailedQuery,
     FailureCluster,
@@ -20,7 +21,6 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_viz import palette
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.lifelong_curves import add_lifelong_curves
 from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, QuestionName, Selection

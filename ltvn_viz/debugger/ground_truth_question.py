@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from ltvn_core import palette
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.evaluation.edge_accuracy import EdgeAccuracy as Verdicts
 from ltvn_core.evaluation.edge_accuracy import MissingEdge, edge_accuracy
@@ -14,7 +15,6 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import AttemptEnded, QueryEnded, StampedEvent
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import FrameId, Observation, Pose
-from ltvn_viz import palette
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.pointing import add_selected_edge

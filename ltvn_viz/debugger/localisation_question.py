@@ -6,6 +6,7 @@ from html import escape
 
 import numpy as np
 
+from ltvn_core import palette
 from ltvn_core.analysis.localisation_confidence import (
     LocalisationHeatMap,
     LocalisationMargins,
@@ -21,14 +22,13 @@ from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId, Observation, Predictor
-from ltvn_viz import palette
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.node_images import NodeImageLoader
 from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
 from ltvn_viz.debugger.svg_figures import step_curve_svg
-from ltvn_viz.palette import Rgb8
 from ltvn_viz.session.commands import PointAt, Seek, SubmitText
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
 

@@ -5,6 +5,7 @@ from html import escape
 from itertools import groupby
 from typing import NamedTuple
 
+from ltvn_core import palette
 from ltvn_core.analysis.manual_edits import (
     add_edge,
     delete_node,
@@ -21,7 +22,6 @@ from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId
-from ltvn_viz import palette
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import NOTHING_SELECTED, AnswerBuilder, QuestionAnswer, Selection
 from ltvn_viz.session.commands import CloseRecording, Command, EditMap, Seek

@@ -5,6 +5,7 @@ from html import escape
 
 import numpy as np
 
+from ltvn_core import palette
 from ltvn_core.analysis.localisation_confidence import features_of
 from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
 from ltvn_core.config import Method
@@ -13,7 +14,6 @@ from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation, Predictor
-from ltvn_viz import palette
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection

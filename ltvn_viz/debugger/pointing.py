@@ -1,9 +1,9 @@
 """What a tool that shows many edges does with the one that a person pointed at."""
 
+from ltvn_core import palette
+from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
-from ltvn_viz import palette
 from ltvn_viz.debugger.question import AnswerBuilder, QuestionName, Selection
-from ltvn_viz.palette import Rgb8
 from ltvn_viz.session.commands import ChooseQuestion
 
 

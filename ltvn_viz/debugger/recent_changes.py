@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ltvn_core import palette
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
 from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, NodeAdded
+from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
-from ltvn_viz import palette
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.palette import Rgb8
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
 
 NEW_FOR_QUERIES = 2

@@ -10,10 +10,10 @@ from html import escape
 import cv2
 import numpy as np
 
+from ltvn_core import palette
 from ltvn_core.analysis.waypoint_projection import pole_in_image
+from ltvn_core.palette import Rgb8
 from ltvn_core.types import Intrinsics, Observation, Rgb, Waypoint
-from ltvn_viz import palette
-from ltvn_viz.palette import Rgb8
 
 _SCALE = 3
 _CURVE_PX = (340, 90)

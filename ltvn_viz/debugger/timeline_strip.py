@@ -6,10 +6,10 @@ Owns the picture and which kind has which colour and name.
 from collections.abc import Mapping, Sequence
 from html import escape
 
+from ltvn_core import palette
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
-from ltvn_viz import palette
+from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.palette import Rgb8
 
 MARK_STYLES: Mapping[MarkKind, tuple[str, Rgb8]] = {
     MarkKind.QUERY_START: ("query", palette.SOURCE),

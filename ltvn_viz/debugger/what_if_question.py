@@ -5,6 +5,7 @@ from functools import partial
 from html import escape
 from itertools import pairwise
 
+from ltvn_core import palette
 from ltvn_core.analysis.planner_state import planner_state_at
 from ltvn_core.analysis.what_if_changes import WhatIfChange, WithBelief, WithEdge, WithoutEdge, WithThreshold
 from ltvn_core.analysis.what_if_parser import format_what_if_change, parse_what_if_change
@@ -12,7 +13,7 @@ from ltvn_core.analysis.what_if_replanning import EdgeCostParts, PlanDifference
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_viz import palette
+from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
 from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
@@ -23,7 +24,6 @@ from ltvn_viz.debugger.what_if_planning import (
     plan_both_ways,
     with_imagined_thresholds,
 )
-from ltvn_viz.palette import Rgb8
 from ltvn_viz.session.commands import PointAt, SubmitText
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
 

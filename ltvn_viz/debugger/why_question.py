@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from html import escape
 
+from ltvn_core import palette
 from ltvn_core.analysis import edge_explanation
 from ltvn_core.analysis.edge_history import EdgeHistory, edge_history
 from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep
@@ -15,7 +16,6 @@ from ltvn_core.errors import OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import NodeId
-from ltvn_viz import palette
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
 from ltvn_viz.debugger.question import NOTHING_SELECTED, AnswerBuilder, EdgeKey, QuestionAnswer, QuestionName, Selection

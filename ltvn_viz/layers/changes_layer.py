@@ -3,7 +3,7 @@
 import numpy as np
 import viser
 
-from ltvn_viz import palette
+from ltvn_core import palette
 from ltvn_viz.layers import CHANGE_Z
 from ltvn_viz.layers.graph_layers import offset_right
 from ltvn_viz.layers.line_segments import LineSegments

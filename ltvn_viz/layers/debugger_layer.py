@@ -3,7 +3,7 @@
 import numpy as np
 import viser
 
-from ltvn_viz import palette
+from ltvn_core import palette
 from ltvn_viz.layers import NODE_Z, PLAN_Z
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import points

@@ -7,8 +7,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ltvn_core import palette
 from ltvn_core.types import NodeId
-from ltvn_viz import palette
 from ltvn_viz.layers import EDGE_Z, NODE_Z
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import points

@@ -4,7 +4,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from ltvn_viz import palette
+from ltvn_core import palette
 
 
 class LineSegments:

@@ -3,8 +3,8 @@
 import numpy as np
 import viser
 
+from ltvn_core import palette
 from ltvn_core.types import NodeId
-from ltvn_viz import palette
 from ltvn_viz.layers import PLAN_Z
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz

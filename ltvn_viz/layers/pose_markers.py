@@ -4,8 +4,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ltvn_core import palette
 from ltvn_core.types import Pose
-from ltvn_viz import palette
 from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
 
 

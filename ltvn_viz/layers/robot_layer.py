@@ -3,8 +3,8 @@
 import numpy as np
 import viser
 
+from ltvn_core import palette
 from ltvn_core.types import Intrinsics
-from ltvn_viz import palette
 from ltvn_viz.layers.pose_geometry import points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 

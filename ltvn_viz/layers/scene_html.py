@@ -11,11 +11,10 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from ltvn_core import palette
 from ltvn_core.errors import SceneError
 from ltvn_core.evaluation.map_layout import MapLayout
-from ltvn_core.palette import probability_gradient_css
 from ltvn_core.recording.reader import Recording
-from ltvn_viz import palette
 from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
 from ltvn_viz.layers.graph_layers import offset_right
 from ltvn_viz.layers.lights_and_camera import add_lights, set_initial_camera
@@ -80,7 +79,7 @@ def _finished(html: str, drawn: MapLayout) -> str:
     legend = template.format(
         title=escape(drawn.title),
         counts=f"{len(graph.nodes):,} nodes, {len(graph.edges):,} edges",
-        ramp=probability_gradient_css(),
+        ramp=palette.probability_gradient_css(),
         wrong=f'<div><b style="color:{palette.EDGE_REMOVED.css}">━</b> nobody can drive it: {wrong}</div>'
         if drawn.simulated
         else "",

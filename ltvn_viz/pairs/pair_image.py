@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core import palette
+from ltvn_core.palette import Rgb8
 from ltvn_core.training_data.camera_projection import WaypointOutline, waypoint_outline
 from ltvn_core.training_data.pair_table import LabelledPair
 from ltvn_core.types import Intrinsics, Rgb, Waypoint
-from ltvn_viz import palette
-from ltvn_viz.palette import Rgb8
 from ltvn_viz.panels.camera_panel import depth_colours
 
 SCALE = 5

@@ -10,11 +10,11 @@ from math import degrees
 import numpy as np
 import viser
 
+from ltvn_core import palette
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.training_data.failure_explanations import criterion_name, single_criteria
 from ltvn_core.training_data.pair_table import LabelledPair, PairFilter
 from ltvn_core.training_data.reachability_labels import FailedCriteria
-from ltvn_viz import palette
 from ltvn_viz.pairs.pair_browser import JumpToRandomPair, OpenScene, PairCommand, ShownPair, StepPairs
 from ltvn_viz.pairs.pair_image import blank_pair_image, pair_image
 from ltvn_viz.panels.html_widgets import STYLE, HtmlBlock, number_grid

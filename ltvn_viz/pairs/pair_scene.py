@@ -8,13 +8,13 @@ import numpy as np
 import viser
 import viser.transforms as vt
 
+from ltvn_core import palette
+from ltvn_core.palette import Rgb8
 from ltvn_core.training_data.camera_projection import unproject
 from ltvn_core.types import Depth, Intrinsics, Waypoint
-from ltvn_viz import palette
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
 from ltvn_viz.pairs.pair_browser import ShownPair
-from ltvn_viz.palette import Rgb8
 
 CUT_M = 1.9
 """Points above this would hide the floor from above."""

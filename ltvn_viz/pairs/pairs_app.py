@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from ltvn_core import palette
 from ltvn_core.errors import LtvnError
 from ltvn_core.network.predictor import load_predictor
-from ltvn_viz import palette
 from ltvn_viz.pairs.pair_browser import PairBrowser, PairCommand, scenes_in
 from ltvn_viz.pairs.pair_panel import PairPanel
 from ltvn_viz.pairs.pair_scene import PairScene

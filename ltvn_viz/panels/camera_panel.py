@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import viser
 
+from ltvn_core import palette
 from ltvn_core.types import Depth, Rgb
-from ltvn_viz import palette
 from ltvn_viz.session.snapshot import CameraImage, Snapshot
 
 WIDTH, HEIGHT = 320, 240

@@ -8,7 +8,7 @@ from html import escape
 
 import viser
 
-from ltvn_viz import palette
+from ltvn_core import palette
 from ltvn_viz.server.keymap import Action
 
 STYLE = f"""<style>
@@ -137,3 +137,25 @@ class HtmlBlock:
         """Show `content`, whose foreign parts the caller has escaped."""
         if content != self._content:
             self._handle.content = self._content = content
+
+
+def legend_html() -> str:
+    """Return the legend of the scene's colours."""
+    keys = [
+        ("plan", palette.PLAN),
+        ("goal", palette.GOAL),
+        ("new edge", palette.EDGE_ADDED),
+        ("pruned edge", palette.EDGE_REMOVED),
+    ]
+    chips = "".join(
+        f'<span style="white-space:nowrap"><span style="display:inline-block;width:.8em;height:.8em;border-radius:2px;'
+        f'background:{colour.css};margin-right:.35em;vertical-align:-1px"></span>{name}</span>'
+        for name, colour in keys.items()
+    )
+    return (
+        '<div style="font-size:.75em;line-height:1.6;padding:.2em .75em">'
+        '<div style="display:flex;gap:.5em;align-items:center"><span>edge p&nbsp;0</span>'
+        '<span style="flex:1;height:.65em;border-radius:3px;'
+        f'background:linear-gradient(90deg,{palette.probability_gradient_css()})"></span>'
+        f'<span>1</span></div><div style="display:flex;flex-wrap:wrap;gap:0 .9em">{chips}</div></div>'
+    )

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId, Pose
-from ltvn_viz.palette import Rgb8
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.bench import BenchSummary
+from benchmarks.__main__ import BenchSummary
 from benchmarks.measurement import measured
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core import palette
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Observation
-from ltvn_viz import palette
 from ltvn_viz.app_setup import open_replay
 from ltvn_viz.debugger.comparison_question import BEFORE_FIRST_QUERY
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core import palette
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.navigation import events as e
 from ltvn_core.types import CONTROL_STEP_S
-from ltvn_viz import palette
 from ltvn_viz.app_setup import open_replay
 from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.server.keymap import Action

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_viz import palette
+from ltvn_core import palette
 from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.modes import Mode

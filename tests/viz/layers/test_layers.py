@@ -13,10 +13,10 @@ import pytest
 import trimesh
 import viser
 
+from ltvn_core import palette
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_viz import palette
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.cutaway import cut_away
 from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, EdgesLayer, NodesLayer, offset_right

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from figures.network_predictions import DrivePredictions, PairPredictions
 from ltvn_core.network.metrics.reachability_metrics import calibration_error, drive_metrics
 from ltvn_core.reports.figure_style import Colour, FigurePalette
-from ltvn_core.reports.network_predictions import DrivePredictions, PairPredictions
 
 MIN_PAIRS_PER_BIN = 8
 """Bins with fewer pairs than this say nothing and are left out."""

@@ -1,10 +1,12 @@
-"""`ltvn figures`: the pictures and tables of `docs/network.md`, from shards, weights and their card."""
+"""`python -m figures`: the pictures and tables of `docs/network.md`, from shards, weights and their card."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ltvn_core.errors import OptionError
+from ltvn_core.cli import run_verb
+from ltvn_core.reports.docs_extra import require_docs_extra
 from ltvn_core.training.held_out_scenes import TEST_SCENES, drives
 from ltvn_core.training.simulated_scenes import open_dataset_scene
 from ltvn_core.verbs.verb import Summary, Verb
@@ -49,15 +51,16 @@ class FiguresVerb(Verb):
 
     def run(self) -> Summary:
         """Draw and write; raises OptionError, WeightsError, SceneError and DatasetError."""
+        from figures.baseline_tables import baseline_blocks
+        from figures.network_comparisons import comparison_tables
+        from figures.network_tables import network_blocks
         from ltvn_core.network.weights_file import (
             SHIPPED_BASELINE_WEIGHTS,
             SHIPPED_WEIGHTS,
             read_card,
             weights_fingerprint,
         )
-        from ltvn_core.reports.baseline_tables import baseline_blocks
-        from ltvn_core.reports.network_comparisons import comparison_tables
-        from ltvn_core.reports.network_tables import fill_blocks, network_blocks
+        from ltvn_core.reports.page_blocks import fill_blocks
 
         weights = self.weights or SHIPPED_WEIGHTS
         rivals = {name: read_card(path) for name, path in SHIPPED_BASELINE_WEIGHTS.items()}
@@ -70,9 +73,9 @@ class FiguresVerb(Verb):
     def _draw(self, weights: Path) -> tuple[tuple[Path, ...], int]:
         """Return the pictures and the number of labelled pairs behind them."""
         require_docs_extra()
+        from figures.network_figures import draw_network_figures
         from ltvn_core.network.predictor import load_predictor
         from ltvn_core.reports.figure_style import FIGURE_PALETTE
-        from ltvn_core.reports.network_figures import draw_network_figures
 
         predictor, shards = load_predictor(weights), self._shards()
         pictures = draw_network_figures(
@@ -90,9 +93,5 @@ class FiguresVerb(Verb):
         ]
 
 
-def require_docs_extra() -> None:
-    """Raise OptionError where a library is not installed with which pictures and pages are made."""
-    from importlib.util import find_spec
-
-    if missing := [name for name in ("matplotlib", "jinja2") if find_spec(name) is None]:
-        raise OptionError(f"Drawing needs {' and '.join(missing)}, which is not installed: pip install 'ltvn[docs]'.")
+if __name__ == "__main__":
+    sys.exit(run_verb("python -m figures", FiguresVerb))

@@ -1,16 +1,15 @@
-"""Tables of a page, written from the card of the weights between two comments, so that no number is copied by hand.
+"""Tables of the page about the network, written from the card of the weights, so that no number is copied by hand.
 
-Owns the wording of the card's fields and the marks in the page.
+Owns the wording of the card's fields.
 """
 
 import json
 from collections.abc import Mapping
 from math import degrees
-from pathlib import Path
 from typing import Any
 
-from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.reports.metric_names import DRIVING_METRIC_NAMES, METRIC_NAMES, format_metric
+from figures.metric_names import DRIVING_METRIC_NAMES, METRIC_NAMES, format_metric
+from ltvn_core.errors import WeightsError
 from ltvn_core.training_data.failure_explanations import limits_from_recipe
 
 
@@ -30,25 +29,6 @@ def network_blocks(card: Mapping[str, Any]) -> dict[str, str]:
             f"The card of the weights lacks {error}, so there is nothing to write into the page; "
             "train the weights with `ltvn train`, which writes a whole card."
         ) from error
-
-
-def fill_blocks(page: Path, content: Mapping[str, str]) -> None:
-    """Put each block between its two comments in a page. Raises OptionError if page or comments are missing."""
-    try:
-        text = page.read_text(encoding="utf-8")
-        for name, block in content.items():
-            text = _filled(text, name, block, page)
-        page.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OptionError(f"{page}: cannot be filled in ({error}); name another --page.") from error
-
-
-def _filled(text: str, name: str, block: str, page: Path) -> str:
-    begin = f"<!-- {name}: begin -->"
-    end = f"<!-- {name}: end -->"
-    if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
-        raise OptionError(f"{page}: needs the lines {begin} and {end}, once and in this order.")
-    return f"{text[: text.index(begin)]}{begin}\n{block}\n{text[text.index(end) :]}"
 
 
 def _figures(measured: Mapping[str, Any]) -> str:

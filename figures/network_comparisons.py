@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from figures.metric_names import METRIC_NAMES, format_metric
 from ltvn_core.errors import OptionError
-from ltvn_core.reports.metric_names import METRIC_NAMES, format_metric
 
 COMPARED_METRICS = (
     "far_fpr_at_tpr60",

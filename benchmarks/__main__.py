@@ -1,10 +1,12 @@
-"""`ltvn bench`: the budgets of docs/architecture.md, measured on this machine."""
+"""`python -m benchmarks`: the budgets of docs/architecture.md, measured on this machine."""
 
 import os
 import platform
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ltvn_core.cli import run_verb
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -44,3 +46,7 @@ class BenchVerb(Verb):
         chosen = {name: job for name, job in jobs.items() if self.only in (None, name)}
         rows = [row for job in tqdm(chosen.values(), desc="bench") for row in job()]
         return BenchSummary(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}", rows)
+
+
+if __name__ == "__main__":
+    sys.exit(run_verb("python -m benchmarks", BenchVerb))

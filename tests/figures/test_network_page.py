@@ -1,4 +1,4 @@
-"""`ltvn figures` draws every picture from a tiny dataset, and the page's numbers are the card's."""
+"""`python -m figures` draws every picture from a tiny dataset, and the page's numbers are the card's."""
 
 from pathlib import Path
 
@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from figures.__main__ import FiguresSummary, FiguresVerb
+from figures.baseline_tables import baseline_blocks
+from figures.metric_names import METRIC_NAMES, format_metric
+from figures.network_comparisons import comparison_tables
+from figures.network_curves import error_band, reliability_bins
+from figures.network_tables import network_blocks
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.network.metrics.reachability_metrics import calibration_error
 from ltvn_core.network.weights_file import SHIPPED_BASELINE_WEIGHTS, SHIPPED_WEIGHTS, read_card
-from ltvn_core.reports.baseline_tables import baseline_blocks
 from ltvn_core.reports.figure_style import MAX_BYTES
-from ltvn_core.reports.metric_names import METRIC_NAMES, format_metric
-from ltvn_core.reports.network_comparisons import comparison_tables
-from ltvn_core.reports.network_curves import error_band, reliability_bins
-from ltvn_core.reports.network_tables import fill_blocks, network_blocks
-from ltvn_core.verbs.figures import FiguresSummary, FiguresVerb
+from ltvn_core.reports.page_blocks import fill_blocks
 
-PAGE = Path(__file__).parents[3] / "docs" / "network.md"
+PAGE = Path(__file__).parents[2] / "docs" / "network.md"
 
 
 def test_all_images_of_the_page_are_drawn_and_small(tmp_path: Path) -> None:
@@ -63,7 +64,7 @@ def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path:
         page,
         {**network_blocks(read_card(SHIPPED_WEIGHTS)), **rivals, **comparison_tables(PAGE.parent / "measurements")},
     )
-    assert page.read_text() == PAGE.read_text(), "run `ltvn figures` after exchanging the weights"
+    assert page.read_text() == PAGE.read_text(), "run `python -m figures` after exchanging the weights"
 
 
 def test_rates_of_driving_and_times_are_shown_where_the_card_has_them() -> None:

@@ -6,8 +6,8 @@ Owns which numbers of these cards the page shows.
 from collections.abc import Mapping
 from typing import Any
 
+from figures.metric_names import METRIC_NAMES, format_metric
 from ltvn_core.errors import WeightsError
-from ltvn_core.reports.metric_names import METRIC_NAMES, format_metric
 
 _METRICS = ("accuracy", "auc", "ece", "position_median_m", "position_p90_m", "yaw_median_deg")
 

@@ -1,0 +1,109 @@
+"""Verbs are found where packages offer them: ours, other people's, and broken ones that spoil nothing."""
+
+import os
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.errors import PluginError
+from ltvn_core.verbs.discovery import FIRST_SHOWN, GROUP, find_verbs, load_verb
+
+HEAVY = ("torch", "rerun", "pybullet", "viser", "numpy", "cv2", "matplotlib", "ltvn_viz.app")
+
+GREETING = '''
+from dataclasses import dataclass
+from ltvn_core.verbs.verb import Verb
+
+@dataclass(frozen=True)
+class GreetingSummary:
+    said: str
+
+@dataclass(frozen=True, kw_only=True)
+class GreetVerb(Verb):
+    """Greet somebody."""
+
+    name: str = "robot"
+
+    def run(self) -> GreetingSummary:
+        return GreetingSummary("hello " + self.name)
+'''
+
+
+@pytest.fixture
+def packages(tmp_path: Path) -> Path:
+    """A folder of three installed packages: a verb, a verb with the name of ours, and one that cannot be imported."""
+    install(tmp_path, "greetings", GREETING, "greet = greetings:GreetVerb")
+    install(tmp_path, "another-info", GREETING.replace("Greet somebody", "Not ours"), "info = another_info:GreetVerb")
+    install(tmp_path, "rusty", "import no_such_library", "oil = rusty:OilVerb")
+    return tmp_path
+
+
+def install(folder: Path, package: str, source: str, verb: str) -> None:
+    metadata = folder / f"{package.replace('-', '_')}-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[{GROUP}]\n{verb}\n")
+    (folder / f"{package.replace('-', '_')}.py").write_text(source)
+
+
+def ltvn(packages: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    paths = os.pathsep.join([str(packages), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return subprocess.run(
+        [sys.executable, "-m", "ltvn_core.cli", *arguments],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": paths},
+        timeout=60,
+    )
+
+
+def test_our_verbs_are_all_offered_in_the_order_of_a_first_time_user() -> None:
+    ours = [name for name, entry in find_verbs().items() if entry.dist is not None and entry.dist.name == "ltvn"]
+    assert tuple(ours) == FIRST_SHOWN
+
+
+def test_the_verb_of_another_package_runs_like_ours(packages: Path) -> None:
+    run = ltvn(packages, "greet", "--name", "Ada")
+    assert (run.returncode, run.stdout.strip()) == (0, "said  hello Ada")
+    assert '"said": "hello robot"' in ltvn(packages, "greet", "--json", "-").stdout
+
+
+def test_the_help_shows_the_verbs_of_other_packages_after_ours(packages: Path) -> None:
+    shown = ltvn(packages, "--help").stdout
+    assert "Greet somebody" in shown
+    assert shown.index("• export") < shown.index("• greet")
+
+
+def test_a_package_cannot_replace_our_verb(packages: Path) -> None:
+    assert "Not ours" not in ltvn(packages, "--help").stdout
+    assert "Say what a recording or a map holds" in ltvn(packages, "info", "--help").stdout
+
+
+def test_a_broken_package_is_named_in_one_line_and_spoils_no_other_verb(packages: Path) -> None:
+    shown = ltvn(packages, "--help")
+    assert shown.returncode == 0
+    assert "• info" in shown.stdout
+    (line,) = shown.stderr.strip().splitlines()
+    assert line.startswith("ltvn: The verb oil of the package rusty cannot be loaded")
+    assert "no_such_library" in line
+    assert ltvn(packages, "greet").stderr == ""
+    chosen = ltvn(packages, "oil")
+    assert (chosen.returncode, chosen.stderr.strip()) == (1, line)
+
+
+def test_what_is_no_verb_is_refused() -> None:
+    with pytest.raises(PluginError, match="no subclass"):
+        load_verb(EntryPoint("path", "pathlib:Path", GROUP))
+
+
+def test_help_needs_no_heavy_library() -> None:
+    program = (
+        "import sys\nfrom ltvn_core.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        f"print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    assert run.stderr.strip() == "[]"

@@ -141,12 +141,12 @@ class HtmlBlock:
 
 def legend_html() -> str:
     """Return the legend of the scene's colours."""
-    keys = [
-        ("plan", palette.PLAN),
-        ("goal", palette.GOAL),
-        ("new edge", palette.EDGE_ADDED),
-        ("pruned edge", palette.EDGE_REMOVED),
-    ]
+    keys = {
+        "plan": palette.PLAN,
+        "goal": palette.GOAL,
+        "new edge": palette.EDGE_ADDED,
+        "pruned edge": palette.EDGE_REMOVED,
+    }
     chips = "".join(
         f'<span style="white-space:nowrap"><span style="display:inline-block;width:.8em;height:.8em;border-radius:2px;'
         f'background:{colour.css};margin-right:.35em;vertical-align:-1px"></span>{name}</span>'

@@ -81,7 +81,7 @@ def test_imagining_the_edge_away_shows_the_way_around(fault: DebuggerPage) -> No
     fault.follow("forget")
 
 
-def test_a_wrong_arbaseline_leads_to_the_pair_of_perceptual_aliases(fault: DebuggerPage, planted: Faults) -> None:
+def test_a_wrong_arrival_leads_to_the_pair_of_perceptual_aliases(fault: DebuggerPage, planted: Faults) -> None:
     assert "wrong arrival" in go_to_failure(fault, 2)
     fault.follow(re.compile("^edge "))
     edge = fault.shown.selection.edge

@@ -84,7 +84,7 @@ def test_too_many_collisions_are_put_where_most_happened() -> None:
 
 
 @pytest.mark.parametrize(
-    ("outcome", "trouble"),
+    ("outcome", "failure_mode"),
     [
         (Outcome.ARRIVED, FailureMode.WRONG_ARRIVAL),
         (Outcome.LOST, FailureMode.LOST),
@@ -93,7 +93,7 @@ def test_too_many_collisions_are_put_where_most_happened() -> None:
         (Outcome.STEP_LIMIT, FailureMode.TOO_SLOW),
     ],
 )
-def test_each_outcome_is_some_trouble(outcome: Outcome, failure_mode: FailureMode) -> None:
+def test_each_outcome_is_some_failure_mode(outcome: Outcome, failure_mode: FailureMode) -> None:
     run = [*example_runs.square(), *query(0, 20, outcome, reached=False, place=None)]
     (failure,) = failed_queries(Timeline.of(run))
     assert failure.failure_mode is failure_mode

@@ -82,7 +82,7 @@ def good_attempt(story: QueryScript, steps: int = 50, collisions: int = 0) -> Qu
     return story.looks(exact_pose_of(2), 2).drives(*GOOD, steps=steps, collisions=collisions)
 
 
-def test_an_arbaseline_is_no_failure_unless_it_is_wrong() -> None:
+def test_an_arrival_is_no_failure_unless_it_is_wrong() -> None:
     assert good_attempt(QueryScript()).ended(Outcome.ARRIVED, reached=True)[0] is None
     assert good_attempt(QueryScript()).ended(Outcome.ARRIVED)[0] is FailureCause.WRONG_ARRIVAL
 

@@ -24,13 +24,13 @@ RECORD_FOR_EVER = """
 import signal, sys, time
 from pathlib import Path
 from ltvn_core.recording.writer import RecordingWriter
-from tests.core.recording import scenario
+from tests.core.recording import example_recording
 
 # Whoever runs the tests in the background hands on that interrupts are ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 with RecordingWriter(Path(sys.argv[1]), scene="demo", config={}, fingerprint="") as writer:
     for step in range(10**6):
-        writer.write_frame(scenario.observation(step))
+        writer.write_frame(example_recording.observation(step))
         print(step, time.monotonic(), flush=True)
         time.sleep(0.01)
 """
@@ -155,7 +155,7 @@ def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
 def test_a_recording_of_a_newer_schema_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "newer.rrd"
     with monkeypatch.context() as newer:
-        newer.setattr(schema, "SCHEMA", schema.SCHEMA_VERSION + 1)
+        newer.setattr(schema, "SCHEMA_VERSION", schema.SCHEMA_VERSION + 1)
         example_recording.write(path)
     with pytest.raises(RecordingError, match="schema"):
         verify(path)
@@ -180,7 +180,7 @@ import resource, sys, time
 from pathlib import Path
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.writer import RecordingWriter
-from tests.core.recording import scenario
+from tests.core.recording import example_recording
 import signal
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
@@ -188,13 +188,13 @@ path = Path(sys.argv[1])
 writer = RecordingWriter(path, scene="demo", config={}, fingerprint="")
 empty = path.stat().st_size
 for step in range(30):
-    writer.write_frame(scenario.observation(step))
+    writer.write_frame(example_recording.observation(step))
 while path.stat().st_size < empty + 40_000:  # Until the disk has them.
     time.sleep(0.01)
 told = 0
 for step in range(30, 3000):
     try:
-        writer.write_frame(scenario.observation(step))
+        writer.write_frame(example_recording.observation(step))
     except RecordingError as error:
         told += 1
         message = str(error)

@@ -8,11 +8,11 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured, seconds, seconds_once
 from benchmarks.replay_opening import open_from_disk
 from benchmarks.synthetic_run import EVENTS, synthetic_run
-from ltvn_core.analysis.timeline import Timeline as Index
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import RecordingError
 from ltvn_core.navigation.events import StampedEvent
 from ltvn_core.types import FrameId, Observation
-from ltvn_viz.session.activities.playback import Playback, build_timeline
+from ltvn_viz.session.activities.playback import Playback
 
 SEEKS = 51
 
@@ -28,18 +28,17 @@ def open_and_travel() -> list[Measurement]:
     """Open a run of 50,000 events on a map of 10,000 nodes and 50,000 edges, and look at it at random moments."""
     events, rng = synthetic_run(), np.random.default_rng(0)
     replay = _opened(events)
-    index = Index.of(events)
 
     def seek() -> None:
         replay.seek(float(rng.uniform(0.0, replay.length_s)))
         replay.moment()
 
     def fold() -> None:
-        index.graph_at(index.instant(int(rng.integers(len(events) - EVENTS, len(events)))))
+        replay.timeline.graph_at(replay.timeline.instant(int(rng.integers(len(events) - EVENTS, len(events)))))
 
-    open_s = seconds_once(lambda: _opened(events)) + seconds_once(lambda: Index.of(events))
+    open_s = seconds_once(lambda: _opened(events))
     lived = events[len(events) - EVENTS :]
-    longer = alternating(lambda: Index.of(lived[: EVENTS // 2]), lambda: Index.of(lived), 9)
+    longer = alternating(lambda: Timeline.of(lived[: EVENTS // 2]), lambda: Timeline.of(lived), 9)
     return [
         measured(f"index {EVENTS:,} events and fold them for the page", open_s, "s", at_most=3),
         measured("indexing twice as many events", longer, "x", at_most=2.5),
@@ -52,4 +51,4 @@ def open_and_travel() -> list[Measurement]:
 def _opened(events: list[StampedEvent]) -> Playback:
     driven = events[len(events) - EVENTS :]
     frames = [(stamped.step, stamped.stamp, np.zeros(3)) for stamped in driven]
-    return Playback("long", "nowhere", build_timeline(frames, events), _NoObservations())
+    return Playback("long", "nowhere", Timeline.of(events, frames), _NoObservations())

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.composition import open_method
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError, SceneError
@@ -22,7 +23,7 @@ from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Predictor
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.absent_backend import AbsentTeleop
-from ltvn_viz.session.activities.playback import Playback, build_timeline
+from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.backend import Backend, open_backend, predictor_for
@@ -35,7 +36,6 @@ from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.rerun_viewers import RerunViewers
 from ltvn_viz.session.worker import Worker
-from ltvn_viz.timeline.run_timeline import RunTimeline
 
 logger = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     live_map = LiveMap(predictor, method, np.random.default_rng(options.seed))
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
     recorder = Recorder(library, lambda path: _new_recording(path, backend, live_map, options.stream))
-    live = LiveRun(backend.robot, recorder, RunTimeline())
+    live = LiveRun(backend.robot, recorder, Timeline())
     if known is not None:
         _take_map(live, live_map, known)
     teleop = AbsentTeleop if backend.simulation is None else Teleop
@@ -89,7 +89,7 @@ def open_replay(library: RecordingLibrary, name: str) -> Playback:
         poses = recording.poses
         drawn = poses.odometry if poses.exact is None else poses.exact
         frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
-        timeline = build_timeline(frames, recording.events)
+        timeline = Timeline.of(recording.events, frames)
     meta = recording.meta
     system = str(meta.config.get("system", ""))
     return Playback(name, meta.scene, timeline, recording, weights=meta.fingerprint, system=system)
@@ -144,6 +144,6 @@ def _new_recording(path: Path, backend: Backend, live_map: LiveMap, live_port: i
 
 def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:
     for frame, seen in known.observations.items():
-        live.timeline.place(frame, seen.odometry if seen.exact_pose is None else seen.exact_pose)
+        live.timeline.place_frame(frame, seen.odometry if seen.exact_pose is None else seen.exact_pose)
     for delta in live_map.load(known.graph, list(known.observations.values())):
         live.emit(GraphChanged(delta))

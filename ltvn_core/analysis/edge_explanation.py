@@ -12,7 +12,8 @@ from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeLifeti
 from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, belief_text, counted
 from ltvn_core.analysis.node_explanation import explain_node
 from ltvn_core.analysis.plan_alternative import explain_planned_edge
-from ltvn_core.analysis.timeline import Instant, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import BeliefConfig
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import NodeId

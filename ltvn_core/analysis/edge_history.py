@@ -7,7 +7,8 @@ in a picture a waypoint lies).
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from ltvn_core.analysis.timeline import AttemptRecord, Instant, MapChange, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, MapChange
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, NodeDropped, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import AttemptEnd, Localised

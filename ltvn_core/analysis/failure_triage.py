@@ -10,7 +10,8 @@ from enum import StrEnum
 from math import hypot
 
 from ltvn_core.analysis.query_setbacks import Setback, first_setback, worst_collision
-from ltvn_core.analysis.timeline import Instant, QueryRecord, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import OBSTRUCTED_ENDS, Localised, Outcome, Planned

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.analysis.map_replay import MapReplay
-from ltvn_core.analysis.timeline import Instant, MapChange, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
 

@@ -1,69 +1,74 @@
-"""The map as the fold of its changes, for recordings of any health.
+"""The map of a recording as the fold of its changes, and where one map ends and the next begins.
 
-Owns what happens to a change that does not fit: it is left out and counted, where `TopologicalGraph` raises.
+Owns what happens to a change that does not fit: it is left out, where `TopologicalGraph` raises. A recording holds
+several maps when another one was loaded, or when the map was built anew.
 """
-
-from collections.abc import Sequence
 
 from ltvn_core.analysis.timeline_records import MapChange
 from ltvn_core.errors import MapError
+from ltvn_core.graph.deltas import BULK_CAUSES, Cause, EdgeAdded, GraphDelta, NodeAdded, NodeDropped
 from ltvn_core.graph.topological_graph import TopologicalGraph
-
-_STRIDE = 10_000
-"""A map is kept after so many changes; folding as many takes some tens of milliseconds."""
-_MOST_KEPT = 12
-"""A map of 10,000 nodes and 50,000 edges takes some 10 MB."""
+from ltvn_core.types import NodeId
 
 
 class MapReplay:
-    """A map that follows the changes, and begins anew with each map of the recording."""
+    """A map that follows the changes of a recording, and is empty again when the next map begins."""
 
     def __init__(self) -> None:
         """Begin with an empty map."""
         self.graph = TopologicalGraph()
-        self.skipped_changes = 0
-        """Changes that did not fit and were left out."""
         self._epoch = 0
 
     def copy(self) -> "MapReplay":
         """Return an independent one that stands at the same change."""
         twin = MapReplay()
-        twin.graph, twin.skipped_changes, twin._epoch = self.graph.copy(), self.skipped_changes, self._epoch
+        twin.graph = self.graph.copy()
+        twin._epoch = self._epoch
         return twin
 
-    def take(self, change: MapChange) -> None:
-        """Follow a change; takes constant time, but for a node that leaves with many edges."""
+    def take(self, change: MapChange) -> bool:
+        """Follow a change; tell whether it fits. Constant time, but for a node that leaves with many edges."""
         if change.epoch != self._epoch:
-            self.graph, self._epoch = TopologicalGraph(), change.epoch
+            self.graph = TopologicalGraph()
+            self._epoch = change.epoch
         try:
             self.graph.apply(change.delta)
         except MapError:
-            self.skipped_changes += 1
+            return False
+        return True
 
 
-class MapReplayCache:
-    """Maps as they were at some times, to fold on from there: time travel without beginning at the beginning."""
+class MapEpochs:
+    """Counts the maps of a recording, and the changes of each."""
 
     def __init__(self) -> None:
-        """Remember nothing yet."""
-        self._kept: dict[int, MapReplay] = {}
+        """Begin before the first map."""
+        self.current = 0
+        """Which map the last change belongs to, from 0."""
+        self.version = 0
+        """Changes in the current map so far."""
+        self._last: GraphDelta | None = None
+        self._nodes: set[NodeId] = set()
 
-    def after(self, changes: Sequence[MapChange], count: int) -> TopologicalGraph:
-        """Return the map after the first `count` changes; at most `_STRIDE` are folded once those before were.
+    def take(self, delta: GraphDelta) -> bool:
+        """Count a change; tell whether a whole map begins with it."""
+        fresh = isinstance(delta, NodeAdded) and delta.cause in BULK_CAUSES and self._begins(delta)
+        if fresh and self._last is not None:
+            self.current += 1
+            self.version = 0
+            self._nodes.clear()
+        self._last = delta
+        self.version += 1
+        if isinstance(delta, NodeAdded):
+            self._nodes.add(delta.node.id)
+        elif isinstance(delta, NodeDropped):
+            self._nodes.discard(delta.node)
+        return fresh
 
-        `changes` may have grown since the last time, but must begin as they did.
-        """
-        kept = self._kept  # Another thread may thin them out meanwhile.
-        known = max((place for place in tuple(kept) if place <= count), default=0)
-        folding = kept[known].copy() if known else MapReplay()
-        for place in range(known, count):
-            folding.take(changes[place])
-            if (place + 1) % _STRIDE == 0:
-                self._keep(place + 1, folding.copy())
-        return folding.graph
-
-    def _keep(self, place: int, folding: MapReplay) -> None:
-        self._kept[place] = folding
-        if len(self._kept) > _MOST_KEPT:
-            # Every second one goes, so that what is left is still spread over the whole run.
-            self._kept = {place: self._kept[place] for place in sorted(self._kept)[1::2]}
+    def _begins(self, delta: NodeAdded) -> bool:
+        last = self._last
+        if last is None or last.cause is not delta.cause or delta.node.id in self._nodes:
+            return True
+        # A file's map tells all its nodes before its edges; a building one brings each node with its edges.
+        allowed = NodeAdded if delta.cause is Cause.LOAD else NodeAdded | EdgeAdded
+        return not isinstance(last, allowed)

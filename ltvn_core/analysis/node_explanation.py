@@ -6,7 +6,8 @@ Owns the chain for nodes; those for edges are `analysis.blame` and `analysis.cho
 from collections.abc import Iterator
 
 from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, counted
-from ltvn_core.analysis.timeline import Instant, MapChange, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, NodeAdded, NodeDropped
 from ltvn_core.navigation.events import Localised
 from ltvn_core.types import NodeId

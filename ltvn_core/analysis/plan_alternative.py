@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from math import inf, isclose, isfinite
 
 from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep, belief_text, counted
-from ltvn_core.analysis.timeline import Instant, PlanRecord, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant, PlanRecord
 from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, edge_cost

@@ -8,7 +8,8 @@ from collections import Counter
 from math import inf
 from typing import NamedTuple
 
-from ltvn_core.analysis.timeline import QueryRecord, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import (
     AttemptEnded,

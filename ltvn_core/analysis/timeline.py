@@ -1,18 +1,19 @@
-"""The run as a whole: one pass over its events, and where in it to find things.
+"""One run: its images and events in order, and what follows from them at any moment.
 
-Owns order and look-up; what the rows hold is `analysis.records`, how they are put together `analysis.indexing`. Works
-the same on a recording's events and on those of a run that is still going on.
+Owns order, time and look-up. It grows while a run goes on and is filled at once from a recording; the page and the
+analysis read the same one. What the rows hold is `analysis.timeline_records`, how they are put together
+`analysis.timeline_rows`, the maps are `analysis.map_history`. Holds no images.
 """
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from copy import copy
 from typing import Self
 
-from ltvn_core.analysis.map_replay import MapReplayCache
-from ltvn_core.analysis.timeline_builder import TimelineBuilder
+from ltvn_core.analysis.graph_history import GraphHistory
+from ltvn_core.analysis.map_history import MapHistory
+from ltvn_core.analysis.navigation_progress import NO_PROGRESS, NavigationProgress, apply_event
+from ltvn_core.analysis.recorded_frames import RecordedFrames
 from ltvn_core.analysis.timeline_records import (
     AttemptRecord,
     Instant,
@@ -22,180 +23,284 @@ from ltvn_core.analysis.timeline_records import (
     PlanRecord,
     QueryRecord,
 )
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.events import StampedEvent
-from ltvn_core.types import FrameId, NodeId
+from ltvn_core.analysis.timeline_rows import ClosedRows, TimelineRows
+from ltvn_core.graph.deltas import Cause, NodeAdded
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.types import FrameId, NodeId, Pose
 
-__all__ = ["AttemptRecord", "Instant", "MapChange", "Mark", "MarkKind", "PlanRecord", "QueryRecord", "Timeline"]
 
-
-@dataclass(frozen=True, eq=False)
 class Timeline:
-    """A run, indexed. Positions called `event` are indices of `events`; a cursor is the step of an `Instant`."""
+    """The images and events of one run.
 
-    events: Sequence[StampedEvent]
-    """In order of their steps."""
-    queries: tuple[QueryRecord, ...]
-    attempts: tuple[AttemptRecord, ...]
-    """All legs, those outside a query too."""
-    plans: tuple[PlanRecord, ...]
-    changes: tuple[MapChange, ...]
-    marks: tuple[Mark, ...]
-    epochs: tuple[int, ...]
-    """Where in `changes` each map of the recording begins."""
-    notes: tuple[str, ...]
-    """What is wrong with the events, for a person to read; empty if all is well."""
-    _by_edge: Mapping[EdgeKey, Sequence[MapChange]] = field(repr=False)
-    """Goes on beyond this timeline where the run does, like the next."""
-    _by_node: Mapping[NodeId, Sequence[MapChange]] = field(repr=False)
-    _replay_cache: MapReplayCache = field(repr=False)
+    `event` is always an index of `events`; an `Instant` is a moment to look at, and what happened in its step is
+    included. One thread appends and looks; another one must be given a `copy`.
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.frames = RecordedFrames()
+        self._clear()
 
     @classmethod
-    def of(cls, events: Iterable[StampedEvent]) -> Self:
-        """Index events; linear in them.
+    def of(cls, events: Iterable[StampedEvent], frames: Iterable[tuple[FrameId, float, Pose]] = ()) -> Self:
+        """Return the timeline of a recording, from its events and its images as (step, stamp_s, pose (3,)).
 
-        Events in disorder are put in order by their steps, those of one step as they stand. Never raises for events
-        that are cut, incomplete or in disorder: `notes` tells.
+        Never raises for events that are cut, incomplete or in disorder: `notes` tells. Images of a map that was loaded
+        before the run say where its nodes are; they were not driven in this run. Linear in both.
         """
-        ordered = list(events)
-        late = sum(after.step < before.step for before, after in pairwise(ordered))
-        if late:
-            ordered.sort(key=lambda stamped: stamped.step)
-        index = TimelineBuilder()
-        for number, stamped in enumerate(ordered):
-            index.take(number, stamped)
-        disorder = (f"{late} events come after a later one; all are put in order by their steps.",) if late else ()
-        return cls.built(index, ordered, disorder)
+        timeline, arrived = cls(), list(events)
+        loaded = _loaded_until(arrived)
+        for step, stamp, pose in frames:
+            if step > loaded:
+                timeline.append_frame(step, stamp, pose)
+            else:
+                timeline.place_frame(step, pose)
+        timeline._fold(sorted(arrived, key=_step), _late_count(arrived))
+        return timeline
 
-    @classmethod
-    def built(cls, index: TimelineBuilder, events: Sequence[StampedEvent], notes: tuple[str, ...] = ()) -> Self:
-        """Return the timeline of `events`, all of which `index` has taken; the index may go on taking more."""
-        built = index.closed_copy(len(events))
-        return cls(
-            events=events,
-            queries=tuple(built.queries),
-            attempts=tuple(built.attempts),
-            plans=tuple(built.plans),
-            changes=tuple(built.changes),
-            marks=tuple(built.marks),
-            epochs=tuple(built.epochs),
-            notes=(*notes, *built.notes),
-            _by_edge=built.changes_by_edge,
-            _by_node=built.changes_by_node,
-            _replay_cache=built.replay_cache,
-        )
+    def append_frame(self, step: FrameId, stamp: float, pose: Pose) -> None:
+        """Add an image that was taken at `stamp` seconds at `pose` (3,)."""
+        self.frames.append(step, stamp, pose)
 
-    @cached_property
-    def _marks_of(self) -> Mapping[MarkKind | None, list[Mark]]:
-        """The marks by kind, and all of them under None."""
-        found: dict[MarkKind | None, list[Mark]] = {None: list(self.marks)}
-        for mark in self.marks:
-            found.setdefault(mark.kind, []).append(mark)
-        return found
+    def place_frame(self, step: FrameId, pose: Pose) -> None:
+        """Say where an image was taken, (3,), that this run did not take: one of a map that it began with."""
+        self.frames.place(step, pose)
+
+    def append_event(self, stamped: StampedEvent) -> None:
+        """Add an event, in constant time.
+
+        One of an earlier step than the last is put where it belongs, which takes a fold of all events; one of an
+        earlier time alone counts as of the latest time, so that time never runs back.
+        """
+        if self._events and stamped.step < self._events[-1].step:
+            self._fold(sorted([*self._events, stamped], key=_step), self._late + 1)
+        else:
+            self._append(stamped)
+
+    def copy(self) -> "Timeline":
+        """Return one that stays as it is when this one goes on, to be read in another thread; linear in the rows."""
+        twin = copy(self)
+        twin._events = list(self._events)
+        twin._stamps = list(self._stamps)
+        twin._progress = list(self._progress)
+        twin._maps = self._maps.copy()
+        twin._rows = self._rows.copy()
+        return twin
+
+    @property
+    def events(self) -> Sequence[StampedEvent]:
+        """All events in the order of their steps, those of one step as they came."""
+        return self._events
+
+    @property
+    def queries(self) -> tuple[QueryRecord, ...]:
+        """All queries, the one under way too."""
+        return self._closed.queries
+
+    @property
+    def attempts(self) -> tuple[AttemptRecord, ...]:
+        """All attempts, those outside a query and the one under way too."""
+        return self._closed.attempts
+
+    @property
+    def plans(self) -> Sequence[PlanRecord]:
+        """All plans."""
+        return self._rows.plans
+
+    @property
+    def marks(self) -> Sequence[Mark]:
+        """All marks."""
+        return self._rows.marks[None]
+
+    @property
+    def changes(self) -> Sequence[MapChange]:
+        """All changes of all maps."""
+        return self._maps.changes
+
+    @property
+    def epochs(self) -> tuple[int, ...]:
+        """Where in `changes` each map of the recording begins."""
+        return tuple(self._maps.epochs)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is wrong with the events, for a person to read; empty if all is well."""
+        late = f"{self._late} events come after a later one; all are put in order by their steps."
+        return (*([late] if self._late else []), *self._closed.notes)
+
+    @property
+    def drawing(self) -> GraphHistory:
+        """The maps as arrays, by the number of changes."""
+        return self._maps.drawing
+
+    @property
+    def start_s(self) -> float:
+        """When driving began, seconds on the robot's clock; without any image, when the first thing happened."""
+        if len(self.frames):
+            return self.frames.stamp(0)
+        return self._stamps[0] if self._stamps else 0.0
+
+    @property
+    def end_s(self) -> float:
+        """The last moment, seconds on the robot's clock."""
+        last_frame = [self.frames.stamp(len(self.frames) - 1)] if len(self.frames) else []
+        return max([*last_frame, *self._stamps[-1:]], default=0.0)
 
     def instant(self, event: int) -> Instant:
         """Return the moment of event number `event`."""
-        return Instant(int(self.events[event].step), float(self.events[event].stamp))
+        return Instant(int(self._events[event].step), self._stamps[event])
+
+    def instant_at(self, stamp: float) -> Instant:
+        """Return the moment at `stamp` seconds: its step is the newest of an image or event, -1 before the first."""
+        frames, events = self.frames.count_at(stamp), self.count_at(stamp)
+        last_frame = self.frames.step(frames - 1) if frames else -1
+        last_event = int(self._events[events - 1].step) if events else -1
+        return Instant(max(last_frame, last_event), stamp)
+
+    def count_at(self, stamp: float) -> int:
+        """Return how many events happened up to `stamp` seconds. Logarithmic."""
+        return bisect_right(self._stamps, stamp)
 
     def count_until(self, instant: Instant | None) -> int:
         """Return how many events happened up to and in a step; all without an instant. Logarithmic."""
-        return len(self.events) if instant is None else bisect_right(self.events, instant.step, key=_step)
+        return len(self._events) if instant is None else bisect_right(self._events, instant.step, key=_step)
 
-    def changes_until(self, instant: Instant | None = None) -> tuple[MapChange, ...]:
-        """Return the changes of all maps up to and in a step."""
-        return self.changes_before(self.count_until(instant))
-
-    def changes_before(self, event: int) -> tuple[MapChange, ...]:
-        """Return the changes of all maps before event number `event`."""
-        return self.changes[: bisect_left(self.changes, event, key=_number)]
+    def progress_before(self, event: int) -> NavigationProgress:
+        """Return how navigation stood just before event number `event`."""
+        return self._progress[event - 1] if event else NO_PROGRESS
 
     def graph_at(self, instant: Instant | None = None) -> TopologicalGraph:
         """Return the map after everything up to and in a step, at the end without one; it may be changed freely.
 
-        Linear in the changes before it at first, later a copy and at most some thousands of changes.
+        A copy of a map and at most some thousands of changes.
         """
         return self.graph_before(self.count_until(instant))
 
     def graph_before(self, event: int) -> TopologicalGraph:
         """Return the map as it was just before event number `event`; costs as much as `graph_at`."""
-        return self._replay_cache.after(self.changes, bisect_left(self.changes, event, key=_number))
+        return self._maps.graph_after(self.change_count_before(event))
+
+    def change_count_before(self, event: int) -> int:
+        """Return how many changes of all maps come before event number `event`. Logarithmic."""
+        return self._maps.count_before(event)
+
+    def changes_until(self, instant: Instant | None = None) -> Sequence[MapChange]:
+        """Return the changes of all maps up to and in a step; linear in them."""
+        return self.changes_before(self.count_until(instant))
+
+    def changes_before(self, event: int) -> Sequence[MapChange]:
+        """Return the changes of all maps before event number `event`; linear in them."""
+        return self.changes[: self.change_count_before(event)]
+
+    def changes_of_edge(self, source: NodeId, target: NodeId) -> Sequence[MapChange]:
+        """Return all changes of an edge in order; none for an edge that never was; linear in them."""
+        return self._maps.of_edge((source, target))
+
+    def changes_of_node(self, node: NodeId) -> Sequence[MapChange]:
+        """Return all arrivals and departures of a node in order; linear in them."""
+        return self._maps.of_node(node)
+
+    def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[AttemptRecord, ...]:
+        """Return all attempts along an edge in order, those too that drove past its end."""
+        return self._closed.attempts_by_edge.get((source, target), ())
 
     def query_at(self, event: int) -> QueryRecord | None:
         """Return the query that event number `event` belongs to. Logarithmic."""
-        place = bisect_right(self.queries, event, key=lambda query: query.first) - 1
-        return self.queries[place] if place >= 0 and event <= self.queries[place].last else None
+        queries = self.queries
+        place = bisect_right(queries, event, key=lambda query: query.first) - 1
+        return queries[place] if place >= 0 and event <= queries[place].last else None
 
     def next_event(self, at: Instant) -> Instant | None:
         """Return the next moment at which anything happens; None at the end. Logarithmic."""
-        place = bisect_right(self.events, at.step, key=_step)
-        return self.instant(place) if place < len(self.events) else None
+        place = bisect_right(self._events, at.step, key=_step)
+        return self.instant(place) if place < len(self._events) else None
 
     def previous_event(self, at: Instant) -> Instant | None:
         """Return the last moment before at which anything happened; None at the beginning. Logarithmic."""
-        place = bisect_left(self.events, at.step, key=_step) - 1
+        place = bisect_left(self._events, at.step, key=_step) - 1
         return self.instant(place) if place >= 0 else None
 
-    def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> list[Mark]:
+    def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> Sequence[Mark]:
         """Return the marks up to and in a step, of one kind if that is given; all without an instant."""
-        marks = self._marks_of.get(kind, [])
+        marks = self._marks(kind)
         return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step_of_mark)]
 
     def next_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
         """Return the first mark in a later step, of one kind if that is given. Logarithmic."""
-        marks = self._marks_of.get(kind, [])
+        marks = self._marks(kind)
         place = bisect_right(marks, at.step, key=_step_of_mark)
         return marks[place] if place < len(marks) else None
 
     def previous_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
         """Return the last mark in an earlier step, of one kind if that is given. Logarithmic."""
-        marks = self._marks_of.get(kind, [])
+        marks = self._marks(kind)
         place = bisect_left(marks, at.step, key=_step_of_mark) - 1
         return marks[place] if place >= 0 else None
 
-    def next_query(self, at: Instant) -> QueryRecord | None:
-        """Return the first query that begins in a later step. Logarithmic."""
-        place = bisect_right(self.queries, at.step, key=lambda query: query.begin.step)
-        return self.queries[place] if place < len(self.queries) else None
+    def _marks(self, kind: MarkKind | None) -> Sequence[Mark]:
+        return self._rows.marks.get(kind, ())
 
-    def previous_query(self, at: Instant) -> QueryRecord | None:
-        """Return the last query that began in an earlier step. Logarithmic."""
-        place = bisect_left(self.queries, at.step, key=lambda query: query.begin.step) - 1
-        return self.queries[place] if place >= 0 else None
+    @property
+    def _closed(self) -> ClosedRows:
+        """The rows, those too of what is still open."""
+        known = self._closed_at
+        if known is None or known[0] != len(self._events):
+            known = self._closed_at = len(self._events), self._rows.closed(len(self._events))
+        return known[1]
 
-    def changes_of_edge(self, source: NodeId, target: NodeId) -> tuple[MapChange, ...]:
-        """Return all changes of an edge in order; none for an edge that never was; linear in them."""
-        return self._known(self._by_edge.get((source, target), ()))
+    def _clear(self) -> None:
+        self._events: list[StampedEvent] = []
+        self._stamps: list[float] = []
+        self._progress: list[NavigationProgress] = []
+        self._maps = MapHistory()
+        self._rows = TimelineRows()
+        self._closed_at: tuple[int, ClosedRows] | None = None
+        self._late = 0
 
-    def changes_of_node(self, node: NodeId) -> tuple[MapChange, ...]:
-        """Return all arrivals and departures of a node in order; linear in them."""
-        return self._known(self._by_node.get(node, ()))
+    def _fold(self, events: Sequence[StampedEvent], late: int) -> None:
+        self._clear()
+        self._late = late
+        for stamped in events:
+            self._append(stamped)
 
-    def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[AttemptRecord, ...]:
-        """Return all legs along an edge in order, those too that drove past its end.
+    def _append(self, stamped: StampedEvent) -> None:
+        number, event = len(self._events), stamped.event
+        stamp = max(float(stamped.stamp), self._stamps[-1]) if self._stamps else float(stamped.stamp)
+        instant = Instant(int(stamped.step), stamp)
+        if isinstance(event, GraphChanged):
+            self._change(number, instant, event)
+        self._rows.take(number, instant, event, self._maps.epoch)
+        self._progress.append(apply_event(self.progress_before(number), event))
+        self._stamps.append(stamp)
+        self._events.append(stamped)
 
-        Once per timeline linear in the attempts.
-        """
-        return tuple(self._attempts_by_edge.get((source, target), ()))
+    def _change(self, number: int, instant: Instant, event: GraphChanged) -> None:
+        seen_from = self.frames.pose(event.delta.node.id) if isinstance(event.delta, NodeAdded) else None
+        if self._maps.append(number, instant, event, seen_from):
+            text = f"map {self._maps.epoch + 1} comes in ({event.delta.cause.value})"
+            self._rows.add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=number, ids=(), text=text))
 
-    def _known(self, changes: Sequence[MapChange]) -> tuple[MapChange, ...]:
-        """Leave out what happened after the last event of this timeline."""
-        return tuple(changes[: bisect_left(changes, len(self.events), key=_number)])
 
-    @cached_property
-    def _attempts_by_edge(self) -> Mapping[EdgeKey, list[AttemptRecord]]:
-        found: dict[EdgeKey, list[AttemptRecord]] = {}
-        for attempt in self.attempts:
-            for edge in attempt.edges:
-                found.setdefault(edge, []).append(attempt)
-        return found
+def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:
+    """Return the step at which the map was loaded that a run began with, -1 if it began with none."""
+    for stamped in events[:1]:
+        if isinstance(stamped.event, GraphChanged) and stamped.event.delta.cause is Cause.LOAD:
+            return stamped.step
+    return -1
+
+
+def _late_count(events: Sequence[StampedEvent]) -> int:
+    """Return how many events come after one of a later step."""
+    latest, late = -1, 0
+    for stamped in events:
+        late += stamped.step < latest
+        latest = max(latest, stamped.step)
+    return late
 
 
 def _step(stamped: StampedEvent) -> FrameId:
     return stamped.step
-
-
-def _number(change: MapChange) -> int:
-    return change.event
 
 
 def _step_of_mark(mark: Mark) -> FrameId:

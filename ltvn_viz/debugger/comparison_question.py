@@ -58,7 +58,7 @@ class ComparisonQuestion:
         """Compare with nothing yet."""
         self._other = ""
         self._latest = LatestAnswer()
-        self._start: tuple[Timeline, ComparedMap] | None = None
+        self._start: tuple[Timeline, int, ComparedMap] | None = None
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer recordings, or show what is different in the chosen one."""
@@ -99,9 +99,10 @@ class ComparisonQuestion:
 
     def _there(self, context: DebugContext) -> ComparedMap | None:
         if self._other == BEFORE_FIRST_QUERY:
-            if self._start is None or self._start[0] is not context.timeline:
-                self._start = context.timeline, _before(context)
-            return self._start[1]
+            run = context.timeline, _first_query_event(context.timeline)
+            if self._start is None or self._start[:2] != run:
+                self._start = *run, _before(context)
+            return self._start[2]
         path = context.library.path(self._other)
         return context.in_background(("open", self._other, path.stat().st_mtime_ns), lambda: _opened(path))
 
@@ -127,11 +128,16 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
 
 
 def _before(context: DebugContext) -> ComparedMap:
-    first = context.timeline.queries[0].first if context.timeline.queries else len(context.timeline.events)
+    first = _first_query_event(context.timeline)
     graph = context.timeline.graph_before(first)
     return ComparedMap(
         BEFORE_FIRST_QUERY, context.scene, graph, context.timeline.events[:first], _poses(context, graph)
     )
+
+
+def _first_query_event(timeline: Timeline) -> int:
+    """Return the number of the event with which the first query begins, or of the next event to come."""
+    return timeline.queries[0].first if timeline.queries else len(timeline.events)
 
 
 def _opened(path: Path) -> ComparedMap:

@@ -17,8 +17,7 @@ from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
 from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.viewpoint import Viewpoint
-from ltvn_viz.timeline.run_timeline import RunMoment
-from ltvn_viz.timeline.run_timeline import RunTimeline as LiveTimeline
+from ltvn_viz.timeline.run_moment import RunMoment
 
 if TYPE_CHECKING:
     from ltvn_viz.session.live_map import LiveMap
@@ -41,9 +40,11 @@ class DebugContext:
     step: FrameId
     """The newest step that counts."""
     timeline: Timeline
-    """All events that are known, also those after the moment, indexed."""
-    pose: Callable[[NodeId], Pose | None]
-    """Where a node is drawn, (3,)."""
+    """All that happened, also after the moment; another thread must be given a copy."""
+    known_events: int
+    """How many events an answer about all of them takes in; in a run that goes on it is counted once a second, because
+    such answers take time.
+    """
     observation: Callable[[FrameId], Observation | None]
     """An image by its frame; None when it is not at hand. Touch it in this thread alone."""
     method: Method
@@ -56,7 +57,7 @@ class DebugContext:
     """Name of the system that planned, as the recording says; empty for the live run and where nobody said."""
     live_map: "LiveMap | None"
     """The live map and its images, to be touched within `in_background` alone; None in replay."""
-    live: LiveTimeline
+    live: Timeline
     """The live run as it is now, also while a recording is on show."""
     in_background: BackgroundCache
     """Computes slowly, elsewhere."""
@@ -82,6 +83,10 @@ class DebugContext:
         """The map at the moment; linear in its changes when it is asked first."""
         return self.timeline.graph_at(self.instant)
 
+    def pose(self, node: NodeId) -> Pose | None:
+        """Return where a node is drawn, (3,); None if nobody said."""
+        return self.timeline.frames.pose(node)
+
     def revision(self, *kinds: type) -> tuple[int, int]:
         """Return how many changes of the map and how many events of these kinds there were so far.
 
@@ -89,7 +94,7 @@ class DebugContext:
         """
         before = self.timeline.count_until(self.instant)
         events = self.timeline.events[:before]
-        return len(self.timeline.changes_before(before)), sum(isinstance(each.event, kinds) for each in events)
+        return self.timeline.change_count_before(before), sum(isinstance(each.event, kinds) for each in events)
 
     def seconds(self, instant: Instant) -> float:
         """Return a moment as the page counts it, a hair late so that whoever goes there is not just before it."""

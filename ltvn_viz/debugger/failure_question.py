@@ -98,7 +98,7 @@ class FailureQuestion:
         self._only = None if text == _ALL else FailureMode(text)
 
     def _findings(self, context: DebugContext) -> FailureSummary | None:
-        queries, timeline = context.timeline.queries, context.timeline
+        queries, timeline = context.timeline.queries, context.timeline.copy()
         last = (queries[-1].ended, queries[-1].judged) if queries else None
         # A run that goes on is looked through again when a query is over, not with every event.
         run = context.name, context.start_s

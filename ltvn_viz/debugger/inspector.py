@@ -90,7 +90,8 @@ class Inspector:
     def refresh(self, context: DebugContext) -> None:
         """Let the tool look again if anything changed that it may show."""
         question, self._case = self._tools.get(self.shown.question), context
-        key = self.shown.question, self.shown.selection, context.name, context.step, context.timeline, context.viewpoint
+        run = context.name, context.timeline, context.known_events
+        key = self.shown.question, self.shown.selection, run, context.step, context.viewpoint
         if question is None or key == self._key:
             return
         self._key = key

@@ -66,7 +66,8 @@ def _dip(context: DebugContext, strip: LifelongSuccess, dip: SuccessDip, builder
 def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]]:
     """Return the edges that changed most often in a dip, and how each ended; pruned ones first."""
     timeline, counts, ends = context.timeline, Counter[EdgeKey](), dict[EdgeKey, str]()
-    for change in timeline.changes_until(dip.after)[len(timeline.changes_until(dip.before)) :]:
+    first = timeline.change_count_before(timeline.count_until(dip.before))
+    for change in timeline.changes_until(dip.after)[first:]:
         delta = change.delta
         match delta:
             case EdgePruned():

@@ -58,7 +58,7 @@ class LocalisationQuestion:
     def __init__(self) -> None:
         """Begin with nothing compared."""
         self._node_images, self._heat = NodeImageLoader(), LatestAnswer()
-        self._margins: tuple[Timeline | None, LocalisationMargins] = (None, localisation_margins(()))
+        self._margins: tuple[tuple[Timeline, int] | None, LocalisationMargins] = (None, localisation_margins(()))
         self._asked: tuple[object, ...] | None = None
         self._run = ""
 
@@ -77,7 +77,11 @@ class LocalisationQuestion:
         """Search for places that look alike. Raises OptionError."""
         if text != _FIND_ALIASES:
             raise OptionError("Nothing is asked here; follow a link, or click a node in the scene.")
-        self._asked = "alike", context.name, len(context.timeline.changes_until(context.instant))
+        self._asked = (
+            "alike",
+            context.name,
+            context.timeline.change_count_before(context.timeline.count_until(context.instant)),
+        )
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> ColouredHeat | None:
         nodes, frame = tuple(context.graph.nodes), context.moment.frame
@@ -106,8 +110,9 @@ class LocalisationQuestion:
 
     def _past_margins(self, context: DebugContext, builder: AnswerBuilder) -> None:
         """Show what the run itself found, look by look."""
-        if self._margins[0] is not context.timeline:
-            self._margins = context.timeline, localisation_margins(context.timeline.events)
+        run = context.timeline, context.known_events
+        if self._margins[0] != run:
+            self._margins = run, localisation_margins(context.timeline.events)
         localizations = self._margins[1]
         until = int(np.searchsorted(localizations.steps, context.step, "right"))
         rows = range(max(0, until - _SHOWN_LOCALIZATIONS), until)

@@ -15,8 +15,8 @@ from ltvn_core.analysis.manual_edits import (
     remove_edge,
     rename_node,
 )
-from ltvn_core.analysis.timeline import MapChange, Timeline
-from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
@@ -48,7 +48,7 @@ class ManualEditQuestion:
     def __init__(self) -> None:
         """Begin with nothing selected."""
         self._selection = NOTHING_SELECTED
-        self._done: tuple[Timeline, tuple[ManualEdit, ...]] = (Timeline.of(()), ())
+        self._done: tuple[tuple[Timeline, int] | None, tuple[ManualEdit, ...]] = (None, ())
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer what can be done with the selection, and what was done to be undone."""
@@ -88,8 +88,9 @@ class ManualEditQuestion:
         return "" if node is None else f"{_NAME} … (of node {node})"
 
     def _list(self, context: DebugContext, builder: AnswerBuilder, *, undoable: bool) -> None:
-        if self._done[0] is not context.timeline:
-            self._done = context.timeline, tuple(_done(context.timeline))
+        run = context.timeline, context.known_events
+        if self._done[0] != run:
+            self._done = run, tuple(_done(context.timeline))
         rows = []
         for each in reversed(self._done[1]):
             seconds = context.seconds(each.instant)

@@ -72,6 +72,7 @@ def _young(context: DebugContext) -> tuple[NodeId, ...]:
     if not starts:
         return ()
     timeline = context.timeline
-    first, last = len(timeline.changes_before(starts[0].event)), len(timeline.changes_until(context.instant))
+    first = timeline.change_count_before(starts[0].event)
+    last = timeline.change_count_before(timeline.count_until(context.instant))
     deltas = (change.delta for change in timeline.changes[first:last])
     return tuple(delta.node.id for delta in deltas if isinstance(delta, NodeAdded) and delta.cause not in BULK_CAUSES)

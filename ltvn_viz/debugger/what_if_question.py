@@ -97,7 +97,11 @@ class WhatIfQuestion:
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> Overlay:
         graph, situation, changes = context.graph, planner_state_at(context.timeline.events, context.step), self._all
         how = edge_weighting(context)
-        known = len(context.timeline.changes_until(context.instant)), situation.source, situation.goal
+        known = (
+            context.timeline.change_count_before(context.timeline.count_until(context.instant)),
+            situation.source,
+            situation.goal,
+        )
         question = "what if", context.name, self._told, *known, *situation.failures.items()
         plan = partial(plan_both_ways, graph, situation, context.method, changes, how.edge_weight_of)
         outcome: WhatIfOutcome | None = context.in_background(question, plan)

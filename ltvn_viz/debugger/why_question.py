@@ -126,7 +126,7 @@ class WhyQuestion:
             )
 
     def _chosen(self, context: DebugContext, edge: EdgeKey, story: EdgeHistory, builder: AnswerBuilder) -> None:
-        timeline, planning, last = context.timeline, context.method.planning, story.planned_at[-1]
+        timeline, planning, last = context.timeline.copy(), context.method.planning, story.planned_at[-1]
         how = edge_weighting(context)
         weight = how.edge_weight_of(context.method)
         # Planning again takes time on a large map, and the answer stays as long as no newer plan comes.

@@ -4,13 +4,13 @@ import numpy as np
 import viser
 
 from ltvn_core import palette
+from ltvn_core.analysis.graph_history import FadingEdges
 from ltvn_viz.layers import CHANGE_Z
 from ltvn_viz.layers.graph_layers import offset_right
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import points
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.graph_history import FadingEdges
-from ltvn_viz.timeline.run_timeline import FADE_S
+from ltvn_viz.timeline.run_moment import FADE_S
 
 RISE_M = 0.35
 

@@ -8,13 +8,13 @@ import viser
 from numpy.typing import NDArray
 
 from ltvn_core import palette
+from ltvn_core.analysis.graph_history import GraphArrays
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import EDGE_Z, NODE_Z
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import points
 from ltvn_viz.layers.pose_markers import PoseMarkers
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.graph_history import GraphArrays
 
 REDRAW_EVERY_S = 0.6
 """The page rebuilds all lines of a node when any changes, which is slow for a big map."""

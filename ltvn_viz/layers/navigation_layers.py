@@ -4,12 +4,12 @@ import numpy as np
 import viser
 
 from ltvn_core import palette
+from ltvn_core.analysis.graph_history import GraphArrays
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import PLAN_Z
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.graph_history import GraphArrays
 
 PIN_HEIGHT_M = 1.3
 """Height of the goal's pin: it must show above the furniture."""

@@ -124,7 +124,7 @@ def _change(state: AppState, deltas: Sequence[GraphDelta]) -> None:
     def show(changed: Sequence[GraphDelta]) -> None:
         for delta in changed:
             state.live.emit(GraphChanged(delta))
-        state.debug_contexts.reindex_now()
+        state.debug_contexts.count_now()
 
     state.worker.submit(lambda: state.live_map.change(deltas), show)
 

@@ -5,12 +5,12 @@ Owns which are offered and their thumbnails. Pictures come from the map in the w
 
 from collections.abc import Sequence
 
+from ltvn_core.analysis.graph_history import GraphArrays
 from ltvn_core.types import FrameId, NodeId, Rgb
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.gallery import farthest_points
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.worker import Worker
-from ltvn_viz.timeline.graph_history import GraphArrays
 
 GALLERY_SIZE = 12
 SIMILAR_NODE_COUNT = 4

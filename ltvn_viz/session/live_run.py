@@ -5,12 +5,12 @@ Owns the rule that every image and event goes to timeline and recording together
 
 from typing import Protocol
 
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.navigation.events import Event, StampedEvent
 from ltvn_core.types import FrameId, Observation, Pose, Robot
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
-from ltvn_viz.timeline.run_timeline import RunTimeline
 
 TICK_S = 1 / 30
 """Robot time between two pictures of the page."""
@@ -42,7 +42,7 @@ class LiveRobot(Robot, Protocol):
 class LiveRun:
     """What is going on now."""
 
-    def __init__(self, robot: LiveRobot, recorder: Recorder, timeline: RunTimeline) -> None:
+    def __init__(self, robot: LiveRobot, recorder: Recorder, timeline: Timeline) -> None:
         """Watch `robot`."""
         self.robot, self.recorder, self.timeline = robot, recorder, timeline
         self.breakpoint_monitor = BreakpointMonitor()
@@ -55,7 +55,7 @@ class LiveRun:
         observation = self.robot.observe()
         if self.observation is None or observation.step != self.observation.step:
             self.observation = observation
-            self.timeline.frame(
+            self.timeline.append_frame(
                 observation.step,
                 observation.stamp,
                 observation.odometry if observation.exact_pose is None else observation.exact_pose,
@@ -73,6 +73,6 @@ class LiveRun:
     def emit(self, event: Event) -> None:
         """Let an event have happened now."""
         stamped = StampedEvent(self.robot.step, self.robot.stamp, event)
-        self.timeline.event(stamped)
+        self.timeline.append_event(stamped)
         self.recorder.write_event(stamped)
         self.breakpoint_monitor.consume(stamped, self.timeline.start_s)

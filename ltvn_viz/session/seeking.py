@@ -5,6 +5,7 @@ Owns the way from event to event. Where the events are is `ltvn_core.analysis.ti
 
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_viz.debugger.context import STAMP_EPSILON_S
+from ltvn_viz.debugger.context_builder import shown_timeline
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.timeline.adjacent_moments import adjacent_instant, adjacent_mark
@@ -24,12 +25,11 @@ def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None
     """Show the next moment with a mark of a kind, or with any event for None, or the last one before."""
     if isinstance(state.activity, Playback):
         state.activity.play(playing=False)
-    run, index = state.debug_contexts.indexed(state)
-    at = _instant(state)
+    run, at = shown_timeline(state), _instant(state)
     if kind is None:
-        found = adjacent_instant(index, at, forwards=forwards)
+        found = adjacent_instant(run, at, forwards=forwards)
     else:
-        mark = adjacent_mark(index, at, kind, forwards=forwards)
+        mark = adjacent_mark(run, at, kind, forwards=forwards)
         found = None if mark is None else mark.instant
     if found is not None:
         seek(state, found.stamp - run.start_s + STAMP_EPSILON_S)
@@ -46,4 +46,4 @@ def _instant(state: AppState) -> Instant:
     else:
         run = state.live.timeline
         stamp = run.end_s if state.shown_stamp is None else state.shown_stamp
-    return Instant(run.step_at(stamp), stamp)
+    return run.instant_at(stamp)

@@ -11,7 +11,7 @@ from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.debugger.inspector import NO_INSPECTION, Inspection
 from ltvn_viz.session.modes import Mode
-from ltvn_viz.timeline.run_timeline import RunMoment
+from ltvn_viz.timeline.run_moment import RunMoment
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,6 +13,7 @@ from ltvn_viz.session.fine_tuning_handlers import drive_name
 from ltvn_viz.session.hints import hint
 from ltvn_viz.session.rate_meter import RateMeter
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot
+from ltvn_viz.timeline.run_moment import moment_of
 
 LIST_EVERY_S = 2.0
 """How often the folder of recordings is looked through."""
@@ -64,7 +65,7 @@ def _learning(state: AppState) -> FineTuningStatus:
 def _live(state: AppState) -> Snapshot:
     robot = state.live.robot
     shown = robot.stamp if state.shown_stamp is None else state.shown_stamp
-    moment, pose = state.live.timeline.at(shown), robot.exact_pose
+    moment, pose = moment_of(state.live.timeline, shown), robot.exact_pose
     moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     state.goals.refresh(moment.graph)
     feed_image = state.feed.latest_image(pose)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import GraphDelta
@@ -24,7 +25,7 @@ from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Twist
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.absent_backend import AbsentFeed
-from ltvn_viz.session.activities.playback import Playback, build_timeline
+from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning import FineTuning
@@ -36,7 +37,6 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.worker import Worker
-from ltvn_viz.timeline.run_timeline import RunTimeline
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
 
 PATIENCE_S = 30.0
@@ -149,9 +149,7 @@ class SessionHarness:
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
         worker = Worker(executor or InlineExecutor())
         live_map = LiveMap(FlatPredictor(self.world), ROBUST, np.random.default_rng(0))
-        live = LiveRun(
-            self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), RunTimeline()
-        )
+        live = LiveRun(self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(live_map, worker, self.thumbnails)
         teleop = Teleop(live, worker, live_map.offer)
         self.state = AppState(
@@ -169,7 +167,7 @@ class SessionHarness:
         )
         self.session = Session(self.state, self.driver, self.shown.append)
         for picture in seen:
-            live.timeline.place(picture.step, np.asarray(picture.exact_pose))
+            live.timeline.place_frame(picture.step, np.asarray(picture.exact_pose))
         for delta in live_map.load(TopologicalGraph(deltas), seen):
             live.emit(GraphChanged(delta))
 
@@ -212,7 +210,7 @@ class SessionHarness:
         writer = next(writer for writer in self.writers if writer.path.name == name)
         frames = [(seen.step, seen.stamp, np.asarray(seen.exact_pose)) for seen in writer.frames]
         pictures = {seen.step: seen for seen in writer.frames}
-        return Playback(name, "flat", build_timeline(frames, writer.events), _StoredObservations(pictures))
+        return Playback(name, "flat", Timeline.of(writer.events, frames), _StoredObservations(pictures))
 
     def _open_writer(self, path: Path) -> FakeWriter:
         path.touch(exist_ok=False)

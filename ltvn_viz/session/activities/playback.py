@@ -3,18 +3,16 @@
 Owns the place in time and the pictures on show. Never writes, and keeps no pictures but the one on show.
 """
 
-from collections.abc import Sequence
 from typing import Protocol
 
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import LtvnError
-from ltvn_core.graph.deltas import Cause
-from ltvn_core.navigation.events import GraphChanged, StampedEvent
-from ltvn_core.types import FrameId, Observation, Pose
+from ltvn_core.types import FrameId, Observation
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
-from ltvn_viz.timeline.run_timeline import RunMoment, RunTimeline
+from ltvn_viz.timeline.run_moment import RunMoment, moment_of
 
 
 class ObservationSource(Protocol):
@@ -34,7 +32,7 @@ class Playback:
         self,
         name: str,
         scene: str,
-        timeline: RunTimeline,
+        timeline: Timeline,
         observations: ObservationSource,
         *,
         weights: str = "",
@@ -87,7 +85,7 @@ class Playback:
 
     def moment(self) -> RunMoment:
         """Return the world at the present place in time."""
-        return self.timeline.at(self.stamp)
+        return moment_of(self.timeline, self.stamp)
 
     def camera(self, frame: FrameId | None) -> CameraImage | None:
         """Return the picture of a frame; None when it cannot be read."""
@@ -105,27 +103,3 @@ class Playback:
     def _read(self, frame: FrameId | None) -> CameraImage | None:
         seen = None if frame is None else self.observation(frame)
         return None if seen is None else CameraImage(seen.rgb, seen.depth)
-
-
-def build_timeline(frames: Sequence[tuple[FrameId, float, Pose]], events: Sequence[StampedEvent]) -> RunTimeline:
-    """Fold a recording's frames (step, stamp, pose) and events into a timeline.
-
-    Frames of a map that was loaded before the run say where its nodes are; they were not driven in this run.
-    """
-    timeline = RunTimeline()
-    loaded = _loaded_until(events)
-    for step, stamp, pose in frames:
-        if step <= loaded:
-            timeline.place(step, pose)
-        else:
-            timeline.frame(step, stamp, pose)
-    for stamped in events:
-        timeline.event(stamped)
-    return timeline
-
-
-def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:
-    for stamped in events[:1]:
-        if isinstance(stamped.event, GraphChanged) and stamped.event.delta.cause is Cause.LOAD:
-            return stamped.step
-    return -1

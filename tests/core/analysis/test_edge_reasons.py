@@ -7,7 +7,8 @@ import pytest
 from ltvn_core.analysis import edge_explanation
 from ltvn_core.analysis.explanation_steps import ExplanationKind
 from ltvn_core.analysis.plan_alternative import plan_alternative
-from ltvn_core.analysis.timeline import Instant, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig, PlanningConfig
 from ltvn_core.graph.deltas import Cause, FramesReserved, NodeDropped
 from ltvn_core.graph.operators import OperatorThresholds

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ltvn_core.analysis.edge_history import edge_history
-from ltvn_core.analysis.timeline import Instant, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.waypoint_projection import pole_in_image, waypoint_in_image
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.navigation.events import AttemptEnd, GraphChanged

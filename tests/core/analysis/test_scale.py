@@ -9,7 +9,8 @@ from ltvn_core.analysis import edge_explanation
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.lifelong_success import lifelong_success
-from ltvn_core.analysis.timeline import MarkKind, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.config import PAPER
 from ltvn_core.navigation.events import Outcome, Planned, QueryStarted, StampedEvent
 from tests.core.analysis import example_runs

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.analysis.growing_timeline import GrowingTimeline
-from ltvn_core.analysis.timeline import Instant, MarkKind, Timeline
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
@@ -63,13 +63,13 @@ def test_one_can_step_by_mark_by_event_and_by_query() -> None:
     assert timeline.next_event(start) == Instant(40, 4.0)
     assert timeline.previous_event(start) == Instant(10, 1.0)
     assert timeline.previous_event(Instant(10, 1.0)) is None
-    later = timeline.next_query(start)
+    later = timeline.next_mark(start, MarkKind.QUERY_START)
     assert later is not None
-    assert later.id == 1
-    assert timeline.next_query(later.begin) is None
-    earlier = timeline.previous_query(later.begin)
+    assert later.instant.step == 100
+    assert timeline.next_mark(later.instant, MarkKind.QUERY_START) is None
+    earlier = timeline.previous_mark(later.instant, MarkKind.QUERY_START)
     assert earlier is not None
-    assert earlier.id == 0
+    assert earlier.instant.step == 20
 
 
 def test_an_attempt_knows_where_the_robot_thought_it_was_and_what_it_touched() -> None:
@@ -152,10 +152,10 @@ def test_nothing_at_all_is_a_timeline_too() -> None:
 
 
 def test_a_run_that_goes_on_is_told_like_a_finished_one_at_every_event() -> None:
-    run, growing, told = example_runs.two_failures(), GrowingTimeline(), list[Timeline]()
+    run, growing, told = example_runs.two_failures(), Timeline(), list[Timeline]()
     for stamped in run:
-        growing.take(stamped)
-        told.append(growing.timeline())
+        growing.append_event(stamped)
+        told.append(growing.copy())
     for length, timeline in enumerate(told, 1):
         expected = Timeline.of(run[:length])
         rows = [(line.queries, line.attempts, line.plans, line.changes, line.marks) for line in (timeline, expected)]
@@ -167,11 +167,11 @@ def test_a_run_that_goes_on_is_told_like_a_finished_one_at_every_event() -> None
 
 
 def test_a_run_that_goes_on_in_disorder_is_put_in_order_too() -> None:
-    run, growing = example_runs.two_failures(), GrowingTimeline()
+    run, growing = example_runs.two_failures(), Timeline()
     for stamped in [*run[:20], *run[30:], *run[20:30]]:
-        growing.take(stamped)
-    assert list(growing.timeline().events) == run
-    assert len(growing) == len(run)
+        growing.append_event(stamped)
+    assert list(growing.events) == run
+    assert len(growing.events) == len(run)
 
 
 def test_time_travel_to_and_fro_over_many_changes_gives_the_same_maps_and_none_spoils_another() -> None:

@@ -1,4 +1,4 @@
-"""Failed queries by trouble and place, the second before, and success over queries with its dips."""
+"""Failed queries by failure mode and place, the second before, and success over queries with its dips."""
 
 from pathlib import Path
 
@@ -134,7 +134,7 @@ def test_cut_and_cancelled_queries_have_not_failed() -> None:
     assert failed_queries(Timeline.of(run)) == ()
 
 
-def test_failures_are_grouped_by_trouble_and_by_place() -> None:
+def test_failures_are_grouped_by_failure_mode_and_by_place() -> None:
     run = example_runs.square()
     for number, (outcome, place) in enumerate(
         [(Outcome.LOST, 0), (Outcome.ARRIVED, 3), (Outcome.LOST, 1), (Outcome.LOST, None)]

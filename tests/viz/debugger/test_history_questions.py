@@ -12,6 +12,7 @@ from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, Nod
 from ltvn_core.navigation import events as e
 from ltvn_core.types import CONTROL_STEP_S
 from ltvn_viz.app_setup import open_replay
+from ltvn_viz.debugger.context_builder import shown_timeline
 from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session import commands as c
@@ -37,7 +38,7 @@ class Past(SessionHarness):
         """Let events happen, one each step; return when the last did, seconds."""
         for event in events:
             self.robot.advance()
-            self.state.live.timeline.event(e.StampedEvent(self.robot.step, self.robot.stamp, event))
+            self.state.live.timeline.append_event(e.StampedEvent(self.robot.step, self.robot.stamp, event))
         return self.robot.stamp
 
     def _first(self) -> None:
@@ -60,7 +61,7 @@ class Past(SessionHarness):
     def _second(self) -> None:
         self.second_s = self.happens(e.QueryStarted(2, self.kept[1]))
         self.happens(e.Planned(2, self.kept, 1.0))
-        self.state.live.timeline.place(90_000, np.array([2.0, 1.0, 0.0]))
+        self.state.live.timeline.place_frame(90_000, np.array([2.0, 1.0, 0.0]))
         self.happens(e.GraphChanged(NodeAdded(Node(90_000, PoseRow(1.0, 1.0, 0.0)), Cause.EXPAND), 2))
         self.happens(e.QueryEnded(2, self.kept[1], e.Outcome.ARRIVED, 10, 0, 1.0))
 
@@ -224,7 +225,7 @@ def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(p
     assert "4 of 4 queries failed" in listed
     assert all(trouble in listed for trouble in ("collision 1", "wrong arrival 1", "no path 1"))
 
-    pruned = past.state.debug_contexts.indexed(past.state)[1].marks_until(None, MarkKind.PRUNE)[0]
+    pruned = shown_timeline(past.state).marks_until(None, MarkKind.PRUNE)[0]
     told = words(
         past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*pruned.ids))
     )
@@ -236,7 +237,7 @@ def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(p
 def test_every_kind_of_mark_is_reached_forwards_and_backwards(past: Past, faulty: Playback) -> None:
     past.state.open_replay = lambda _: faulty
     past.do(c.OpenRecording("demo-fault.rrd"), ticks=2)
-    index = past.state.debug_contexts.indexed(past.state)[1]
+    index = shown_timeline(past.state)
     for kind in {mark.kind for mark in index.marks} - {MarkKind.MAP}:
         stamps = sorted({mark.instant.stamp for mark in index.marks_until(None, kind)})
         begin = past.do(c.Seek(0.0)).moment.stamp

@@ -15,7 +15,7 @@ from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.run_timeline import RunMoment
+from ltvn_viz.timeline.run_moment import RunMoment
 from tests.viz.debugger.answer_links import follow
 from tests.viz.session_harness import FakeDriver, SessionHarness
 

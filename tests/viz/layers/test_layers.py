@@ -14,6 +14,7 @@ import trimesh
 import viser
 
 from ltvn_core import palette
+from ltvn_core.analysis.graph_history import FadingEdges, GraphArrays
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
@@ -28,8 +29,7 @@ from ltvn_viz.layers.trajectory_layer import TrajectoryLayer
 from ltvn_viz.layers.unlit_materials import marked_unlit, with_baked_shading
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.graph_history import FadingEdges, GraphArrays
-from ltvn_viz.timeline.run_timeline import RunMoment
+from ltvn_viz.timeline.run_moment import RunMoment
 from tests.viz.session_harness import SessionHarness
 
 

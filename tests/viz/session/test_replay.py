@@ -9,7 +9,7 @@ from ltvn_core.types import Twist
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.timeline.run_timeline import RunMoment
+from ltvn_viz.timeline.run_moment import RunMoment
 from tests.viz.session_harness import SessionHarness
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core.analysis.graph_history import GraphArrays, GraphHistory
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
@@ -21,7 +22,7 @@ from ltvn_core.graph.deltas import (
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Twist
 from ltvn_viz.session.hints import hint
-from ltvn_viz.timeline.graph_history import GraphArrays, GraphHistory
+from ltvn_viz.timeline.run_moment import moment_of
 from tests.viz.session_harness import SessionHarness
 
 
@@ -129,8 +130,8 @@ def test_the_trajectory_is_thinned_and_ends_at_the_robot(tmp_path: Path) -> None
     harness = SessionHarness(tmp_path, mapped=False)
     timeline = harness.state.live.timeline
     for step in range(10_000):
-        timeline.frame(step, step * 0.1, np.array([step * 0.01, 0.0, 0.0]))
-    moment = timeline.at()
+        timeline.append_frame(step, step * 0.1, np.array([step * 0.01, 0.0, 0.0]))
+    moment = moment_of(timeline)
     assert len(moment.trajectory) <= 2001
     assert moment.trajectory[-1, 0] == pytest.approx(99.99)
 

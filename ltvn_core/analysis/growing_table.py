@@ -1,4 +1,4 @@
-"""Growing numpy columns: append a row in constant time, read all rows as arrays without copying."""
+"""A table of numpy columns that grows: a row is added in constant time, and all rows are read without copying."""
 
 from collections.abc import Mapping
 

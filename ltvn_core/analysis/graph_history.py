@@ -1,8 +1,8 @@
-"""The whole life of a map as columns: when each node and edge was born, when it died, what was believed of it.
+"""The maps of a run as columns for drawing: when each node and edge was born, when it died, what was believed of it.
 
-A moment is a count of graph deltas, so any moment is looked up with a few vectorised comparisons, without folding from
-the start and without keyframes. The live page appends and looks at the end; the replay looks anywhere. Owns drawing
-coordinates; does not own the map that the robot navigates by (`ltvn_core.graph`).
+A version is a count of map changes, so that the map at any version is found with a few vectorised comparisons, without
+folding from the start. Owns where nodes are drawn; does not own the map that the robot navigates by
+(`ltvn_core.graph`), nor when a map begins (`analysis.map_replay`).
 """
 
 from collections import defaultdict
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.analysis.growing_table import GrowingTable
 from ltvn_core.graph import deltas as d
 from ltvn_core.types import NodeId, Pose
-from ltvn_viz.timeline.growing_table import GrowingTable
 
 NEVER = np.iinfo(np.int64).max
 
@@ -60,12 +60,12 @@ NO_FADING_EDGES = FadingEdges(np.empty((0, 2, 2)), np.empty(0))
 
 
 class GraphHistory:
-    """Every state a map ever had."""
+    """Every state that the maps of a run ever had, as arrays."""
 
     def __init__(self) -> None:
         """Begin with an empty map."""
         self.version = 0
-        """How many deltas happened so far; a moment is any number up to this."""
+        """How many changes happened so far; any number up to this can be looked at."""
         self._nodes = GrowingTable({"id": int, "x": float, "y": float, "yaw": float, "born": int, "died": int})
         edge = {"source": int, "target": int, "born": int, "died": int, "came_s": float, "went_s": float}
         self._edges = GrowingTable(edge)
@@ -92,8 +92,19 @@ class GraphHistory:
             case d.EdgePruned(source, target, cause):
                 self._cut((source, target), cause, stamp)
 
+    def skip(self) -> None:
+        """Count a change that did not fit the map and left it as it was."""
+        self.version += 1
+
+    def clear(self) -> None:
+        """Let nothing be left of the map from the next change on, because another map begins with it."""
+        for table, rows in ((self._nodes, self._node_rows), (self._edges, self._edge_rows)):
+            table["died"][list(rows.values())] = self.version + 1
+            rows.clear()
+        self._touching.clear()
+
     def at(self, version: int) -> GraphArrays:
-        """Return the map after the first `version` deltas."""
+        """Return the map after the first `version` changes."""
         if version != self._latest[0]:
             self._latest = (version, self._view(version))
         return self._latest[1]

@@ -1,7 +1,7 @@
-"""Where a navigation task stands, folded from events.
+"""How far a navigation task has come after some events: its goal, plan and attempt, and counts over the run.
 
-`apply_event(progress, event)` is a pure reducer, so the same code says how things stand live, in a replay, and at any
-moment between. Owns no graph: that is `history.GraphHistory`.
+`apply_event` is a pure function, so that the same code tells it live, in a replay, and at any moment between. Owns no
+map.
 """
 
 from dataclasses import dataclass, replace
@@ -38,6 +38,9 @@ class NavigationProgress:
     pruned: int = 0
     added: int = 0
     """Edges that navigation added."""
+
+
+NO_PROGRESS = NavigationProgress()
 
 
 def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgress:

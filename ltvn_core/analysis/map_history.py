@@ -1,0 +1,132 @@
+"""All changes of the maps of one run, and the map after any number of them.
+
+Owns the order of the changes, where each map begins, and the maps kept on the way for time travel. The map for drawing,
+as arrays, is `analysis.graph_history`, which is fed here so that both always agree.
+"""
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from copy import copy
+
+from ltvn_core.analysis.graph_history import GraphHistory
+from ltvn_core.analysis.map_replay import MapEpochs, MapReplay
+from ltvn_core.analysis.timeline_records import Instant, MapChange
+from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.types import NodeId, Pose
+
+_STRIDE = 10_000
+"""A map is kept after so many changes; folding as many takes some tens of milliseconds."""
+_MOST_KEPT = 12
+"""A map of 10,000 nodes and 50,000 edges takes some 10 MB."""
+
+
+class MapHistory:
+    """The changes of the maps of one run, which may go on."""
+
+    def __init__(self) -> None:
+        """Begin with an empty map and no change."""
+        self.changes: list[MapChange] = []
+        self.epochs: list[int] = []
+        """Where in `changes` each map begins."""
+        self.drawing = GraphHistory()
+        """The same maps as arrays."""
+        self._by_edge: dict[EdgeKey, list[MapChange]] = {}
+        self._by_node: dict[NodeId, list[MapChange]] = {}
+        self._epochs = MapEpochs()
+        self._now: MapReplay | None = MapReplay()
+        self._kept: dict[int, MapReplay] = {}
+
+    @property
+    def epoch(self) -> int:
+        """Which map the next change belongs to unless it begins another one, from 0."""
+        return self._epochs.current
+
+    def copy(self) -> "MapHistory":
+        """Return one that stays as it is when this one goes on; it cannot be appended to."""
+        twin = copy(self)
+        twin.changes = list(self.changes)
+        twin.epochs = list(self.epochs)
+        twin._now = None  # This one goes on to change it; the maps kept on the way never change.
+        return twin
+
+    def append(self, event: int, instant: Instant, changed: GraphChanged, pose: Pose | None) -> bool:
+        """Add the change of event number `event`; tell whether a whole map begins with it.
+
+        A node that comes in is drawn at `pose` (3,), or where odometry put it. Constant time, but for a node that
+        leaves with many edges, and for a copy of the map every 10,000 changes.
+        """
+        assert self._now is not None, "A copy cannot be appended to."
+        fresh = self._epochs.take(changed.delta)
+        if fresh or not self.epochs:
+            self.epochs.append(len(self.changes))
+            self.drawing.clear()
+        change = MapChange(
+            event=event,
+            instant=instant,
+            epoch=self._epochs.current,
+            version=self._epochs.version,
+            delta=changed.delta,
+            query=changed.query,
+            attempt=changed.attempt,
+        )
+        if self._now.take(change):
+            self.drawing.apply(change.delta, instant.stamp, pose)
+        else:
+            self.drawing.skip()
+        self._file(change)
+        if len(self.changes) % _STRIDE == 0:
+            self._keep(len(self.changes), self._now.copy())
+        return fresh
+
+    def count_before(self, event: int) -> int:
+        """Return how many changes come before event number `event`. Logarithmic."""
+        return bisect_left(self.changes, event, key=_number)
+
+    def graph_after(self, count: int) -> TopologicalGraph:
+        """Return the map after the first `count` changes, to be changed freely; one copy and at most 10,000 changes."""
+        if self._now is not None and count == len(self.changes):
+            return self._now.graph.copy()
+        kept = self._kept  # Another thread may replace it meanwhile.
+        known = max((place for place in kept if place <= count), default=0)
+        replay = kept[known].copy() if known else MapReplay()
+        for place in range(known, count):
+            replay.take(self.changes[place])
+        return replay.graph
+
+    def of_edge(self, edge: EdgeKey) -> Sequence[MapChange]:
+        """Return all changes of an edge in order; none for an edge that never was."""
+        return self._known(self._by_edge, edge)
+
+    def of_node(self, node: NodeId) -> Sequence[MapChange]:
+        """Return all arrivals and departures of a node in order."""
+        return self._known(self._by_node, node)
+
+    def _known(self, filed: Mapping, key: EdgeKey | NodeId) -> tuple[MapChange, ...]:
+        """Leave out what came after this copy was made: the files by edge and node are shared with the original."""
+        rows = filed.get(key, ())
+        return tuple(rows[: bisect_left(rows, len(self.changes) and self.changes[-1].event + 1, key=_number)])
+
+    def _file(self, change: MapChange) -> None:
+        self.changes.append(change)
+        match change.delta:
+            case EdgeAdded(edge=edge):
+                self._by_edge.setdefault((edge.source, edge.target), []).append(change)
+            case BeliefUpdated(source=source, target=target) | EdgePruned(source=source, target=target):
+                self._by_edge.setdefault((source, target), []).append(change)
+            case NodeAdded(node=node):
+                self._by_node.setdefault(node.id, []).append(change)
+            case NodeDropped(node=node):
+                self._by_node.setdefault(node, []).append(change)
+
+    def _keep(self, place: int, replay: MapReplay) -> None:
+        kept = {**self._kept, place: replay}
+        if len(kept) > _MOST_KEPT:
+            # Every second one goes, so that what is left is still spread over the whole run.
+            kept = {place: kept[place] for place in sorted(kept)[1::2]}
+        self._kept = kept
+
+
+def _number(change: MapChange) -> int:
+    return change.event

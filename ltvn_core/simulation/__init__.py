@@ -1,1 +1,1 @@
-"""Simulation: scenes, physics, robot, camera and ground truth. The only home of pybullet."""
+"""Simulation: scenes, physics, robot, renderers and the ground truth. No other package imports pybullet."""

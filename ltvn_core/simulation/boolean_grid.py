@@ -1,7 +1,4 @@
-"""Distances and connected pieces on grids of cells that are true or false.
-
-Owns nothing but the shapes and types of what scipy answers.
-"""
+"""Distance transform and connected components of boolean grids, as typed wrappers around `scipy.ndimage`."""
 
 from typing import Any, cast
 
@@ -10,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 Mask = NDArray[np.bool_]
+"""(rows, columns) cells of a grid that are true or false."""
 
 
 def distance_transform(cells: Mask) -> NDArray[np.float64]:
@@ -24,6 +22,10 @@ def nearest_true(cells: Mask) -> NDArray[np.intp]:
 
 
 def connected_components(cells: Mask) -> tuple[NDArray[np.int32], int]:
-    """Number the pieces of true cells that share edges, from 1 on; return (rows, columns) and their count."""
+    """Label the connected components of true cells (4 neighbours).
+
+    Returns:
+        The number of each cell's component (rows, columns), from 1 on and 0 in false cells, and how many there are.
+    """
     numbers, count = cast(Any, ndimage.label(cells))
     return numbers, int(count)

@@ -1,7 +1,6 @@
-"""How far a robot's centre is from the nearest obstacle, and the ways through what is free.
+"""The clearance map of a scene: distance to the nearest obstacle, random free poses and shortest paths.
 
-Owns the 2-D grid of a scene's floor: distances, random free poses and shortest paths. Knows obstacles only as blocked
-cells.
+A 2-D grid of the floor. Knows obstacles only as blocked cells.
 """
 
 from dataclasses import dataclass
@@ -19,19 +18,20 @@ PLANNING_CLEARANCE_M = 0.22
 """Paths and random poses keep the robot's centre this far from obstacles: its radius of 0.18 m and a little more."""
 
 _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
-"""Rows and columns of the 16 neighbours of a cell, one of each opposite pair. A long move may pass the corner of a cell
-that is not navigable itself, but that costs less than a cell of clearance."""
+"""Steps (rows, columns) to the 16 neighbours of a cell, one of each opposite pair. A knight's move may pass the corner
+of a cell that is not navigable itself, but that costs less than a cell of clearance."""
 
 _SNAP_LIMIT_M = 0.5
-"""A start or goal closer to an obstacle than the planning clearance is moved to the nearest good cell within this."""
+"""A start or goal closer to an obstacle than the planning clearance is moved to the nearest navigable cell within this
+distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClearanceMap:
-    """A grid of the floor; rows run along y, columns along x."""
+    """The free and blocked cells of a floor; rows run along y, columns along x."""
 
     blocked: NDArray[np.bool_]
-    """(rows, columns) cells that anything up to a table's height stands in; the border is blocked."""
+    """(rows, columns) cells with an obstacle up to the height of a table; the border is blocked."""
     origin: NDArray[np.float64]
     """(2,) x and y of the grid's lower corner in metres."""
     resolution_m: float = 0.05
@@ -48,15 +48,18 @@ class ClearanceMap:
     @cached_property
     def navigable(self) -> NDArray[np.bool_]:
         """Cells (rows, columns) of the largest connected piece of floor with the planning clearance."""
-        pieces, count = connected_components(self.grid > PLANNING_CLEARANCE_M)
+        components, count = connected_components(self.grid > PLANNING_CLEARANCE_M)
         if count == 0:
             return np.zeros_like(self.blocked)
-        sizes = np.bincount(pieces.ravel())
-        sizes[0] = 0
-        return pieces == int(sizes.argmax())
+        sizes = np.bincount(components.ravel())
+        sizes[0] = 0  # Number 0 is everything that is not free.
+        return components == int(sizes.argmax())
 
     def at(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Return the metres from points (..., 2) to the nearest obstacle, 0 within one; shape (...)."""
+        """Return the distance in metres (...) from points (..., 2) to the nearest obstacle; 0 inside one.
+
+        Interpolates linearly between the centres of cells.
+        """
         x, y = self._grid_coordinates(xy)
         column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
         right = x - column
@@ -67,7 +70,7 @@ class ClearanceMap:
         return np.maximum(low * (1 - up) + high * up, 0.0)
 
     def along(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
-        """Return the least clearance on the straight lines from starts (N, 2) to ends (N, 2); shape (N,)."""
+        """Return the smallest clearance in metres (N,) on the straight lines from starts (N, 2) to ends (N, 2)."""
         starts, ends = (np.asarray(points, np.float64).reshape(-1, 2) for points in (starts, ends))
         least = np.empty(len(starts))
         for first in range(0, len(starts), 4096):  # Bounds the memory of a million lines.
@@ -78,10 +81,17 @@ class ClearanceMap:
     def sample_poses(
         self, rng: np.random.Generator, count: int, *, min_clearance_m: float = PLANNING_CLEARANCE_M
     ) -> Pose:
-        """Draw poses (count, 3) evenly over the navigable floor. Raises ValueError if no floor is that clear."""
+        """Draw poses (count, 3) uniformly over the navigable floor and all headings.
+
+        Raises:
+            ValueError: No navigable cell has `min_clearance_m`.
+        """
         cells = np.argwhere(self.navigable & (self.grid >= min_clearance_m))
         if len(cells) == 0:
-            raise ValueError(f"No navigable floor has a clearance of {min_clearance_m} m.")
+            raise ValueError(
+                f"No navigable floor has a clearance of {min_clearance_m} m. Ask for a smaller clearance, or use a "
+                "scene with more free floor."
+            )
         poses = np.empty((0, 3))
         while len(poses) < count:
             drawn = cells[rng.integers(len(cells), size=count)][:, ::-1] + rng.random((count, 2))
@@ -92,7 +102,10 @@ class ClearanceMap:
         return poses[:count]
 
     def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
-        """Return points (M, 2) from start (2,) to goal (2,) that keep away from obstacles where they can, or None."""
+        """Return a path (M, 2) from start (2,) to goal (2,) that prefers the middle of free space, or None.
+
+        Not the shortest path: cells near obstacles cost up to four times as much. See `path_lengths` for lengths.
+        """
         first, last = (int(self._nodes(point)[0]) for point in (start, goal))
         if first < 0 or last < 0:
             return None
@@ -106,16 +119,20 @@ class ClearanceMap:
         return np.vstack([np.asarray(start, np.float64)[:2], inner, np.asarray(goal, np.float64)[:2]])
 
     def path_lengths(self, start: ArrayLike, goals: ArrayLike, *, limit_m: float = np.inf) -> NDArray[np.float64]:
-        """Return the metres of the shortest ways from start (2,) to goals (N, 2); inf beyond `limit_m` or if none.
+        """Return the lengths in metres (N,) of the shortest paths from start (2,) to goals (N, 2).
 
-        Exact where the straight line is free, else along the grid's 16 directions (at most 3 % too long).
+        A length is inf where there is no path or it is longer than `limit_m`. Exact where the straight line is free,
+        otherwise along the grid's 16 directions (at most 3 % too long).
         """
         start = np.asarray(start, np.float64).reshape(-1)[:2]
         goals = np.asarray(goals, np.float64).reshape(-1, 2)
         lengths = np.sqrt(((goals - start) ** 2).sum(1))
-        hidden = (lengths <= limit_m) & (self.along(np.broadcast_to(start, goals.shape), goals) <= PLANNING_CLEARANCE_M)
-        if hidden.any():
-            lengths[hidden] = np.maximum(lengths[hidden], self._grid_lengths(start, goals[hidden], limit_m))
+        blocked = (lengths <= limit_m) & (
+            self.along(np.broadcast_to(start, goals.shape), goals) <= PLANNING_CLEARANCE_M
+        )
+        if blocked.any():
+            # A start or goal may be snapped to a cell nearer the other, so the straight line stays a lower bound.
+            lengths[blocked] = np.maximum(lengths[blocked], self._grid_lengths(start, goals[blocked], limit_m))
         return np.where(lengths <= limit_m, lengths, np.inf)
 
     def _grid_lengths(self, start: NDArray, goals: NDArray, limit_m: float) -> NDArray[np.float64]:
@@ -131,13 +148,13 @@ class ClearanceMap:
         return self.at(starts * (1 - parts) + ends * parts).min(0)
 
     def _grid_coordinates(self, xy: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return columns and rows counted between cell centres, kept inside the blocked border."""
+        """Return columns and rows, 0 at the centre of the first cell, clipped to the grid."""
         rows, columns = self.blocked.shape
         cells = (np.asarray(xy, np.float64)[..., :2] - self.origin) / self.resolution_m - 0.5
         return np.clip(cells[..., 0], 0, columns - 1.001), np.clip(cells[..., 1], 0, rows - 1.001)
 
     def _nodes(self, xy: ArrayLike) -> NDArray[np.intp]:
-        """Return the graph nodes (N,) at or near points (N, 2), -1 where none is near."""
+        """Return the graph nodes (N,) nearest to points (N, 2), -1 where none is within `_SNAP_LIMIT_M`."""
         points = np.asarray(xy, np.float64).reshape(-1, np.shape(xy)[-1])[:, :2]
         x, y = self._grid_coordinates(points)
         row, column = np.rint(y).astype(np.intp), np.rint(x).astype(np.intp)
@@ -153,17 +170,20 @@ class ClearanceMap:
 
     @cached_property
     def _numbers(self) -> NDArray[np.intp]:
+        """(rows, columns): each navigable cell's node in the graph, -1 elsewhere."""
         numbers = np.full(self.blocked.shape, -1, np.intp)
         numbers[self.navigable] = np.arange(np.count_nonzero(self.navigable))
         return numbers
 
     @cached_property
     def _centres(self) -> NDArray[np.float64]:
+        """(nodes, 2): x and y in metres of the centre of each node's cell."""
         cells = np.argwhere(self.navigable)[:, ::-1]
         return self.origin + (cells + 0.5) * self.resolution_m
 
     @cached_property
     def _graph(self) -> csr_array:
+        """Adjacency matrix (nodes, nodes) of navigable cells; weights are distances in metres."""
         numbers = self._numbers
         count = len(self._centres)
         sources = []
@@ -181,7 +201,7 @@ class ClearanceMap:
 
     @cached_property
     def _clearance_weighted_graph(self) -> csr_array:
-        """The same ways, dearer near obstacles."""
+        """`_graph` with edges that cost more near obstacles, so that paths keep to the middle of free space."""
         graph = self._graph.tocoo()
         cost_factor = 1 + 3 * np.exp(-(self.grid[self.navigable] - PLANNING_CLEARANCE_M) / 0.12)
         cost = graph.data * (cost_factor[graph.row] + cost_factor[graph.col]) / 2
@@ -189,7 +209,7 @@ class ClearanceMap:
 
 
 def _shifted(cells: NDArray, down: int, right: int) -> tuple[NDArray, NDArray]:
-    """Return two views of a grid (rows, columns) so that equal places are `down` rows and `right` columns apart."""
+    """Return two views of a grid (rows, columns) whose entries are `down` rows and `right` columns apart."""
     rows, columns = cells.shape
     if right >= 0:
         return cells[: rows - down, : columns - right], cells[down:, right:]

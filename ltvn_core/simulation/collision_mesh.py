@@ -1,6 +1,6 @@
-"""Obstacles for physics: the blocked cells of a clearance map, grown into solid blocks.
+"""The collision mesh of a scene: the blocked cells of its clearance map, extruded to blocks.
 
-Owns the shape that a robot bumps into, so that physics and planning agree on what is free to a cell.
+Physics uses this mesh and not the visible surfaces, so that it agrees with planning about every cell.
 """
 
 import numpy as np
@@ -15,7 +15,10 @@ _FACES = np.array(
 
 
 def extrude_blocked_cells(clearance: ClearanceMap, height_m: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return vertices (V, 3) and faces (F, 3) of blocks that cover all blocked cells."""
+    """Return vertices (V, 3) in metres and faces (F, 3) of blocks of a height that cover all blocked cells.
+
+    The blocks have no bottom: nothing can reach it.
+    """
     blocks = np.array(list(_rectangles(clearance.blocked)), np.float64).reshape(-1, 2, 2)
     low = blocks[:, 0] * clearance.resolution_m + clearance.origin
     high = blocks[:, 1] * clearance.resolution_m + clearance.origin
@@ -27,18 +30,21 @@ def extrude_blocked_cells(clearance: ClearanceMap, height_m: float) -> tuple[NDA
 
 
 def _rectangles(blocked: NDArray[np.bool_]) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Cover cells by rectangles ((column, row), (column, row)), each grown right and then up as far as it goes."""
-    left = blocked.copy()
-    found = []
+    """Cover the blocked cells with rectangles ((column, row), (column, row)), greedily: first right, then up.
+
+    Merging cells keeps the number of triangles low, which decides how fast the physics runs.
+    """
+    uncovered = blocked.copy()
+    rectangles = []
     for row, column in np.argwhere(blocked):
-        if not left[row, column]:
+        if not uncovered[row, column]:
             continue
         end = column + 1
-        while end < left.shape[1] and left[row, end]:
+        while end < uncovered.shape[1] and uncovered[row, end]:
             end += 1
         top = row + 1
-        while top < left.shape[0] and left[top, column:end].all():
+        while top < uncovered.shape[0] and uncovered[top, column:end].all():
             top += 1
-        left[row:top, column:end] = False
-        found.append(((column, row), (end, top)))
-    return found
+        uncovered[row:top, column:end] = False
+        rectangles.append(((column, row), (end, top)))
+    return rectangles

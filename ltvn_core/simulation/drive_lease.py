@@ -1,8 +1,8 @@
 """The drive lease: a velocity command that expires by itself.
 
-Owns the promise that a robot nobody talks to any more stands still. Pure: the clock comes in, so the same class serves
-a simulated robot (its own time) and a real one (`time.monotonic`). Owns no motor; whoever does asks `command` in its
-own loop and obeys.
+Guarantees that a robot stops when its driver no longer sends commands (a watchdog). The clock is a parameter, so the
+same class serves a simulated robot (its own time) and a real one (`time.monotonic`). It drives no motor: the motor loop
+reads `command` in each of its steps.
 """
 
 import math
@@ -13,20 +13,21 @@ from dataclasses import dataclass
 from ltvn_core.types import ZERO_TWIST, Twist
 
 LEASE_S = 0.25
-"""How long one drive command holds, in seconds of the robot's clock."""
+"""How long one drive command is valid, in seconds of the robot's clock."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimits:
-    """How fast the robot may ever be told to go."""
+    """The largest speeds that a drive command may ask for."""
 
     linear_m_s: float = 0.5
     angular_rad_s: float = 1.0
 
     def bounded(self, twist: Twist) -> Twist:
-        """Return `twist` slowed down into the limits along the same arc.
+        """Return `twist` scaled down to the limits; both speeds by the same factor, so that the arc stays the same.
 
-        Raises ValueError when it holds NaN or infinity.
+        Raises:
+            ValueError: A speed is NaN or infinite.
         """
         if not (math.isfinite(twist.linear_m_s) and math.isfinite(twist.angular_rad_s)):
             raise ValueError(
@@ -39,7 +40,7 @@ class SpeedLimits:
 
 
 class DriveLease:
-    """Holds the newest drive command until it runs out. Safe to use from several threads."""
+    """Holds the newest drive command until it expires. Safe to use from several threads."""
 
     def __init__(
         self, clock: Callable[[], float], *, valid_s: float = LEASE_S, limits: SpeedLimits | None = None
@@ -54,14 +55,17 @@ class DriveLease:
 
     @property
     def expiries(self) -> int:
-        """How many commands ran out without being renewed or cancelled; each led to exactly one stop."""
+        """Number of commands that expired without being renewed or cancelled; each led to exactly one stop."""
         return self._expiries
 
     def grant(self, twist: Twist) -> None:
         """Command a velocity from now until the lease ends, in place of any earlier command.
 
-        A speed beyond the limits is slowed down along its arc. Raises ValueError for NaN or infinity, and then the
-        earlier command is cancelled too: a driver that sends nonsense is not to be trusted with the old one either.
+        A velocity beyond the limits is scaled down along its arc.
+
+        Raises:
+            ValueError: A speed is NaN or infinite. The earlier command is cancelled then too: a driver that sends
+                invalid speeds is broken, and a broken driver must not keep the robot moving.
         """
         try:
             bounded = self.limits.bounded(twist)
@@ -73,13 +77,14 @@ class DriveLease:
             self._ends_s = self._clock() + self._valid_s
 
     def cancel(self) -> None:
-        """Stand still from now on, until the next grant."""
+        """Command zero velocity until the next `grant`."""
         with self._lock:
             self._twist = ZERO_TWIST
 
     def command(self) -> Twist:
-        """Return the velocity to obey now; after the end of the lease that is standing still."""
+        """Return the velocity that is commanded now; zero after the end of the lease."""
         with self._lock:
+            # The tolerance is for clocks that are sums of ticks: a lease must not last one tick longer by rounding.
             if self._twist != ZERO_TWIST and self._clock() >= self._ends_s - 1e-9:
                 self._twist = ZERO_TWIST
                 self._expiries += 1

@@ -1,7 +1,6 @@
-"""The wheels: speeds follow commands no faster than the motors and brakes allow.
+"""The drivetrain: wheel speeds follow the commanded velocity within acceleration limits.
 
-Owns the accelerations. Knows neither the lease, which decides what is commanded, nor the world, which decides what
-comes of it.
+Knows neither the drive lease, which decides what is commanded, nor the physics, which decides how the body moves.
 """
 
 from dataclasses import dataclass
@@ -11,10 +10,10 @@ from ltvn_core.types import ZERO_TWIST, Twist
 
 @dataclass(frozen=True, slots=True)
 class AccelerationLimits:
-    """How fast the speeds may change.
+    """How fast the speeds may change, for speeding up and for braking.
 
-    Braking is firm on purpose: from full speed the robot stands after 42 ms, so that a lease of 250 ms plus braking
-    stays below 300 ms.
+    Braking is firm on purpose: from full speed the robot stops within 42 ms, so that a lease of 250 ms plus braking
+    takes less than 300 ms.
     """
 
     linear_m_s2: float = 1.5
@@ -24,39 +23,38 @@ class AccelerationLimits:
 
 
 class Drivetrain:
-    """Turns commanded speeds into real ones."""
+    """Tracks commanded velocities with limited acceleration."""
 
     def __init__(self, accelerations: AccelerationLimits | None = None) -> None:
         self._limits = accelerations or AccelerationLimits()
         self.speeds = ZERO_TWIST
 
     def halt(self) -> None:
-        """Stand still at once, as when the robot is lifted."""
+        """Set the speeds to zero without braking, as when the robot is lifted."""
         self.speeds = ZERO_TWIST
 
     def follow(self, command: Twist, duration_s: float) -> Twist:
-        """Move the speeds towards `command` for a while and return them."""
+        """Change the speeds towards `command` for `duration_s` seconds and return them."""
         limits = self._limits
-        self.speeds = Twist(
-            _approach(
-                self.speeds.linear_m_s,
-                command.linear_m_s,
-                limits.linear_m_s2 * duration_s,
-                limits.linear_braking_m_s2 * duration_s,
-            ),
-            _approach(
-                self.speeds.angular_rad_s,
-                command.angular_rad_s,
-                limits.angular_rad_s2 * duration_s,
-                limits.angular_braking_rad_s2 * duration_s,
-            ),
+        linear_m_s = _approach(
+            self.speeds.linear_m_s,
+            command.linear_m_s,
+            most_gain=limits.linear_m_s2 * duration_s,
+            most_loss=limits.linear_braking_m_s2 * duration_s,
         )
+        angular_rad_s = _approach(
+            self.speeds.angular_rad_s,
+            command.angular_rad_s,
+            most_gain=limits.angular_rad_s2 * duration_s,
+            most_loss=limits.angular_braking_rad_s2 * duration_s,
+        )
+        self.speeds = Twist(linear_m_s, angular_rad_s)
         return self.speeds
 
 
-def _approach(speed: float, wanted: float, gain: float, loss: float) -> float:
-    """Change `speed` towards `wanted` by at most `gain` when it grows and `loss` when it shrinks."""
-    if speed * wanted < 0:
-        wanted = 0.0  # Turning round goes through standing still.
-    largest = loss if abs(wanted) < abs(speed) else gain
-    return speed + max(-largest, min(largest, wanted - speed))
+def _approach(speed: float, target: float, *, most_gain: float, most_loss: float) -> float:
+    """Change `speed` towards `target`, by at most `most_gain` when it grows and `most_loss` when it shrinks."""
+    if speed * target < 0:
+        target = 0.0  # A change of sign brakes to a stop first.
+    most = most_loss if abs(target) < abs(speed) else most_gain
+    return speed + max(-most, min(most, target - speed))

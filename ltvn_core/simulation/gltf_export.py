@@ -1,4 +1,4 @@
-"""Surfaces as a binary glTF, for drawing them elsewhere."""
+"""Export of surfaces as binary glTF (GLB), for viewers such as the page and Rerun."""
 
 import io
 from typing import cast
@@ -14,11 +14,11 @@ from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_core.types import Rgb
 
 MAX_EXPORTED_TEXELS = 8_000_000
-"""All textures of a drawing together; a foreign scene with more is drawn more coarsely than the camera sees it."""
+"""Limit for all textures of a file together. A mesh scene with more is shown more coarsely than it is rendered."""
 
 
 def to_glb(surfaces: Surfaces) -> bytes:
-    """Return a glTF with one mesh per texture, z up, textures as JPEG."""
+    """Return a GLB file with one mesh per texture, in metres, z up, textures as JPEG."""
     scene = trimesh.Scene()
     used = np.unique(surfaces.face_texture)
     for texture, image in zip(
@@ -42,7 +42,7 @@ def _part(surfaces: Surfaces, image: Rgb) -> trimesh.Trimesh:
 
 
 def _compressed(texture: Rgb) -> Image.Image:
-    """Let the picture go through JPEG, so that the glTF holds it small."""
+    """Encode the texture as JPEG, because trimesh embeds an image in its own format and PNG is several times larger."""
     buffer = io.BytesIO()
     Image.fromarray(texture).save(buffer, "JPEG", quality=85)
     return Image.open(buffer)

@@ -1,6 +1,6 @@
-"""How the LoCoBot looks: built from primitives with its real dimensions, for drawing only.
+"""A 3D model of the LoCoBot, built from primitives with its real dimensions, for display only.
 
-Owns the shape and the colours. The physics knows the robot as a cylinder; the camera never sees it.
+The physics models the robot as a cylinder, and the renderers never show it.
 """
 
 from collections import defaultdict
@@ -19,7 +19,7 @@ BASE_RADIUS_M = 0.178
 CAMERA_HEIGHT_M = 0.6
 
 _PAINTS: dict[str, tuple[tuple[float, float, float], float, float]] = {
-    # Name: colour, how metallic, how rough.
+    # Name: linear RGB colour, metallic factor, roughness factor (glTF materials).
     "charcoal": ((0.045, 0.047, 0.052), 0.1, 0.55),
     "rubber": ((0.02, 0.02, 0.02), 0.0, 0.9),
     "graphite": ((0.16, 0.17, 0.18), 0.3, 0.5),
@@ -35,7 +35,7 @@ _PAINTS: dict[str, tuple[tuple[float, float, float], float, float]] = {
 
 @lru_cache(maxsize=1)
 def locobot_glb() -> bytes:
-    """Return the robot as binary glTF: metres, z up, x forward, origin on the floor under the base's centre."""
+    """Return the robot as binary glTF: metres, z up, x forward, origin on the floor below the centre of the base."""
     pieces: dict[str, list[trimesh.Trimesh]] = defaultdict(list)
     for paint, mesh in [*_base(), *_decks(), *_tower(), *_arm()]:
         pieces[paint].append(mesh)
@@ -142,7 +142,7 @@ def _box(size: Point3, centre: Point3) -> trimesh.Trimesh:
 
 
 def _link(start: Point3, end: Point3, width: float) -> trimesh.Trimesh:
-    """A bar between two joints in a plane of constant-ish y."""
+    """Return a bar from one joint to the next."""
     along = np.subtract(end, start)
     mesh = trimesh.creation.box(extents=(width, width, float(np.linalg.norm(along))))
     mesh.apply_transform(trimesh.geometry.align_vectors((0, 0, 1), along))

@@ -1,7 +1,7 @@
-"""The truth in the network's clothes: a `Predictor` that answers from exact poses and the clearance map.
+"""The oracle predictor: a `Predictor` that answers from exact poses and the clearance map instead of images.
 
-Owns the geometric reading of the paper's reachability criteria, and the ground truth by which evaluation calls an edge
-spurious. Separates errors of the network from errors of the method; never used on a real robot.
+It separates errors of the network from errors of the method, and exists only in simulation. Also holds the ground truth
+by which evaluation calls an edge spurious.
 """
 
 from collections.abc import Sequence
@@ -16,32 +16,33 @@ from ltvn_core.types import Features, Intrinsics, Observation, Pose, Prediction,
 
 REACHABLE = 0.97
 UNREACHABLE = 0.03
-"""What the oracle answers; never quite sure, because beliefs of 0 and 1 could not be revised."""
+"""The reachabilities that the oracle returns. Not 0 and 1, because no evidence could revise such a belief."""
 
 LIKELIHOODS = Likelihoods(0.98, 0.02, 1e-4)
-"""Constants of Eq. 3 and Eq. 4 for a method that asks the oracle.
+"""Likelihoods of Eq. 3 and variance of Eq. 4 for a method with this predictor.
 
-Exact waypoints lead to their ends, and an exact r denies an end that was not reached. None is a certainty, and sigma is
-a centimetre, because a map that learns nothing could not be tested.
+Exact waypoints lead to their targets, and an exact r is low where the target was not reached. No likelihood is 0 or 1,
+and sigma is one centimetre instead of zero: with certainties the map could not change any more.
 """
 
 MAX_DISTANCE_M = 2.5
-"""E_max of the paper's criteria; the value is ours."""
+"""E_max of the paper's reachability criteria; the value is ours."""
 MAX_YAW_RAD = float(np.deg2rad(60))
-"""Theta_max of the paper's criteria; the value is ours."""
+"""Theta_max of the paper's reachability criteria; the value is ours."""
 VIEW_NOT_NEEDED_M = 0.25
-"""A target nearer than this need not be in view."""
+"""A target nearer than this is reachable even when it lies outside the field of view."""
 MIN_CLEARANCE_M = 0.18
-"""Room that the robot's centre needs on the straight line."""
+"""Clearance that the robot's centre needs on the straight line to a reachable target."""
 
 SPURIOUS_DISTANCE_M = 2.8
 SPURIOUS_YAW_RAD = 1.6
 SPURIOUS_CLEARANCE_M = 0.15
-"""An edge is called spurious with some tolerance: the map of clearance is a grid and the robot slides along walls."""
+"""Limits for edges of the map. Looser than those of the predictor, so that an edge is not called spurious for a
+rounding of the clearance map or for a wall along which the robot slides."""
 
 
 class OraclePredictor:
-    """Knows the scene. Implements `ltvn_core.types.Predictor`; its features are the exact poses, (N, 3)."""
+    """Predicts from the ground truth. Implements `ltvn_core.types.Predictor`; its features are exact poses (N, 3)."""
 
     fingerprint = "oracle"
 
@@ -52,7 +53,8 @@ class OraclePredictor:
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return the exact poses (N, 3) of the observations.
 
-        Raises ValueError when one has none, as outside simulation.
+        Raises:
+            ValueError: An observation has no exact pose, because it was not taken in simulation.
         """
         poses = [observation.exact_pose for observation in observations]
         for observation, pose in zip(observations, poses, strict=True):
@@ -64,7 +66,12 @@ class OraclePredictor:
         return np.array(poses, np.float64).reshape(-1, 3)
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
-        """Compare exact poses (N, 3) or (1, 3) with (N, 3): exact waypoints, reachability 0.97 or 0.03."""
+        """Return exact waypoints (N, 3) and reachabilities (N,) of 0.97 or 0.03.
+
+        Args:
+            sources: Exact poses (N, 3), or (1, 3) for one source and N targets.
+            targets: Exact poses (N, 3).
+        """
         starts, ends = np.broadcast_arrays(np.asarray(sources, np.float64), np.asarray(targets, np.float64))
         waypoints = relative(starts, ends)
         reachable = self._is_visible(waypoints)
@@ -82,16 +89,17 @@ class OraclePredictor:
 def is_line_free(
     clearance: ClearanceMap, starts: Pose, ends: Pose, min_clearance_m: float = SPURIOUS_CLEARANCE_M
 ) -> NDArray[np.bool_]:
-    """Say for N pairs of poses (N, 3) whether the straight line between them leaves room for the robot, (N,)."""
+    """Return for N pairs of poses (N, 3) whether the straight line between them has more than a clearance, (N,)."""
     if len(starts) == 0:
         return np.zeros(0, bool)
     return np.asarray(clearance.along(starts[:, :2], ends[:, :2])) > min_clearance_m
 
 
 def is_drivable(clearance: ClearanceMap, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
-    """Say for N pairs of exact poses (N, 3) whether a robot could drive the edge, (N,); else it is spurious.
+    """Return for N pairs of exact poses (N, 3) whether a robot can drive the edge, (N,).
 
-    Spurious: the straight line is blocked, or the poses are more than 2.8 m or 1.6 rad apart.
+    An edge that is not drivable is spurious: its straight line is blocked, or its poses are more than 2.8 m or 1.6 rad
+    apart.
     """
     sources, targets = np.broadcast_arrays(np.atleast_2d(sources), np.atleast_2d(targets))
     waypoints = relative(sources, targets)

@@ -1,9 +1,9 @@
-"""The physical world: PyBullet, one round body among the scene's triangles, and what it touches.
+"""The physics of a scene: PyBullet with one round body among the scene's triangles.
 
-Owns the body's true pose. Motion is planar: the body has no freedom to rise, roll or pitch, so it can neither climb nor
-fall over. It is a cylinder with the footprint of the base, reaching from just above the floor, where rugs and
-thresholds lie, to just above the height of a table, so that it meets what it could not drive under with its camera up.
-Owns no motors, no lease and no time.
+Holds the true pose of the body. Motion is planar: the body cannot rise, roll or pitch, so it neither climbs nor falls
+over. It is a cylinder with the footprint of the base. It begins just above the floor, so that it passes over rugs and
+thresholds, and ends above the height of a table, so that it collides with what the camera could not pass under.
+Motors, drive lease and time are elsewhere.
 """
 
 import importlib
@@ -24,19 +24,25 @@ BODY_BOTTOM_M = 0.05
 BODY_TOP_M = 0.8
 
 _FRICTION = 0.3
-"""Between body and walls: the robot slides along a wall that it meets at a flat angle, and stands before one that it
-meets head on."""
+"""Between body and walls: the robot slides along a wall that it meets at a flat angle, and stops at one that it meets
+head on."""
 
 _CONTACT_GAP_M = 0.002
 _FACES_PER_BODY = 40_000
-"""PyBullet bounds the size of one mesh, so that a large scene becomes several bodies."""
+"""PyBullet limits the size of one mesh, so a large scene becomes several bodies."""
 
 
 class PhysicsWorld:
-    """Moves the robot's body through a scene."""
+    """Moves the robot's body through a scene and detects contacts."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer], start: Pose) -> None:
-        """Put a body at `start` (3,) among triangles with vertices (V, 3) in metres, z up, floor at 0, faces (F, 3)."""
+        """Create the body at `start` (3,) among the triangles of a scene.
+
+        Args:
+            vertices: (V, 3) in metres, z up, the floor at z = 0.
+            faces: (F, 3) indices of vertices.
+            start: (3,) x, y and yaw of the body.
+        """
         self._bullet = _bullet()
         self._client = self._bullet.connect(self._bullet.DIRECT)
         self._bullet.setTimeStep(TICK_S, physicsClientId=self._client)
@@ -48,25 +54,25 @@ class PhysicsWorld:
 
     @property
     def pose(self) -> Pose:
-        """Where the body is, (3,) in the world frame."""
+        """Pose of the body, (3,) in the world frame."""
         return np.array([self.x_m, self.y_m, math.remainder(self.yaw_rad, 2 * math.pi)])
 
     @property
     def in_contact(self) -> bool:
-        """Say whether the body touches an obstacle now."""
+        """Whether the body is in contact with an obstacle now."""
         # Bullet also lists pairs that are merely close, with a positive distance.
         contacts = self._bullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
         return any(contact[8] < _CONTACT_GAP_M for contact in contacts)
 
     def place(self, pose: Pose) -> None:
-        """Put the body at `pose` (3,)."""
+        """Set the body to `pose` (3,), at rest."""
         self.x_m, self.y_m, self.yaw_rad = (float(value) for value in pose)
         self._set_position()
         self._bullet.resetBaseVelocity(self._body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
         self._bullet.performCollisionDetection(physicsClientId=self._client)
 
     def tick(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Let the wheels turn for one tick; obstacles take away what they do not allow."""
+        """Move the body with the given speeds for one tick of 1/240 s, as far as obstacles allow."""
         turn = angular_rad_s * TICK_S
         heading = self.yaw_rad + turn / 2
         velocity = (linear_m_s * math.cos(heading), linear_m_s * math.sin(heading), 0.0)
@@ -75,12 +81,12 @@ class PhysicsWorld:
         (self.x_m, self.y_m, z_m), _ = self._bullet.getBasePositionAndOrientation(
             self._body, physicsClientId=self._client
         )
-        self.yaw_rad += turn  # A round body turns on the spot whatever it touches, so its heading needs no physics.
+        self.yaw_rad += turn  # Nothing stops a round body from turning on the spot, so its heading needs no physics.
         if abs(z_m - _BODY_MIDDLE_M) > 1e-5:
             self._set_position()
 
     def close(self) -> None:
-        """Free the memory; closing twice is fine."""
+        """Free the memory; closing twice is allowed."""
         if self._client >= 0:
             self._bullet.disconnect(self._client)
             self._client = -1
@@ -137,7 +143,7 @@ def _bullet() -> Any:
 
 
 def _within_reach(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Return (F,): which triangles share a height with the body; floors and ceilings only cost time."""
+    """Return (F,): which triangles overlap the body in height. Floors and ceilings would only cost time."""
     heights = vertices[faces, 2]
     return (heights.max(axis=1) > BODY_BOTTOM_M) & (heights.min(axis=1) < BODY_TOP_M)
 

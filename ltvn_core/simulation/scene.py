@@ -1,7 +1,4 @@
-"""What a scene is, wherever it comes from.
-
-Owns the one type; `scenes` finds scenes by name or by file.
-"""
+"""The type of a scene, whether generated or read from a mesh. `scene_registry` finds scenes by name or by path."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,16 +13,16 @@ from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
 
 OBSTACLE_HEIGHT_M = 0.9
-"""What is lower than this stands in the robot's way."""
+"""Surfaces lower than this are obstacles for the robot; higher ones it passes under."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A place in which a robot can drive."""
+    """A place in which a simulated robot can drive."""
 
     name: str
     area_m2: float
-    """Of the floor between the outer walls."""
+    """Area of the floor between the outer walls."""
     rooms: tuple[Room, ...]
     clearance: ClearanceMap
     surfaces: Surfaces
@@ -34,11 +31,11 @@ class Scene:
 
     @property
     def address(self) -> str:
-        """What `load_scene` finds this scene by, from any folder; recordings remember it."""
+        """The argument with which `load_scene` finds this scene again from any folder; recordings store it."""
         return self.name if self.source is None else str(self.source)
 
     def collision_triangles(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Return vertices (V, 3) and faces (F, 3) of all that a robot can bump into."""
+        """Return vertices (V, 3) in metres and faces (F, 3) of all obstacles."""
         return extrude_blocked_cells(self.clearance, OBSTACLE_HEIGHT_M)
 
     def glb(self, *, with_ceiling: bool) -> bytes:

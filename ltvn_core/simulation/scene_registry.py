@@ -1,6 +1,6 @@
-"""Scenes by name, generated once, kept on disk, the same on every machine; or by the path of a mesh.
+"""Finds scenes by name (generated apartments, cached on disk, the same on every machine) or by the path of a mesh.
 
-Owns names, seeds and the cache. How an apartment comes about is in `apartment`, how a mesh is read in `mesh_scene`.
+Holds the names, seeds and the cache. `apartments.generation` makes an apartment, `meshes.mesh_scene` reads a mesh.
 """
 
 import logging
@@ -26,7 +26,7 @@ from ltvn_core.simulation.surfaces import Surfaces
 log = logging.getLogger(__name__)
 
 GENERATOR_VERSION = 2
-"""Part of the cache's file names; goes up whenever the same seed gives another apartment."""
+"""Part of the cache's file names. Increase it whenever a seed gives another apartment than before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +36,16 @@ class _Recipe:
 
 
 _SEEDS_WITH_ALIASES = (6014, 6025, 6035, 6047)
-"""Large apartments in which two or three kinds of room come twice, so that places look alike."""
+"""Large apartments in which two or three kinds of room occur twice, so that they have perceptual aliases."""
 _SEEDS_WITH_NARROW_PASSAGES = (6104, 6157)
 """Large apartments with many passages hardly wider than the robot."""
 
 
 def _recipes() -> dict[str, _Recipe]:
-    """Name all scenes. Each family draws its seeds from its own thousand, so that training never sees a test scene."""
+    """Return the seed and area of every named scene.
+
+    Each family takes its seeds from a thousand of its own, so that no scene for training is also one for tests.
+    """
     recipes = {"demo": _Recipe(7004, 66.0)}
     recipes |= {f"apartment-{area}": _Recipe(9000 + area, float(area)) for area in (57, 70, 124, 129)}
     recipes |= {f"train-{k:02d}": _Recipe(1000 + k, 45.0 + (k * 37) % 85) for k in range(40)}
@@ -62,9 +65,14 @@ def scene_names() -> tuple[str, ...]:
 
 @lru_cache(maxsize=4)
 def load_scene(name: str) -> Scene:
-    """Return a scene, generated at the first call and read from the user's cache later. Raises SceneError.
+    """Return a scene by its name or path.
 
-    What is no name is the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in Gibson layout.
+    Args:
+        name: One of `scene_names()`, generated at the first call and read from the user's cache afterwards; or the path
+            of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in Gibson layout.
+
+    Raises:
+        SceneError: There is no such scene, or its mesh cannot be used.
     """
     if name not in _RECIPES:
         return load_mesh_scene(_mesh_path(name))
@@ -77,7 +85,7 @@ def load_scene(name: str) -> Scene:
 
 
 def _mesh_path(name: str) -> Path:
-    """Return the absolute path that is meant; a file that moved to the current folder is found there."""
+    """Return the absolute path; a recording's mesh that was moved into the current folder is found there."""
     path = Path(name).expanduser().absolute()
     if path.exists():
         return path
@@ -97,7 +105,7 @@ def _mesh_path(name: str) -> Path:
 
 
 def _cache_path(name: str) -> Path:
-    """Name all that decides what a scene is, so that a changed recipe never meets an old file."""
+    """Return a file name with everything that determines a scene, so that a changed recipe never reads an old file."""
     recipe = _RECIPES[name]
     file = f"{name}-seed{recipe.seed}-{recipe.area_m2:g}m2-v{GENERATOR_VERSION}.npz"
     return user_cache_path("ltvn") / "scenes" / file
@@ -120,15 +128,14 @@ def _generate(name: str) -> Scene:
 def _write_cache(scene: Scene, path: Path) -> None:
     """Write a scene to the cache, whole or not at all; without a cache everything works, only slower."""
     surfaces = scene.surfaces
-    rooms = (
-        np.array([[*RoomKind].index(room.kind) for room in scene.rooms]),
-        np.array([[room.x0, room.y0, room.x1, room.y1] for room in scene.rooms]),
-    )
+    # Room kinds are stored as indices, so members of RoomKind may not be reordered.
+    room_kinds = np.array([[*RoomKind].index(room.kind) for room in scene.rooms])
+    room_edges = np.array([[room.x0, room.y0, room.x1, room.y1] for room in scene.rooms])
     arrays: dict[str, Any] = {f"texture{k:04d}": texture for k, texture in enumerate(surfaces.textures)}
     arrays |= {
         "area": scene.area_m2,
-        "room_kinds": rooms[0],
-        "room_edges": rooms[1],
+        "room_kinds": room_kinds,
+        "room_edges": room_edges,
         "blocked": scene.clearance.blocked,
         "origin": scene.clearance.origin,
         "vertices": surfaces.vertices,
@@ -155,17 +162,17 @@ def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def _read_cache(name: str, path: Path) -> Scene | None:
-    """Read a scene from the cache; None if it is not there or not whole."""
+    """Read a scene from the cache; None if the file does not exist or is damaged."""
     try:
-        # Opened here, because numpy leaves a file that is no archive open.
+        # Opened here, because np.load does not close a file that turns out to be no archive.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as cached:
             textures = tuple(cached[key] for key in sorted(cached.files) if key.startswith("texture"))
             kinds = [*RoomKind]
-            edges = zip(cached["room_kinds"].tolist(), cached["room_edges"].tolist(), strict=True)
+            rows = zip(cached["room_kinds"].tolist(), cached["room_edges"].tolist(), strict=True)
             return Scene(
                 name=name,
                 area_m2=float(cached["area"]),
-                rooms=tuple(Room(kinds[kind], *corners) for kind, corners in edges),
+                rooms=tuple(Room(kind=kinds[kind], x0=x0, y0=y0, x1=x1, y1=y1) for kind, (x0, y0, x1, y1) in rows),
                 clearance=ClearanceMap(cached["blocked"], cached["origin"]),
                 surfaces=Surfaces(
                     vertices=cached["vertices"],

@@ -1,6 +1,7 @@
-"""A scripted person at the controls: drives through all rooms of a scene, as one would to map it.
+"""A scripted mapping drive: the robot visits all rooms of a scene several times and records images.
 
-Owns the route and the driving. It knows the scene, as a person who looks at it does, and drives real physics.
+It stands in for a person who drives the robot with the keyboard. It plans with the clearance map and the exact pose,
+because a person sees the scene too, but it moves through the same physics, drive lease and odometry as any driver.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,34 +19,38 @@ from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
 
 @dataclass(frozen=True, slots=True)
 class TourSettings:
-    """How the person drives and how often it takes a picture (all ours)."""
+    """How the robot drives and how often it takes an image (all values are ours)."""
 
     image_every_m: float = 0.12
-    """A picture is taken after so much driving."""
+    """An image is taken after this distance."""
     image_every_rad: float = float(np.deg2rad(10))
-    """Or after so much turning."""
+    """Or after this change of heading."""
     spin_loops: int = 2
-    """In so many of the first loops the robot turns right round in each room; that supplies the turned views."""
+    """In this many loops, from the first, the robot makes a full turn in each room, for views in all directions."""
     speed_m_s: float = 0.4
     lookahead_m: float = 0.3
-    """How far ahead on its way the robot aims."""
+    """The robot steers towards the first point of its path that is farther away than this (pure pursuit)."""
     turn_first_rad: float = 0.5
     """Above this heading error it turns on the spot."""
     arrived_m: float = 0.15
+    """A stop is reached within this distance."""
     stop_clearance_m: float = 0.34
-    """Rooms are visited where the robot can turn freely; less where a room has no such place."""
+    """Clearance of the stops, so that the robot can turn freely; less where a room has no such place."""
     large_room_m2: float = 14.0
-    """Rooms larger than this are visited at two places in each loop."""
+    """Rooms larger than this have two stops in each loop."""
     back_off_steps: int = 8
-    """After a touch it backs off for so many control steps."""
+    """Control steps for which the robot drives back after a collision."""
     timeout_factor: float = 4.0
-    """A leg may take so many times as long as its way needs, then it is given up."""
+    """A path is given up after this many times the time that it needs at `speed_m_s`."""
 
 
 def drive_tour(
     robot: SimulatedRobot, scene: Scene, rng: np.random.Generator, *, loops: int, settings: TourSettings | None = None
 ) -> Iterator[Observation]:
-    """Drive through all rooms `loops` times, every other time the other way round, and yield the pictures taken."""
+    """Drive through all rooms `loops` times and yield the observations taken on the way.
+
+    Every second loop goes the other way round, because the map needs both directions of a corridor.
+    """
     driver = _Driver(robot, scene.clearance, settings or TourSettings())
     yield from driver.capture()
     for loop in range(loops):
@@ -58,7 +63,7 @@ def drive_tour(
 
 
 class _Driver:
-    """Turns a wish into control steps, and takes pictures on the way."""
+    """Drives to points and takes images on the way."""
 
     def __init__(self, robot: SimulatedRobot, clearance: ClearanceMap, settings: TourSettings) -> None:
         self.settings = settings
@@ -67,7 +72,7 @@ class _Driver:
         self._last_capture_odometry: Pose | None = None
 
     def drive_to(self, goal: NDArray[np.float64]) -> Iterator[Observation]:
-        """Drive to a point (2,), planning anew after each touch; give up when it takes far too long."""
+        """Drive to a point (2,); plan a new path after each collision, at most four times."""
         for _ in range(5):
             path = self._clearance.path(self._robot.exact_pose[:2], goal)
             if path is None:
@@ -79,7 +84,7 @@ class _Driver:
             yield from self._hold(Twist(-0.2, 0.0), self.settings.back_off_steps)
 
     def spin(self, direction: float) -> Iterator[Observation]:
-        """Turn right round on the spot, counter-clockwise for +1."""
+        """Make a full turn on the spot, counter-clockwise for a direction of +1."""
         turned = 0.0
         yaw = self._robot.exact_pose[2]
         while turned < 2 * np.pi:
@@ -88,14 +93,14 @@ class _Driver:
             yaw = self._robot.exact_pose[2]
 
     def capture(self) -> Iterator[Observation]:
-        """Take a picture if the robot has moved enough since the last one."""
-        seen = self._robot.state().odometry
+        """Take an image if the robot has moved enough since the last one."""
+        odometry = self._robot.state().odometry
         if self._last_capture_odometry is not None:
-            gap = relative(self._last_capture_odometry, seen)
-            near = np.hypot(gap[0], gap[1]) < self.settings.image_every_m
-            if near and abs(gap[2]) < self.settings.image_every_rad:
+            motion = relative(self._last_capture_odometry, odometry)
+            near = np.hypot(motion[0], motion[1]) < self.settings.image_every_m
+            if near and abs(motion[2]) < self.settings.image_every_rad:
                 return
-        self._last_capture_odometry = seen
+        self._last_capture_odometry = odometry
         yield self._robot.observe()
 
     def _follow(self, path: NDArray[np.float64]) -> Iterator[Observation]:
@@ -119,47 +124,49 @@ class _Driver:
 
 
 def _towards(pose: Pose, point: NDArray[np.float64], settings: TourSettings) -> Twist:
-    away = point - pose[:2]
-    off = float(wrap_angle(np.arctan2(away[1], away[0]) - pose[2]))
-    if abs(off) > settings.turn_first_rad:
-        return Twist(0.0, float(np.sign(off)))
-    return Twist(settings.speed_m_s * float(np.cos(off)), float(np.clip(2.5 * off, -1.0, 1.0)))
+    """Return the velocity that steers from a pose (3,) towards a point (2,)."""
+    offset = point - pose[:2]
+    heading_error = float(wrap_angle(np.arctan2(offset[1], offset[0]) - pose[2]))
+    if abs(heading_error) > settings.turn_first_rad:
+        return Twist(0.0, float(np.sign(heading_error)))
+    angular_rad_s = float(np.clip(2.5 * heading_error, -1.0, 1.0))
+    return Twist(settings.speed_m_s * float(np.cos(heading_error)), angular_rad_s)
 
 
 def _stops(scene: Scene, rng: np.random.Generator, settings: TourSettings) -> list[NDArray[np.float64]]:
-    """Draw where to go in each room; small rooms without a free place are left out."""
+    """Draw the stops (2,) in each room; rooms without navigable floor have none."""
     stops = []
     for room in scene.rooms:
-        cells = _roomy_cells(scene.clearance, (room.x0, room.y0, room.x1, room.y1), settings.stop_clearance_m)
+        cells = _clear_points(scene.clearance, (room.x0, room.y0, room.x1, room.y1), settings.stop_clearance_m)
         visits = 2 if room.area_m2 > settings.large_room_m2 else 1
         stops += [cells[rng.integers(len(cells))] for _ in range(visits if len(cells) else 0)]
     return stops
 
 
-def _roomy_cells(
-    clearance: ClearanceMap, edges: tuple[float, float, float, float], wished_m: float
+def _clear_points(
+    clearance: ClearanceMap, edges: tuple[float, float, float, float], clearance_m: float
 ) -> NDArray[np.float64]:
-    """Return the navigable points (N, 2) of a rectangle that are clear enough, or its clearest few."""
+    """Return the navigable points (N, 2) in a rectangle with a clearance, or those with the most if none has it."""
     rows_columns = np.argwhere(clearance.navigable)
     points = clearance.origin + (rows_columns[:, ::-1] + 0.5) * clearance.resolution_m
     x0, y0, x1, y1 = edges
     inside = (points[:, 0] > x0) & (points[:, 0] < x1) & (points[:, 1] > y0) & (points[:, 1] < y1)
     points = points[inside]
-    room_m = clearance.grid[tuple(rows_columns[inside].T)]
+    available_m = clearance.grid[tuple(rows_columns[inside].T)]
     if len(points) == 0:
         return points
-    return points[room_m >= min(wished_m, room_m.max() - 0.02)]
+    return points[available_m >= min(clearance_m, available_m.max() - 0.02)]
 
 
 def _round_trip(
     stops: Sequence[NDArray[np.float64]], start: NDArray[np.float64], rng: np.random.Generator
 ) -> list[NDArray[np.float64]]:
-    """Order the stops, each time taking a near one next, with some whim."""
-    left = list(stops)
+    """Order the stops by the nearest neighbour rule, with distances randomized so that loops differ."""
+    remaining = list(stops)
     order = []
     here = start
-    while left:
-        distances = [np.hypot(*(stop - here)) * rng.uniform(0.7, 1.5) for stop in left]
-        here = left.pop(int(np.argmin(distances)))
+    while remaining:
+        distances = [np.hypot(*(stop - here)) * rng.uniform(0.7, 1.5) for stop in remaining]
+        here = remaining.pop(int(np.argmin(distances)))
         order.append(here)
     return order

@@ -1,7 +1,7 @@
 """The simulated LoCoBot: physics, drive lease, odometry and camera behind the `Robot` protocol.
 
-Owns the robot's clock and the count of control steps. Time moves only in `advance`; so the robot stands whenever its
-simulation hangs. `drive` and `stop` may come from any thread, everything else belongs to one.
+Holds the robot's clock and the count of control steps. Time passes only in `advance`, so the robot cannot move while
+its program hangs. `drive` and `stop` may be called from any thread, everything else from one thread.
 """
 
 import math
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _TICKS_PER_STEP = round(CONTROL_STEP_S * TICKS_PER_SECOND)
 _TICKS_BETWEEN_COLLISIONS = round(0.2 * TICKS_PER_SECOND)
 _GRID_TOLERANCE_M = 0.05
-"""The clearance map is a grid, and the body may stand where it says so by a cell."""
+"""The clearance map rounds to cells, so a start may seem this much closer to an obstacle than it is."""
 
 
 class SimulatedRobot:
@@ -51,9 +51,19 @@ class SimulatedRobot:
         first_step: FrameId = 0,
         lease_s: float = LEASE_S,
     ) -> None:
-        """Put a robot at `start` (3,), where odometry is still exact; `first_step` continues another run's count.
+        """Create a robot at `start` (3,), where its odometry is exact.
 
-        Raises SceneError when `start` lies inside an obstacle.
+        Args:
+            scene: Where it drives.
+            camera: What renders its images.
+            start: Pose (3,) in the world frame.
+            rng: Draws the errors of the odometry.
+            odometry_noise: Standard deviations of these errors.
+            first_step: Number of the first control step, to continue the count of another run.
+            lease_s: Seconds for which a drive command is valid.
+
+        Raises:
+            SceneError: `start` lies inside an obstacle.
         """
         self._clearance = scene.clearance
         self._camera = camera
@@ -70,7 +80,7 @@ class SimulatedRobot:
 
     @property
     def step(self) -> FrameId:
-        """Count of control steps; goes up every 0.1 s of robot time and when the robot is put somewhere else."""
+        """Number of the control step; it increases every 0.1 s of robot time and at each `teleport`."""
         return self._step
 
     @property
@@ -80,43 +90,46 @@ class SimulatedRobot:
 
     @property
     def exact_pose(self) -> Pose:
-        """The truth, (3,) in the world frame; only oracle, evaluation, recording and drawing may read it."""
+        """The true pose (3,) in the world frame; only oracle, evaluation, recording and display may read it."""
         return self._world.pose
 
     @property
     def speeds(self) -> Twist:
-        """How fast the wheels drive and turn the robot now."""
+        """The speeds at which the wheels drive and turn the robot now."""
         return self._drivetrain.speeds
 
     @property
     def collisions(self) -> int:
-        """How often the body came to touch something; a touch ends after 0.2 s without contact."""
+        """Number of collisions so far; one collision ends after 0.2 s without contact."""
         return self._collision_counter.count
 
     @property
     def lease_expiries(self) -> int:
-        """How often a drive command ran out and the robot stopped by itself."""
+        """Number of drive commands that expired, so that the robot stopped by itself."""
         return self._lease.expiries
 
     def drive(self, twist: Twist) -> None:
-        """Command a velocity for the length of a lease; may come from any thread.
+        """Command a velocity for the duration of a lease; may be called from any thread.
 
-        Raises ValueError, and stops, when a speed is NaN or infinite; too high a speed is slowed down along its arc.
+        A velocity beyond the limits is scaled down along its arc.
+
+        Raises:
+            ValueError: A speed is NaN or infinite; the robot stops.
         """
         self._lease.grant(twist)
 
     def stop(self) -> None:
-        """Brake now and stand until the next `drive`; may come from any thread."""
+        """Brake now and stand still until the next `drive`; may be called from any thread."""
         self._lease.cancel()
 
     def state(self) -> RobotState:
-        """Feel the body without looking."""
+        """Return odometry, time and bumper without taking an image."""
         return RobotState(
             odometry=self._odometer.pose, stamp=self.stamp, step=self._step, bumper_pressed=self._collision_counter.now
         )
 
     def observe(self) -> Observation:
-        """Take a picture, or return the one already taken in this control step."""
+        """Take an observation, or return the one already taken in this control step."""
         if self._observation is None or self._observation.step != self._step:
             rgb, depth = self.render(Intrinsics())
             self._observation = Observation(
@@ -130,23 +143,29 @@ class SimulatedRobot:
         return self._observation
 
     def render(self, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
-        """Look through another lens from the same place, for a person; not recorded and not the method's."""
+        """Render another camera at the robot's pose, for display; neither recorded nor used by the method."""
         return self._camera.render(self.exact_pose, intrinsics)
 
     def advance(self, duration_s: float) -> None:
-        """Let robot time pass, in ticks of 1/240 s; what is left of a tick is carried over."""
+        """Let `duration_s` seconds of robot time pass, in ticks of 1/240 s; a rest is carried over to the next call.
+
+        Raises:
+            ValueError: The duration is negative, NaN or infinite.
+        """
         if not (math.isfinite(duration_s) and duration_s >= 0):
             raise ValueError(f"Time only moves forward: expected seconds >= 0, got {duration_s}.")
         self._owed_ticks += duration_s * TICKS_PER_SECOND
+        # Sums of 0.1 s are not exact, and without the tolerance a step would now and then lack its last tick.
         whole = int(self._owed_ticks + 1e-6)
         self._owed_ticks -= whole
         for _ in range(whole):
             self._tick()
 
     def teleport(self, pose: Pose) -> None:
-        """Lift the robot to `pose` (3,); it stands, odometry restarts there, and a new control step begins.
+        """Put the robot at `pose` (3,), at rest; odometry restarts there, and a new control step begins.
 
-        Raises SceneError when `pose` lies inside an obstacle.
+        Raises:
+            SceneError: `pose` lies inside an obstacle.
         """
         pose = _checked_free_pose(pose, self._clearance)
         self._lease.cancel()
@@ -158,7 +177,7 @@ class SimulatedRobot:
         self._ticks_in_step = 0
 
     def close(self) -> None:
-        """Free the physics engine; closing twice is fine."""
+        """Free the physics engine; closing twice is allowed."""
         self._world.close()
 
     def _tick(self) -> None:
@@ -180,19 +199,19 @@ class SimulatedRobot:
 
 
 class _CollisionCounter:
-    """Counts touches: one that flickers, as when sliding along a wall, counts once."""
+    """Counts collisions; contact that comes and goes, as when sliding along a wall, counts once."""
 
     def __init__(self) -> None:
         self.count = 0
         self.reset()
 
     def reset(self) -> None:
-        """Touch nothing."""
+        """Start without contact; the count stays."""
         self.now = False
         self._free_ticks = _TICKS_BETWEEN_COLLISIONS
 
     def update(self, in_contact: bool) -> None:
-        """Take in what the bumper says in this tick."""
+        """Add the state of the bumper in one tick."""
         self.now = in_contact
         if not in_contact:
             self._free_ticks += 1
@@ -210,7 +229,7 @@ def _checked_free_pose(pose: Pose, clearance: ClearanceMap) -> Pose:
     if clearance_m < BODY_RADIUS_M - _GRID_TOLERANCE_M:
         raise SceneError(
             f"The robot cannot stand at x {pose[0]:.2f} m, y {pose[1]:.2f} m: the nearest obstacle is "
-            f"{clearance_m:.2f} m "
-            f"away and its radius is {BODY_RADIUS_M} m. Choose a free place, for instance from clearance.sample_poses."
+            f"{clearance_m:.2f} m away and its radius is {BODY_RADIUS_M} m. Choose a free place, for instance from "
+            "clearance.sample_poses."
         )
     return pose

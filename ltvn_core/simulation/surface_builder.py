@@ -1,6 +1,6 @@
-"""Puts boxes, cylinders and plates together into surfaces.
+"""Builds textured surfaces from boxes and cylinders.
 
-Owns primitive shapes and their texture coordinates; does not know what a wall or a sofa is.
+Knows primitive shapes and their texture coordinates, but not what a wall or a sofa is.
 """
 
 from math import cos, pi, sin
@@ -12,9 +12,9 @@ from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_core.types import Rgb
 
 TextureIndex = int
-"""Index of a picture that was added to the builder."""
+"""Index of a texture that was added to the builder."""
 
-# Per side of a box: normal axis and sign, then the axis and sign along which u grows for somebody who looks at it.
+# Per side of a box: axis and sign of the normal, then the axis and sign along which u grows, seen from outside.
 _SIDES = ((0, 1, 1, 1), (0, -1, 1, -1), (1, 1, 0, -1), (1, -1, 0, 1), (2, 1, 0, 1), (2, -1, 0, 1))
 _QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -29,10 +29,10 @@ class SurfaceBuilder:
         self._texture_of: list[NDArray[np.int32]] = []
         self._overhead_of: list[NDArray[np.bool_]] = []
         self.overhead = False
-        """Whether what is added now hangs from the ceiling."""
+        """Whether what is added now is part of the ceiling or hangs from it."""
 
     def texture(self, image: Rgb) -> TextureIndex:
-        """Add a picture and return its index."""
+        """Add an image (H, W, 3) as a texture and return its index."""
         self._textures.append(image)
         return len(self._textures) - 1
 
@@ -46,9 +46,17 @@ class SurfaceBuilder:
         tile_m: float | None = 1.0,
         v_origin_m: float = 0.0,
     ) -> None:
-        """Add a box turned by (cos, sin) about the vertical; `tile_m` None fits the picture onto each side once.
+        """Add a box.
 
-        A box that stands on the floor has no bottom side, nobody can see it.
+        Args:
+            texture: What all sides show.
+            centre: x, y, z of its centre.
+            size: Its extents along x, y, z before the turn.
+            turn: (cos, sin) of its rotation about the vertical axis.
+            tile_m: Metres per repeat of the texture; None fits the texture onto each side once.
+            v_origin_m: Height at which a repeat of the texture begins.
+
+        A box that stands on the floor gets no bottom side, because it can never be seen.
         """
         half = np.asarray(size, np.float64) / 2
         for axis, sign, u_axis, u_sign in _SIDES:
@@ -77,7 +85,10 @@ class SurfaceBuilder:
         top_radius: float | None = None,
         sides: int = 12,
     ) -> None:
-        """Add an upright cylinder or cone on its base centre; the picture wraps around it once."""
+        """Add an upright cylinder, or a cone if `top_radius` differs, on the centre of its base.
+
+        The texture wraps around it once.
+        """
         top_radius = radius if top_radius is None else top_radius
         ring = _ring(sides)
         low = np.column_stack([ring * radius, np.zeros(sides + 1)]) + base
@@ -100,7 +111,10 @@ class SurfaceBuilder:
         self._add(texture, lid, lid_uv)
 
     def build(self) -> Surfaces:
-        """Return all that was added. Lengths are rounded to 10 micrometres, so that no last bit differs anywhere."""
+        """Return all that was added.
+
+        Lengths are rounded to 10 micrometres, so that scenes are bit-identical on every machine.
+        """
         triangles = np.concatenate(self._triangles)
         return Surfaces(
             vertices=np.round(triangles.reshape(-1, 3), 5).astype(np.float32),
@@ -119,7 +133,7 @@ class SurfaceBuilder:
 
 
 def rounded_cos_sin(angle_rad: float) -> tuple[float, float]:
-    """Return (cos, sin), rounded so that every machine's mathematics library agrees."""
+    """Return (cos, sin), rounded because the last bit differs between mathematics libraries."""
     return round(cos(angle_rad), 9), round(sin(angle_rad), 9)
 
 

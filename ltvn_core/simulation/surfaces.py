@@ -1,8 +1,4 @@
-"""Textured triangles, laid out flat for ray casting and drawing.
-
-Owns the arrays of a scene's visible surfaces and nothing of what they mean. Where the triangles come from (generator
-or, later, a scan) is not its business.
-"""
+"""The visible surfaces of a scene: textured triangles in flat arrays, for ray casting and display."""
 
 from dataclasses import dataclass
 
@@ -21,20 +17,20 @@ class Surfaces:
     faces: NDArray[np.int32]
     """(F, 3) indices into the vertices."""
     corner_uv: NDArray[np.float32]
-    """(F, 3, 2) texture coordinates per corner; (0, 0) is a picture's lower left, and pictures repeat."""
+    """(F, 3, 2) texture coordinates per corner; (0, 0) is the lower left of the image, and textures repeat."""
     face_texture: NDArray[np.int32]
     """(F,) index into the textures."""
     overhead: NDArray[np.bool_]
-    """(F,) true for the ceiling and what hangs from it, which a view from above leaves out."""
+    """(F,) true for the ceiling and what hangs from it, which views from above leave out."""
     textures: tuple[Rgb, ...]
-    """Pictures (H, W, 3); H and W are powers of two. A plain colour is a picture of one pixel."""
+    """Images (H, W, 3) whose sides are powers of two. A plain colour is an image of one pixel."""
 
     def without_overhead(self) -> "Surfaces":
-        """Cut the ceiling and its lamps away."""
+        """Return the surfaces without the ceiling and its lamps."""
         return self.only(~self.overhead)
 
     def only(self, keep: NDArray[np.bool_]) -> "Surfaces":
-        """Keep the faces where `keep` (F,) is true; vertices and textures stay."""
+        """Return the faces where `keep` (F,) is true; vertices and textures stay, so that indices stay valid."""
         return Surfaces(
             vertices=self.vertices,
             faces=self.faces[keep],

@@ -1,7 +1,4 @@
-"""Triangles drawn on a grid from above.
-
-Owns the cells that triangles between two heights cover. What that means for a robot is in `mesh_floor`.
-"""
+"""Rasterizes triangles from above onto a grid of the floor, and clips them to a range of heights."""
 
 from dataclasses import dataclass
 
@@ -10,11 +7,13 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-Mask = NDArray[np.bool_]
+from ltvn_core.simulation.boolean_grid import Mask
+
 Triangles = NDArray[np.floating]
-"""(F, 3, 3) corners."""
+"""(F, 3, 3) corners in metres."""
 
 _FRACTION_BITS = 8
+"""Fixed-point bits with which OpenCV places corners between pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,19 +27,20 @@ class RasterGrid:
     cell_m: float
 
     def cover(self, triangles: Triangles) -> Mask:
-        """Return (rows, columns): the cells that triangles touch; a triangle on edge covers a line."""
+        """Return the cells (rows, columns) that triangles (F, 3, 3) touch; a vertical triangle covers a line."""
         image = np.zeros(self.shape, np.uint8)
         points = (triangles[:, :, :2] - self.origin) / self.cell_m
         small = np.ptp(points, axis=1).max(axis=1, initial=0.0) < 1.0
         self._dot(image, points[small])
-        # Pixel centres have whole numbers in OpenCV, cells have theirs half a cell in.
+        # OpenCV counts from the centre of the first pixel, this grid from the corner of the first cell. The clipping
+        # keeps stray corners inside OpenCV's 32-bit coordinates.
         fixed = np.clip(np.rint((points[~small] - 0.5) * 2**_FRACTION_BITS), -(2**30), 2**30).astype(np.int32)
         for triangle in fixed:
             cv2.fillConvexPoly(image, triangle, 1, cv2.LINE_8, _FRACTION_BITS)
         return image.astype(bool)
 
     def _dot(self, image: NDArray[np.uint8], points: NDArray[np.float64]) -> None:
-        """Mark the corners and the middles of triangles smaller than a cell, which is all that they touch."""
+        """Mark the corners and centroids of triangles smaller than a cell; they touch no other cells."""
         dots = np.concatenate([points.reshape(-1, 2), points.mean(axis=1)])
         column, row = np.floor(dots).astype(np.intp).T
         inside = (column >= 0) & (row >= 0) & (column < self.shape[1]) & (row < self.shape[0])
@@ -48,7 +48,7 @@ class RasterGrid:
 
 
 def clip_to_heights(triangles: Triangles, low_m: float, high_m: float) -> Triangles:
-    """Cut triangles to what lies between two heights."""
+    """Return the parts of triangles (F, 3, 3) that lie between two heights in metres."""
     z = triangles[:, :, 2]
     near = triangles[(z.max(axis=1) > low_m) & (z.min(axis=1) < high_m)]
     z = near[:, :, 2]

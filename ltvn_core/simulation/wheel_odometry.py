@@ -1,9 +1,8 @@
-"""Wheel odometry with the errors that wheels have.
+"""Simulated wheel odometry with realistic drift.
 
-Owns the drift between where the robot is and where it believes to be. An error is a scale, not a jitter: wheels that
-measure 1 % too much do so for a while. So each error is drawn anew after every metre driven or radian turned, which
-makes single legs proportionally wrong, long drives drift like a random walk, and the result independent of how the
-motion is cut into pieces.
+Errors are scale errors, not jitter: wheels that measure 1 % too much do so for a while. Each error is drawn again after
+a metre driven or a radian turned. So short motions are wrong in proportion to their length, long drives drift like a
+random walk, and the result does not depend on the length of a simulation step.
 """
 
 import math
@@ -17,27 +16,27 @@ from ltvn_core.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Standard deviations of the errors; they are unbiased."""
+    """Standard deviations of the odometry's errors; their means are zero."""
 
     distance: float = 0.02
-    """Of the driven distance, as a share of it."""
+    """Error of the driven distance, as a share of it."""
     angle: float = 0.01
-    """Of the turned angle, as a share of it."""
+    """Error of the turned angle, as a share of it."""
     drift_rad_per_m: float = 0.01
-    """Unnoticed turning while driving."""
+    """Change of heading that the wheels do not measure, in radians per metre driven."""
 
     NONE: ClassVar["OdometryNoise"]
-    """Wheels that never err."""
+    """Exact odometry."""
 
 
 OdometryNoise.NONE = OdometryNoise(0.0, 0.0, 0.0)
 
 ERROR_SECTION_LENGTH = 1.0
-"""Metres driven plus radians turned until the errors are drawn anew."""
+"""Metres driven plus radians turned after which the errors are drawn again."""
 
 
 class Odometer:
-    """Integrates motions into a pose that drifts."""
+    """Integrates motions with errors into a pose that drifts."""
 
     def __init__(self, start: Pose, noise: OdometryNoise, rng: np.random.Generator) -> None:
         self._noise = noise
@@ -46,21 +45,21 @@ class Odometer:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot believes to be, (3,) in the odometry frame."""
+        """The measured pose, (3,) in the odometry frame."""
         return np.array([self._x, self._y, math.remainder(self._yaw, 2 * math.pi)])
 
     def restart(self, pose: Pose) -> None:
-        """Believe to be at `pose` (3,) from now on."""
+        """Set the measured pose to `pose` (3,) and draw new errors."""
         self._x, self._y, self._yaw = (float(value) for value in pose)
         self._begin_section()
 
     def move(self, forward_m: float, left_m: float, turn_rad: float) -> None:
-        """Add a small true motion, given in the robot's frame before it."""
+        """Add a small true motion, given in the robot's frame at its beginning."""
         driven = math.hypot(forward_m, left_m)
         scale = 1 + self._distance_error
         turn = turn_rad * (1 + self._angle_error) + driven * self._drift
-        heading = self._yaw + turn / 2  # Half-way through the turn, the chord of the arc.
-        offset = -turn_rad / 2  # The motion was given in the frame before the turn.
+        heading = self._yaw + turn / 2  # The chord of an arc has the heading at half of the turn.
+        offset = -turn_rad / 2  # The true motion is given in the frame at its beginning, not at half of its turn.
         cos, sin = math.cos(heading + offset), math.sin(heading + offset)
         self._x += scale * (cos * forward_m - sin * left_m)
         self._y += scale * (sin * forward_m + cos * left_m)

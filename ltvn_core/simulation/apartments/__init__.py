@@ -1,1 +1,1 @@
-"""Procedural apartments, grown from a seed."""
+"""Procedural apartments, generated from a seed."""

@@ -1,6 +1,7 @@
-"""Pictures that hang, lie or stand in rooms: paintings, views from windows, rugs, rows of books, doors, screens.
+"""Images that fill one plate and do not repeat: paintings, views from windows, rugs, rows of books, clocks.
 
-Owns images that are fitted once onto a plate; repeating materials are in `textures`.
+Repeating materials are in `tiling_textures`. The order of the random draws decides what a seed generates, so it must
+not change.
 """
 
 import numpy as np
@@ -18,10 +19,11 @@ from ltvn_core.simulation.apartments.tiling_textures import (
 from ltvn_core.types import Rgb
 
 ImageArray = NDArray[np.float64]
+"""(H, W, 3) in [0, 255], before rounding."""
 
 
 def painting(rng: SeededRng) -> Rgb:
-    """Return a framed picture."""
+    """Return a painting in a frame, (128, 128, 3)."""
     image = rng.choice((_shapes, _landscape, _marble, _bands, _rings, _bouquet))(rng, 128)
     frame = rng.uniform(20, 235) * np.array([1.0, rng.uniform(0.8, 1.0), rng.uniform(0.5, 1.0)])
     if rng.chance(0.4):
@@ -31,7 +33,7 @@ def painting(rng: SeededRng) -> Rgb:
 
 
 def window_view(rng: SeededRng) -> Rgb:
-    """Return what one sees through a window, with its frame and bars."""
+    """Return the view through a window with its frame and bars, (256, 256, 3)."""
     _, row = pixel_grid()
     sky = hsv_colour(rng.uniform(0.53, 0.62), rng.uniform(0.15, 0.5), 1.0)
     image = sky + (255 - sky) * (row / TEXTURE_SIZE)[..., None] + np.zeros((TEXTURE_SIZE, TEXTURE_SIZE, 1))
@@ -47,7 +49,7 @@ def window_view(rng: SeededRng) -> Rgb:
 
 
 def rug(rng: SeededRng) -> Rgb:
-    """Return a carpet with a border and a figure."""
+    """Return a rug with a border and figures, (256, 256, 3)."""
     column, row = pixel_grid()
     across, down = np.abs(column - TEXTURE_SIZE / 2 + 0.5), np.abs(row - TEXTURE_SIZE / 2 + 0.5)
     square = np.maximum(across, down)
@@ -64,7 +66,7 @@ def rug(rng: SeededRng) -> Rgb:
 
 
 def books(rng: SeededRng) -> Rgb:
-    """Return the backs of a row of books on a dark shelf."""
+    """Return the backs of a row of books on a dark shelf, (64, 128, 3)."""
     image = np.full((64, 128, 3), 32.0)
     hue = rng.uniform(0, 1)
     left = 0
@@ -81,7 +83,7 @@ def books(rng: SeededRng) -> Rgb:
 
 
 def clock(rng: SeededRng) -> Rgb:
-    """Return the face of a clock."""
+    """Return the face of a clock, (64, 64, 3)."""
     column, row = pixel_grid(64)
     across, down = column - 31.5, row - 31.5
     round_ = np.sqrt(across**2 + down**2)

@@ -1,8 +1,8 @@
-"""Where an apartment's rooms, corridors and doorways are, on a 5 cm grid.
+"""The floor plan of an apartment: its rooms, corridors and doorways, on a 5 cm grid.
 
-Owns the division of a rectangle into rooms that are all connected, and what each room is for. Draws nothing.
-Coordinates are metres; the apartment's inner floor spans (0, 0) to (width, depth); inner walls are 10 cm thick and
-stand astride the rooms' common edges, outer walls stand outside.
+Divides a rectangle into rooms that are all connected, and decides the purpose of each room. Makes no geometry.
+Coordinates are metres; the inner floor of the apartment spans (0, 0) to (width, depth). Inner walls are 10 cm thick and
+centred on the common edges of rooms, outer walls stand outside.
 """
 
 from collections.abc import Callable
@@ -13,13 +13,16 @@ from itertools import combinations
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 
 GRID_STEP_M = 0.05
-"""Everything that blocks the floor stands on multiples of this."""
+"""Everything that blocks the floor has its edges on multiples of this, so that the clearance map is exact."""
 
 MIN_DOORWAY_M = 0.9
 
 
 class RoomKind(Enum):
-    """What a room is for."""
+    """The purpose of a room.
+
+    The scene cache stores a member's position, so members are never reordered or inserted before others.
+    """
 
     HALL = "hall"
     LIVING = "living room"
@@ -30,12 +33,12 @@ class RoomKind(Enum):
     STUDY = "study"
     LIBRARY = "library"
     BATH = "bathroom"
-    UNNAMED = "part of a foreign scene"
+    UNNAMED = "part of a mesh scene"
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A rectangle of floor between the middles of its walls."""
+    """A rectangular room; its edges are the centre lines of its walls, in metres."""
 
     kind: RoomKind
     x0: float
@@ -60,16 +63,16 @@ class Doorway:
     axis: int
     """0 for a wall along y (x is constant), 1 for a wall along x."""
     wall: float
-    """Where the wall stands on that axis."""
+    """Coordinate of the wall's centre line on that axis."""
     low: float
-    """Where the gap begins along the wall."""
+    """Coordinate along the wall where the gap begins."""
     high: float
-    """Where it ends."""
+    """Coordinate along the wall where the gap ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """Rooms that tile a rectangle, and the doorways that join them all."""
+    """Rooms that tile a rectangle, and the doorways that connect them."""
 
     width: float
     depth: float
@@ -78,7 +81,7 @@ class FloorPlan:
 
 
 def generate_floor_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
-    """Divide an apartment of an area (45 to 130 m2) into connected rooms."""
+    """Return a floor plan of connected rooms with a given area (45 to 130 m2)."""
     width = _snap((area_m2 * rng.uniform(1.1, 1.6)) ** 0.5)
     depth = _snap(area_m2 / width)
     for _ in range(40):
@@ -100,7 +103,7 @@ def _hall(x0: float, y0: float, x1: float, y1: float) -> Room:
 
 
 def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
-    """Halve a block across its longer side until the pieces have about the wished area."""
+    """Halve a block across its longer side until the rooms have about the given area."""
     x0, y0, x1, y1 = block.x0, block.y0, block.x1, block.y1
     longer = max(x1 - x0, y1 - y0)
     if block.area_m2 < 1.5 * room_area_m2 or longer < 4.2:
@@ -163,7 +166,7 @@ _LAYOUTS: tuple[Callable[[SeededRng, float, float], list[Room]], ...] = (_spine,
 
 
 def _assign_kinds(rng: SeededRng, layout: list[Room]) -> tuple[Room, ...]:
-    """Make the largest room the living room, a small one the bathroom, and mix the others."""
+    """Make the largest room the living room and the smallest the bathroom, and shuffle the kinds of the others."""
     halls = {i for i, room in enumerate(layout) if room.shorter_side_m < 1.75 or (i == 0 and room.area_m2 < 7)}
     others = sorted((i for i in range(len(layout)) if i not in halls), key=lambda i: -layout[i].area_m2)
     kinds = {i: RoomKind.HALL for i in halls}
@@ -181,10 +184,13 @@ def _assign_kinds(rng: SeededRng, layout: list[Room]) -> tuple[Room, ...]:
 
 
 def _draw_doorways(rng: SeededRng, rooms: tuple[Room, ...]) -> tuple[Doorway, ...] | None:
-    """Join all rooms, by way of the corridor where possible, and add some round trips; None if they cannot be."""
+    """Draw doorways that connect all rooms, through corridors where possible; None if they cannot be connected.
+
+    A minimum spanning tree (Kruskal) by preference, plus some doorways that close loops.
+    """
     candidates = [c for a, b in combinations(range(len(rooms)), 2) if (c := _common_wall(rooms, a, b)) is not None]
     candidates = sorted(rng.shuffled(candidates), key=lambda gap: _preference(rooms, gap))
-    group = list(range(len(rooms)))
+    group = list(range(len(rooms)))  # Number of the connected component of each room.
     chosen: list[Doorway] = []
     for gap in candidates:
         a, b = (group[i] for i in gap.rooms)
@@ -197,7 +203,7 @@ def _draw_doorways(rng: SeededRng, rooms: tuple[Room, ...]) -> tuple[Doorway, ..
 
 
 def _common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
-    """Return the whole stretch of wall that two rooms share, if a door fits into it."""
+    """Return the whole segment of wall that two rooms share as a doorway; None if no door fits into it."""
     p, q = rooms[a], rooms[b]
     for axis, (p_low, p_high, q_low, q_high, along) in enumerate(
         (
@@ -212,6 +218,7 @@ def _common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
 
 
 def _preference(rooms: tuple[Room, ...], gap: Doorway) -> int:
+    """Return a rank for a doorway; smaller ones are chosen first."""
     kinds = {rooms[i].kind for i in gap.rooms}
     if kinds == {RoomKind.HALL} or kinds == {RoomKind.LIVING, RoomKind.KITCHEN}:
         return 0
@@ -221,6 +228,7 @@ def _preference(rooms: tuple[Room, ...], gap: Doorway) -> int:
 
 
 def _is_private(rooms: tuple[Room, ...], gap: Doorway) -> bool:
+    """Whether a doorway would lead to a bathroom or double a corridor; such doorways close no loops."""
     kinds = {rooms[i].kind for i in gap.rooms}
     return RoomKind.BATH in kinds or kinds == {RoomKind.HALL}
 
@@ -231,19 +239,19 @@ _OPEN_PLAN_KINDS = {RoomKind.HALL, RoomKind.LIVING, RoomKind.KITCHEN, RoomKind.D
 def _narrowed(rng: SeededRng, rooms: tuple[Room, ...], gap: Doorway) -> Doorway:
     """Cut a doorway out of the wall that two rooms share."""
     kinds = {rooms[i].kind for i in gap.rooms}
-    room = gap.high - gap.low - 0.3
+    available = gap.high - gap.low - 0.3
     width = rng.uniform_multiple(MIN_DOORWAY_M, 1.0)
     if kinds == {RoomKind.HALL}:
-        width = room
+        width = available
     elif kinds <= _OPEN_PLAN_KINDS and rng.chance(0.6):
         width = rng.uniform_multiple(1.2, 2.0)
-    width = _snap(min(width, room))
+    width = _snap(min(width, available))
     low = rng.uniform_multiple(gap.low + 0.15, gap.high - 0.15 - width)
     return replace(gap, low=_snap(low), high=_snap(low + width))
 
 
 def _mirrored(plan: FloorPlan, rng: SeededRng) -> FloorPlan:
-    """Flip a plan left to right, top to bottom or along its diagonal, as the dice say."""
+    """Return the plan with each of its two axes flipped, and the axes exchanged, with a probability of one half."""
     for axis in (0, 1):
         if rng.chance(0.5):
             plan = _flipped(plan, axis)
@@ -275,7 +283,7 @@ def _transposed(plan: FloorPlan) -> FloorPlan:
 
 
 def _row_of_rooms(rng: SeededRng, width: float, depth: float) -> FloorPlan:
-    """Lay rooms side by side; always possible."""
+    """Return a plan of rooms side by side, the fallback that is always possible."""
     count = max(2, int(width // 3.2))
     edges = [_snap(width * i / count) for i in range(count + 1)]
     layout = [Room(kind=RoomKind.BEDROOM, x0=edges[i], y0=0.0, x1=edges[i + 1], y1=depth) for i in range(count)]

@@ -1,7 +1,7 @@
-"""Pieces of furniture, drawn into a spot on the floor.
+"""The kinds of furniture and the geometry of each.
 
-Owns what each piece looks like. A piece is drawn in its spot's frame: x along its width, y from its back to its front,
-the origin on the floor in the middle. Everything fills its spot, so that nothing can be squeezed under.
+A piece is built in a frame of its own: x along its width, y from its back to its front, the origin on the floor in its
+middle. Its geometry fills its rectangle on the floor, so that the robot meets no gap which the planner calls blocked.
 """
 
 from collections.abc import Callable
@@ -16,19 +16,19 @@ from ltvn_core.types import Rgb
 
 @dataclass(frozen=True, slots=True)
 class FurniturePlacement:
-    """A place on the floor for one piece."""
+    """Position, rotation and size of one piece on the floor, in metres."""
 
     x: float
     y: float
     turn: tuple[float, float]
-    """(cos, sin) of the turn from the piece's frame to the apartment's."""
+    """(cos, sin) of the rotation from the frame of the piece to that of the apartment."""
     width: float
     depth: float
 
 
 @dataclass(frozen=True, slots=True)
 class FurnitureBuilder:
-    """Draws boxes and cylinders in a spot's frame."""
+    """Adds boxes and cylinders in the frame of one piece, with the materials of its room."""
 
     builder: SurfaceBuilder
     placement: FurniturePlacement
@@ -62,7 +62,7 @@ class FurnitureBuilder:
         self.builder.cylinder(texture, (*self._placed(at), at[2]), radius, height, top_radius=top)
 
     def image_box(self, image: Rgb, at: tuple[float, float, float], size: tuple[float, float, float]) -> None:
-        """Add a box whose sides each show a picture once."""
+        """Add a box whose sides each show an image once."""
         self.box(self.builder.texture(image), at, size, tile_m=None)
 
     def _placed(self, at: tuple[float, float, float]) -> tuple[float, float]:
@@ -75,14 +75,14 @@ DrawFurniture = Callable[[FurnitureBuilder], None]
 
 @dataclass(frozen=True, slots=True)
 class FurnitureKind:
-    """A kind of furniture: the range of its size and how it is drawn."""
+    """A kind of furniture: the ranges of its size in metres, and the function that builds it."""
 
     width: tuple[float, float]
     depth: tuple[float, float]
     draw: DrawFurniture
     against_wall: bool = True
     tall: bool = False
-    """Hides the wall behind it."""
+    """Whether it hides the wall behind it, so that nothing hangs there."""
 
 
 def _sofa(c: FurnitureBuilder) -> None:

@@ -1,6 +1,6 @@
-"""Which furniture stands in a room, and where.
+"""Chooses and places the furniture of rooms.
 
-Owns the choice and the placing; a piece goes where it fits, keeps doorways clear and leaves free floor in one piece.
+A piece is placed where it fits, keeps doorways clear and leaves the free floor connected.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 
 _TRIES = 14
+"""Random placements that are tried for one piece before it is left out."""
 
 FURNITURE_BY_ROOM_KIND: dict[RoomKind, Sequence[FurnitureKind]] = {
     RoomKind.HALL: (f.CHEST, f.PLANT, f.LAMP),
@@ -30,7 +31,7 @@ FURNITURE_BY_ROOM_KIND: dict[RoomKind, Sequence[FurnitureKind]] = {
 
 
 class FurniturePlacer:
-    """Fills rooms."""
+    """Furnishes the rooms of one apartment."""
 
     def __init__(self, builder: SurfaceBuilder, occupancy: OccupancyGrid, materials: ApartmentMaterials) -> None:
         self._builder = builder
@@ -38,7 +39,11 @@ class FurniturePlacer:
         self._materials = materials
 
     def place_furniture(self, rng: SeededRng, room: Room, sides: Sequence[WallSide]) -> list[list[tuple[float, float]]]:
-        """Place what fits of the room's wishes; return the stretches of each wall that tall pieces hide."""
+        """Place the furniture of a room's kind as far as it fits.
+
+        Returns:
+            For each of the `sides`, the intervals (low, high) along the wall that tall pieces hide.
+        """
         hidden: list[list[tuple[float, float]]] = [[] for _ in sides]
         wood = rng.choice(self._materials.woods)
         cloth = rng.choice(self._materials.cloths)
@@ -80,8 +85,8 @@ class FurniturePlacer:
 def _beside(
     rng: SeededRng, side: WallSide, width: float, depth: float
 ) -> tuple[FurniturePlacement | None, FloorRectangle | None]:
-    """Find a place with its back to a wall."""
-    inset = 0.05  # The half wall of the neighbouring walls.
+    """Draw a placement with its back to a wall, and the rectangle that it needs; None if the wall is too short."""
+    inset = 0.05  # Half the thickness of the neighbouring walls.
     low_end, high_end = side.low + inset, side.high - inset - width
     if high_end < low_end:
         return None, None
@@ -93,19 +98,17 @@ def _beside(
     a, b = sorted((near, far))
     if side.axis == 0:
         turn = (0.0, -1.0) if side.inward > 0 else (0.0, 1.0)
-        return FurniturePlacement(x=middle, y=along, turn=turn, width=width, depth=depth), FloorRectangle(
-            x0=a, y0=low, x1=b, y1=low + width
-        )
+        placement = FurniturePlacement(x=middle, y=along, turn=turn, width=width, depth=depth)
+        return placement, FloorRectangle(x0=a, y0=low, x1=b, y1=low + width)
     turn = (1.0, 0.0) if side.inward > 0 else (-1.0, 0.0)
-    return FurniturePlacement(x=along, y=middle, turn=turn, width=width, depth=depth), FloorRectangle(
-        x0=low, y0=a, x1=low + width, y1=b
-    )
+    placement = FurniturePlacement(x=along, y=middle, turn=turn, width=width, depth=depth)
+    return placement, FloorRectangle(x0=low, y0=a, x1=low + width, y1=b)
 
 
 def _within(
     rng: SeededRng, room: Room, width: float, depth: float
 ) -> tuple[FurniturePlacement | None, FloorRectangle | None]:
-    """Find a place away from the walls."""
+    """Draw a placement away from the walls, and the rectangle that it needs; None if the room is too small."""
     turned = rng.chance(0.5)
     across, down = (depth, width) if turned else (width, depth)
     margin = 0.6

@@ -1,6 +1,7 @@
-"""An apartment grown from a seed: plan, shell, furniture and what hangs on the walls.
+"""Generates an apartment from a seed: floor plan, walls, furniture and decoration.
 
-Owns the order of work. The same seed gives the same apartment on every machine.
+The same seed gives the same apartment on every machine. The order of the random draws, here and in the modules that
+this one calls, is therefore part of the format: a change of it needs a new GENERATOR_VERSION in `scene_registry`.
 """
 
 from dataclasses import dataclass
@@ -9,15 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.simulation.apartments import decals
-from ltvn_core.simulation.apartments.floor_plan import FloorPlan, Room, RoomKind, generate_floor_plan
+from ltvn_core.simulation.apartments.floor_plan import (
+    GRID_STEP_M,
+    FloorPlan,
+    Room,
+    RoomKind,
+    generate_floor_plan,
+)
 from ltvn_core.simulation.apartments.furniture_placement import FurniturePlacer
 from ltvn_core.simulation.apartments.materials import choose_apartment_materials, choose_room_materials
 from ltvn_core.simulation.apartments.occupancy_grid import OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import RoomShell, wall_sides
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
-from ltvn_core.simulation.apartments.standing import cells_really_blocked
+from ltvn_core.simulation.boolean_grid import Mask, connected_components
+from ltvn_core.simulation.scene import OBSTACLE_HEIGHT_M
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.triangle_rasterization import RasterGrid, Triangles, clip_to_heights
 
 _ROOMS_WITH_RUG = {
     RoomKind.LIVING,
@@ -28,6 +37,13 @@ _ROOMS_WITH_RUG = {
     RoomKind.DINING,
 }
 
+_RUG_M = 0.03
+"""The robot drives over anything lower than this."""
+_FINE = 5
+"""Subdivisions of a cell's side when its free share is measured."""
+_MIN_FREE_SHARE = 0.5
+"""A cell is free if more than this share of it is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Apartment:
@@ -36,15 +52,15 @@ class Apartment:
     plan: FloorPlan
     surfaces: Surfaces
     blocked: NDArray[np.bool_]
-    """(rows, columns) cells of 5 cm in which something stands."""
+    """(rows, columns) cells of 5 cm with an obstacle."""
     origin: NDArray[np.float64]
-    """(2,) x and y of that grid's lower corner."""
+    """(2,) x and y in metres of the lower corner of that grid."""
 
 
 def generate_apartment(seed: int, area_m2: float) -> Apartment:
-    """Grow an apartment of a floor area (45 to 130 m2)."""
+    """Generate the apartment of a seed with a floor area (45 to 130 m2)."""
     rng = SeededRng(np.random.default_rng(seed))
-    while True:  # A plan whose empty rooms are cut off from each other is drawn again; none was met so far.
+    while True:  # A plan whose empty rooms are not connected is drawn again; none was met so far.
         plan = generate_floor_plan(rng.spawn(), area_m2)
         builder = SurfaceBuilder()
         occupancy = OccupancyGrid(plan)
@@ -62,19 +78,19 @@ def generate_apartment(seed: int, area_m2: float) -> Apartment:
             break
     furniture_placer = FurniturePlacer(builder, occupancy, materials)
     for room, room_sides in zip(plan.rooms, sides, strict=True):
-        own = rng.spawn()
-        if room.kind in _ROOMS_WITH_RUG and own.chance(0.85):
-            _lay_rug(builder, own, room)
-        hidden = furniture_placer.place_furniture(own, room, room_sides)
+        room_rng = rng.spawn()
+        if room.kind in _ROOMS_WITH_RUG and room_rng.chance(0.85):
+            _lay_rug(builder, room_rng, room)
+        hidden = furniture_placer.place_furniture(room_rng, room, room_sides)
         for side, covered in zip(room_sides, hidden, strict=True):
             shell.add_decoration(room, side, covered)
     surfaces = builder.build()
-    blocked = cells_really_blocked(occupancy.blocked, occupancy.origin, surfaces.vertices[surfaces.faces])
+    blocked = _occupied_cells(occupancy.blocked, occupancy.origin, surfaces.vertices[surfaces.faces])
     return Apartment(plan=plan, surfaces=surfaces, blocked=blocked, origin=occupancy.origin)
 
 
 def _hues(rng: SeededRng, count: int) -> list[float]:
-    """Spread hues over the rooms, so that no two of them look alike at a glance."""
+    """Return evenly spaced hues for the rooms, in random order, so that rooms are easy to tell apart."""
     first = rng.uniform(0, 1)
     return [first + order / count for order in rng.shuffled(range(count))]
 
@@ -85,3 +101,25 @@ def _lay_rug(builder: SurfaceBuilder, rng: SeededRng, room: Room) -> None:
     x = rng.uniform(room.x0 + 0.3 + width / 2, room.x1 - 0.3 - width / 2)
     y = rng.uniform(room.y0 + 0.3 + depth / 2, room.y1 - 0.3 - depth / 2)
     builder.box(builder.texture(decals.rug(rng)), (x, y, 0.003), (width, depth, 0.006), tile_m=None)
+
+
+def _occupied_cells(blocked: Mask, origin: NDArray[np.float64], triangles: Triangles) -> Mask:
+    """Return those of the `blocked` cells (rows, columns) that the geometry really occupies or encloses.
+
+    Furniture blocks a whole rectangle; a round pot leaves the corners of its square free. Without this correction the
+    clearance map would contain obstacles that no camera can see.
+
+    Args:
+        blocked: Cells that are blocked by walls and rectangles of furniture.
+        origin: (2,) the grid's lower corner in metres.
+        triangles: (F, 3, 3) all visible surfaces.
+    """
+    rows, columns = blocked.shape
+    raster = RasterGrid(origin, (rows * _FINE, columns * _FINE), GRID_STEP_M / _FINE)
+    open_parts = ~raster.cover(clip_to_heights(triangles, _RUG_M, OBSTACLE_HEIGHT_M))
+    # The inside of a shelf is empty too, but cannot be entered from the floor.
+    components, _ = connected_components(open_parts)
+    floor = open_parts & ~blocked.repeat(_FINE, axis=0).repeat(_FINE, axis=1)
+    entered = open_parts & np.isin(components, np.unique(components[floor]))
+    free_share = entered.reshape(rows, _FINE, columns, _FINE).mean(axis=(1, 3))
+    return blocked & (free_share <= _MIN_FREE_SHARE)

@@ -1,7 +1,7 @@
-"""What an apartment and its rooms are made of: woods, cloths, wall and floor coverings.
+"""Chooses the materials of an apartment and its rooms: woods, cloths, wall and floor coverings.
 
-Owns the choice of materials. Rooms differ strongly from each other, furniture woods and cloths repeat throughout an
-apartment, as they do in real ones.
+Walls and floors differ strongly between rooms; woods and cloths of furniture repeat throughout an apartment, as they do
+in real ones.
 """
 
 from dataclasses import dataclass
@@ -37,13 +37,14 @@ class RoomMaterials:
 
     wall: TextureIndex
     accent: TextureIndex
-    """Of one wall."""
+    """Covering of one of the four walls."""
     floor: TextureIndex
     floor_tile_m: float
+    """Metres per repeat of the floor's texture."""
 
 
 def choose_apartment_materials(builder: SurfaceBuilder, rng: SeededRng) -> ApartmentMaterials:
-    """Choose the materials of an apartment."""
+    """Choose the materials of an apartment and add their textures to the builder."""
 
     def paint(hue: float, saturation: float, value: float) -> TextureIndex:
         return builder.texture(tiling_textures.plain(rng, hsv_colour(hue, saturation, value)))
@@ -63,7 +64,7 @@ def choose_apartment_materials(builder: SurfaceBuilder, rng: SeededRng) -> Apart
 
 
 def choose_room_materials(builder: SurfaceBuilder, rng: SeededRng, kind: RoomKind, hue: float) -> RoomMaterials:
-    """Choose the coverings of a room around a hue."""
+    """Choose the coverings of a room, with walls near a hue (one full turn is 1)."""
     base = hsv_colour(hue, rng.uniform(0.06, 0.38), rng.uniform(0.72, 0.97))
     contrast = hsv_colour(hue + rng.uniform(0.25, 0.75), rng.uniform(0.2, 0.6), rng.uniform(0.4, 0.88))
     wall = builder.texture(_wall(rng, kind, base, contrast))

@@ -1,6 +1,6 @@
-"""What stands on an apartment's floor, on a 5 cm grid, and whether a robot still gets everywhere.
+"""The blocked cells of an apartment's floor, on a 5 cm grid.
 
-Owns the blocked cells and the rule that free floor stays one piece. Draws nothing.
+Guarantees that the free floor stays connected for a robot. Makes no geometry.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _DOOR_APRON_M = 0.7
 
 @dataclass(frozen=True, slots=True)
 class FloorRectangle:
-    """A part of the floor in metres; edges lie on the grid."""
+    """A rectangle of floor in metres; its edges lie on the grid."""
 
     x0: float
     y0: float
@@ -30,10 +30,10 @@ class FloorRectangle:
 
 
 class OccupancyGrid:
-    """The floor of an apartment while it is furnished."""
+    """The free and blocked cells of an apartment while it is furnished."""
 
     def __init__(self, plan: FloorPlan) -> None:
-        """Begin with outer walls alone."""
+        """Create a grid in which only the outer walls are blocked."""
         columns, rows = round(plan.width / GRID_STEP_M), round(plan.depth / GRID_STEP_M)
         self.blocked = np.ones((rows + 2 * MARGIN_CELLS, columns + 2 * MARGIN_CELLS), bool)
         self.blocked[MARGIN_CELLS:-MARGIN_CELLS, MARGIN_CELLS:-MARGIN_CELLS] = False
@@ -47,11 +47,15 @@ class OccupancyGrid:
         return np.full(2, -MARGIN_CELLS * GRID_STEP_M)
 
     def block(self, area: FloorRectangle) -> None:
-        """Put something there, whatever follows."""
+        """Block a rectangle without any check, as for walls."""
         self.blocked[self._cells(area)] = True
 
     def try_block(self, area: FloorRectangle) -> bool:
-        """Put something there if the place is free, no doorway is obstructed and free floor stays one piece."""
+        """Block a rectangle if it is free, keeps doorways clear and leaves the free floor connected.
+
+        Returns:
+            Whether the rectangle was blocked.
+        """
         cells = self._cells(area)
         if self.blocked[cells].any() or self._aprons[cells].any():
             return False
@@ -62,10 +66,10 @@ class OccupancyGrid:
         return False
 
     def is_connected(self) -> bool:
-        """Tell whether a robot gets from any place where it can stand to any other."""
-        room = distance_transform(~self.blocked) - 0.5
-        _, pieces = connected_components(room * GRID_STEP_M > PLANNING_CLEARANCE_M)
-        return pieces == 1
+        """Return whether the navigable floor is one connected component."""
+        clearance_cells = distance_transform(~self.blocked) - 0.5
+        _, count = connected_components(clearance_cells * GRID_STEP_M > PLANNING_CLEARANCE_M)
+        return count == 1
 
     def _cells(self, area: FloorRectangle) -> tuple[slice, slice]:
         x0, y0, x1, y1 = (round(edge / GRID_STEP_M) + MARGIN_CELLS for edge in (area.x0, area.y0, area.x1, area.y1))
@@ -73,6 +77,7 @@ class OccupancyGrid:
 
 
 def _apron(door: Doorway) -> FloorRectangle:
+    """Return the floor on both sides of a doorway that stays clear."""
     low, high = door.wall - _DOOR_APRON_M, door.wall + _DOOR_APRON_M
     if door.axis == 0:
         return FloorRectangle(x0=low, y0=door.low, x1=high, y1=door.high)

@@ -1,6 +1,6 @@
-"""The shell of a room: floor, ceiling, walls with doorways, windows and pictures on them.
+"""The fixed parts of a room: floor, ceiling, walls with doorways, windows and paintings.
 
-Owns what is fixed. Inner walls are drawn by each of their two rooms, half and half, so that each has its own wallpaper.
+Each of two neighbouring rooms builds its half of an inner wall, so that each has its own wallpaper.
 """
 
 from collections.abc import Iterator
@@ -24,22 +24,25 @@ class WallSide:
     axis: int
     """0 for a wall along y, 1 for a wall along x."""
     at: float
-    """Where the wall's middle stands on that axis."""
+    """Coordinate of the wall's centre line on that axis."""
     inward: int
-    """+1 if the room lies on the larger side."""
+    """+1 if the room lies on the side of larger coordinates, else -1."""
     low: float
+    """Coordinate along the wall where it begins."""
     high: float
+    """Coordinate along the wall where it ends."""
     gaps: tuple[tuple[float, float], ...]
-    """Doorways in it, in order."""
+    """Doorways (low, high) along the wall, in order."""
     outer: bool
+    """Whether the wall bounds the apartment."""
 
     @property
     def face(self) -> float:
-        """Where the wall's surface is on its axis."""
+        """Coordinate of the wall's visible surface on its axis."""
         return self.at if self.outer else self.at + self.inward * _HALF_WALL_M
 
     def solid_segments(self) -> Iterator[tuple[float, float]]:
-        """Yield the stretches between doorways."""
+        """Yield the segments (low, high) between doorways."""
         cursor = self.low
         for low, high in self.gaps:
             yield cursor, low
@@ -50,12 +53,17 @@ class WallSide:
 def wall_sides(plan: FloorPlan, index: int) -> tuple[WallSide, ...]:
     """Return the four walls of a room."""
     room = plan.rooms[index]
-    spans = ((0, room.x0, 1, room.y0, room.y1), (0, room.x1, -1, room.y0, room.y1))
-    spans += ((1, room.y0, 1, room.x0, room.x1), (1, room.y1, -1, room.x0, room.x1))
-    return tuple(_wall_side(plan, index, *span) for span in spans)
+    return (
+        _wall_side(plan, index, axis=0, at=room.x0, inward=1),
+        _wall_side(plan, index, axis=0, at=room.x1, inward=-1),
+        _wall_side(plan, index, axis=1, at=room.y0, inward=1),
+        _wall_side(plan, index, axis=1, at=room.y1, inward=-1),
+    )
 
 
-def _wall_side(plan: FloorPlan, index: int, axis: int, at: float, inward: int, low: float, high: float) -> WallSide:
+def _wall_side(plan: FloorPlan, index: int, *, axis: int, at: float, inward: int) -> WallSide:
+    room = plan.rooms[index]
+    low, high = (room.y0, room.y1) if axis == 0 else (room.x0, room.x1)
     size = (plan.width, plan.depth)[axis]
     doors = [d for d in plan.doorways if index in d.rooms and _lies_on(d, axis, at, low, high)]
     gaps = tuple(sorted((door.low, door.high) for door in doors))
@@ -67,7 +75,7 @@ def _lies_on(door: Doorway, axis: int, at: float, low: float, high: float) -> bo
 
 
 class RoomShell:
-    """Draws the fixed parts of one room."""
+    """Builds the fixed parts of the rooms of one apartment."""
 
     def __init__(
         self,
@@ -84,14 +92,20 @@ class RoomShell:
         self._height = height_m
 
     def draw(self, room: Room, sides: tuple[WallSide, ...], style: RoomMaterials) -> None:
-        """Draw floor, ceiling, lamp and walls."""
+        """Add floor, ceiling, lamp and walls of a room, and block the walls."""
         self._slabs(room, style)
         accent = self._rng.index(4)
         for number, side in enumerate(sides):
             self._wall(side, style.accent if number == accent else style.wall)
 
     def add_decoration(self, room: Room, side: WallSide, covered: list[tuple[float, float]]) -> None:
-        """Hang a window and pictures where no tall furniture covers the wall."""
+        """Add a window and paintings where no tall furniture hides the wall.
+
+        Args:
+            room: The room.
+            side: One of its walls.
+            covered: Intervals (low, high) along the wall that furniture hides.
+        """
         taken = list(covered)
         if side.outer and room.kind is not RoomKind.BATH and self._rng.chance(0.8):
             self._add_window(side, taken)
@@ -130,7 +144,7 @@ class RoomShell:
         *,
         proud: float = 0.0,
     ) -> None:
-        """Add a stretch of wall, `proud` metres thicker than the wall."""
+        """Add a segment of wall that stands out of the wall's surface by `proud` metres."""
         if high - low < 1e-3:
             return
         back = side.at - side.inward * 2 * _HALF_WALL_M if side.outer else side.at
@@ -192,7 +206,7 @@ class RoomShell:
     def _free_interval(
         self, side: WallSide, width: float, taken: list[tuple[float, float]]
     ) -> tuple[float, float] | None:
-        """Find room of a width on a wall, away from doorways and what hangs or stands there, and take it."""
+        """Draw a free interval of a width on a wall and add it to `taken`; None if six draws find none."""
         low_end, high_end = side.low + 0.35, side.high - 0.35 - width
         for _ in range(6):
             if high_end <= low_end:

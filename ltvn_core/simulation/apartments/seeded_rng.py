@@ -1,8 +1,8 @@
-"""Random choices that come out the same on every machine.
+"""Random draws that are bit-identical on every machine, for scene generation.
 
-Owns the few draws that scene generation needs, all made from plain doubles in [0, 1) with exact arithmetic. Neither
-numpy's distributions nor transcendental functions are used here, because their last bit may differ between
-processors and versions, and one bit is enough to grow another apartment.
+All are computed from doubles in [0, 1) with exact arithmetic. Neither numpy's distributions nor transcendental
+functions are used, because their last bit may differ between processors and versions, and one bit is enough to generate
+another apartment.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class SeededRng:
-    """Draws numbers, items and orders from one generator."""
+    """Draws numbers, items and orders from one generator; each draw depends on all draws before it."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -38,11 +38,11 @@ class SeededRng:
         return items[self.index(len(items))]
 
     def chance(self, probability: float) -> bool:
-        """Say yes with a probability."""
+        """Return True with a probability."""
         return float(self._rng.random()) < probability
 
     def shuffled(self, items: Sequence[T]) -> list[T]:
-        """Return the items in a drawn order."""
+        """Return the items in random order."""
         keys = self._rng.random(len(items))
         return [items[i] for i in np.argsort(keys, kind="stable")]
 
@@ -51,5 +51,5 @@ class SeededRng:
         return self._rng.random(shape)
 
     def spawn(self) -> "SeededRng":
-        """Start an independent stream, so that one room's draws do not shift the next room's."""
+        """Return an independent generator, so that the number of draws in one room does not change the next room."""
         return SeededRng(np.random.default_rng(int(self._rng.random() * 2**53)))

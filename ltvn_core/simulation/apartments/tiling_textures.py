@@ -1,6 +1,7 @@
-"""Materials: wood, tiles, wallpaper, carpet, cloth and paint, as small repeating pictures.
+"""Textures that repeat without a seam: wood, tiles, wallpaper, carpet, cloth and paint.
 
-Owns how a material looks. Where it is used is decided in `apartment`; pictures that do not repeat are in `pictures`.
+`materials` decides where they are used; images that do not repeat are in `decals`. The order of the random draws
+decides what a seed generates, so it must not change.
 """
 
 import colorsys
@@ -32,7 +33,7 @@ def to_uint8(image: NDArray[np.float64]) -> Rgb:
 
 
 def pixel_grid(size: int = TEXTURE_SIZE) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return columns (1, N) and rows (N, 1) of a picture."""
+    """Return the column (1, N) and row (N, 1) indices of a square image."""
     steps = np.arange(size)
     return steps[None, :], steps[:, None]
 
@@ -40,7 +41,7 @@ def pixel_grid(size: int = TEXTURE_SIZE) -> tuple[NDArray[np.intp], NDArray[np.i
 def tiling_noise(
     rng: SeededRng, size: int = TEXTURE_SIZE, *, octaves: int = 4, cells: tuple[int, int] = (4, 4)
 ) -> NoisePattern:
-    """Return repeating cloudy noise; `cells` are rows and columns of its coarsest lattice."""
+    """Return repeating value noise (size, size) in [0, 1]; `cells` are rows and columns of its coarsest lattice."""
     total = np.zeros((size, size))
     for octave in range(octaves):
         lattice = rng.uniform_array(min(cells[0] << octave, size), min(cells[1] << octave, size))
@@ -69,7 +70,7 @@ def wood(rng: SeededRng, base: ColourArray, *, planks: int = 1, size: int = TEXT
 
 
 def parquet(rng: SeededRng, base: ColourArray) -> Rgb:
-    """Return a floor of square blocks of strips, each turned against the next."""
+    """Return a parquet floor: square blocks of strips, turned alternately by a right angle."""
     column, row = pixel_grid()
     block = 64
     strip = 16
@@ -135,9 +136,9 @@ def cloth(rng: SeededRng, base: ColourArray) -> Rgb:
 
 
 def wallpaper(rng: SeededRng, base: ColourArray, accent: ColourArray) -> Rgb:
-    """Return a wall from floor to ceiling: a pattern, often with a lower panel or a border of the accent colour.
+    """Return a wall from floor to ceiling: a pattern, often with a lower panel or a border in the accent colour.
 
-    The picture's height stands for the height of the room.
+    The height of the image is the height of the room.
     """
     column, _ = pixel_grid()
     image = base * (0.95 + 0.07 * tiling_noise(rng, octaves=5))[..., None]

@@ -1,1 +1,1 @@
-"""Scenes from mesh files that other people made, Gibson folders among them."""
+"""Scenes from mesh files, such as scans and Gibson spaces."""

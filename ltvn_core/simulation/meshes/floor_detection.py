@@ -1,6 +1,6 @@
-"""Where a robot can drive in a foreign mesh: the height of the floor and the free cells on it.
+"""Detects the floor of a mesh: its height, and the free cells on it.
 
-Owns the choice among storeys, tables and roofs, and what counts as indoors.
+Decides which level surface is a floor and not a table or a roof, and which cells are indoors.
 """
 
 from collections.abc import Callable
@@ -16,27 +16,31 @@ from ltvn_core.simulation.scene import OBSTACLE_HEIGHT_M
 from ltvn_core.simulation.triangle_rasterization import Mask, RasterGrid, Triangles, clip_to_heights
 
 CELL_M = 0.05
+"""Side of a cell of the clearance map."""
 _FINE = 2
-"""Triangles are drawn on cells so many times as fine."""
+"""Subdivisions of a cell's side when triangles are rasterized."""
 
 _STEP_M = 0.06
-"""What is lower is a rug or a threshold, or the noise of a scan."""
+"""Anything lower above the floor is a rug, a threshold or the noise of a scan, and no obstacle."""
 _HOLLOW_M = 0.1
-"""So far below its height the floor may lie."""
+"""Surfaces this far below the floor's height still belong to the floor."""
 _CEILING_M = 1.8
+"""Surfaces higher than this are ceilings."""
 _HOLE_M = 0.5
-"""Half the width of a hole in a ceiling that does not make a place outdoors."""
+"""A hole in a ceiling up to twice this wide does not make the floor below it outdoors."""
 _ROOFED_SHARE = 0.3
-"""With less of the free floor under a ceiling, the mesh has none and walls decide what is indoors."""
+"""If less of the free floor is under a ceiling, the mesh has none, and walls decide what is indoors."""
 _LEVEL = 0.9
-"""Upward part of the normal of what one can stand on."""
+"""Vertical component of the unit normal above which a surface is level enough to be a floor."""
 _CANDIDATES = 6
+"""Heights that are examined at most."""
 _LEAST_FLOOR_M2 = 1.0
+"""Navigable area that a floor needs."""
 _START_CLEARANCE_M = 0.4
-"""Somewhere there must be room to turn."""
+"""Clearance that some place of the floor needs, so that a robot can turn there."""
 
 KnownFloor = Callable[[NDArray[np.float64], NDArray[np.float64]], Mask]
-"""Says for x (columns,) and y (rows,) in metres which cells (rows, columns) are known to be free floor."""
+"""Returns for x (columns,) and y (rows,) in metres which cells (rows, columns) are known to be free floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +48,16 @@ class StoreyFloor:
     """The floor of one storey."""
 
     height_m: float
-    """In the mesh's own frame."""
+    """Height of the floor in the frame of the mesh."""
     clearance: ClearanceMap
     tall: Mask
-    """(rows, columns) of the clearance map's grid: cells of walls and of what stands there as high."""
+    """(rows, columns) of the clearance map's grid: cells with walls and other objects above 1.4 m."""
     area_m2: float
-    """Of the floor indoors, with what stands on it."""
+    """Area of the floor indoors, furnished parts included."""
 
     @property
     def navigable_m2(self) -> float:
-        """Area of where the robot's centre can be."""
+        """Area where the centre of the robot can be; 0 if it can turn nowhere."""
         if not (self.clearance.navigable & (self.clearance.grid > _START_CLEARANCE_M)).any():
             return 0.0
         return float(np.count_nonzero(self.clearance.navigable)) * CELL_M**2
@@ -62,9 +66,16 @@ class StoreyFloor:
 def detect_floor(
     triangles: Triangles, mesh: str, height_m: float | None, known: KnownFloor | None = None
 ) -> StoreyFloor:
-    """Return the lowest storey with about the most room, or that at `height_m`. Raises SceneError if none is wide.
+    """Return the lowest floor with at least half the navigable area of the largest.
 
-    `known` replaces what the mesh says of where there is floor.
+    Args:
+        triangles: (F, 3, 3) in metres, z up.
+        mesh: Name of the mesh, for messages.
+        height_m: Height of the floor, if it is known.
+        known: Free floor from a map, which replaces the detection of free cells.
+
+    Raises:
+        SceneError: No floor is wide enough for the robot.
     """
     candidates = _level_heights(triangles) if height_m is None else [height_m]
     floors = [_survey(triangles, height, known) for height in candidates]
@@ -72,32 +83,32 @@ def detect_floor(
     if most < _LEAST_FLOOR_M2:
         tried = ", ".join(f"{height:.2f} m" for height in candidates) or "no height, nothing in it is level"
         raise SceneError(
-            f"{mesh} has no floor that is wide enough for the robot (looked at {tried}; it needs "
-            f"{_LEAST_FLOOR_M2:g} m2 indoors). Say which way is up or where the floor is in the JSON file beside it, "
-            'for instance {"up": "z", "floor_height": 0.0}, and look for holes in the floor.'
+            f"{mesh} has no floor that is wide enough for the robot (heights examined: {tried}; it needs "
+            f"{_LEAST_FLOOR_M2:g} m2 indoors). Set the axis that points up or the height of the floor in the JSON file "
+            'beside it, for instance {"up": "z", "floor_height": 0.0}, and check the mesh for holes in the floor.'
         )
     return next(floor for floor in floors if floor.navigable_m2 > most / 2)
 
 
 def _level_heights(triangles: Triangles) -> list[float]:
-    """Return the heights with the most level area, from low to high."""
+    """Return the heights in metres with the most level area, from low to high."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     doubled = np.linalg.norm(normal, axis=1)
     level = np.abs(normal[:, 2]) > _LEVEL * doubled
     height = triangles[level][:, :, 2].mean(axis=1)
     area = doubled[level] / 2
-    found: list[float] = []
-    while len(found) < _CANDIDATES and area.sum() > _LEAST_FLOOR_M2:
+    heights: list[float] = []
+    while len(heights) < _CANDIDATES and area.sum() > _LEAST_FLOOR_M2:
         slab = np.floor(height / 0.05).astype(np.int64)
         _, number = np.unique(slab, return_inverse=True)
         best = np.average(height[number == np.bincount(number, weights=area).argmax()])
         near = np.abs(height - best) < 0.08
         if area[near].sum() < _LEAST_FLOOR_M2:
             break
-        found.append(_weighted_median(height[near], area[near]))
+        heights.append(_weighted_median(height[near], area[near]))
         height = height[~near]
         area = area[~near]
-    return sorted(found)
+    return sorted(heights)
 
 
 def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
@@ -107,7 +118,7 @@ def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) 
 
 
 def _survey(triangles: Triangles, height_m: float, known: KnownFloor | None) -> StoreyFloor:
-    """Look what is level, in the way, beside and above at a height."""
+    """Return the floor at a height: its level cells, obstacles, walls and ceiling."""
     lifted = triangles - (0, 0, height_m)
     grid = _grid(lifted)
     ground = clip_to_heights(lifted, -_HOLLOW_M, _STEP_M)
@@ -127,7 +138,7 @@ def _survey(triangles: Triangles, height_m: float, known: KnownFloor | None) -> 
 
 
 def _grid(lifted: Triangles) -> RasterGrid:
-    """Lay a grid over everything between knee and head, where walls are."""
+    """Return a grid over all surfaces between the floor and the ceiling, with a margin of four cells."""
     near = clip_to_heights(lifted, -_HOLLOW_M, _CEILING_M)
     corners = near.reshape(-1, 3)[:, :2] if len(near) else np.zeros((1, 2))
     origin = np.floor(corners.min(axis=0) / CELL_M - 4) * CELL_M
@@ -141,15 +152,15 @@ def _coarse(fine: Mask) -> Mask:
 
 
 def _closed(cells: Mask, radius_m: float) -> Mask:
-    """Fill gaps up to twice a radius wide."""
+    """Fill gaps up to twice a radius wide (morphological closing)."""
     size = 2 * round(radius_m / CELL_M) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    padded = np.pad(cells.astype(np.uint8), size)  # A closing must not see the end of the world.
+    padded = np.pad(cells.astype(np.uint8), size)  # OpenCV treats cells outside the image as set when it erodes.
     return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[size:-size, size:-size].astype(bool)
 
 
 def _indoors(free: Mask, walls: Mask, above: Mask) -> Mask:
-    """Mark what lies under a ceiling; where the mesh has none, what has walls on three of four sides."""
+    """Mark the cells under a ceiling; if the mesh has none, those with walls on at least three of four sides."""
     if np.count_nonzero(free & above) >= _ROOFED_SHARE * np.count_nonzero(free):
         return _closed(above, _HOLE_M)
     sides = [np.logical_or.accumulate(walls, axis) for axis in (0, 1)]
@@ -158,7 +169,7 @@ def _indoors(free: Mask, walls: Mask, above: Mask) -> Mask:
 
 
 def _cropped(height_m: float, floor: Mask, low: Mask, tall: Mask, origin: NDArray[np.float64]) -> StoreyFloor:
-    """Cut the grids to the free floor and a blocked border."""
+    """Crop the grids to the free floor and a blocked border."""
     free = floor & ~low
     if not free.any():
         return StoreyFloor(

@@ -1,7 +1,6 @@
-"""The folder of a Gibson space: a mesh that is z-up, the heights of its floors, and maps of where one can drive.
+"""Reads the folder of a Gibson space: a mesh with z up, the heights of its floors, and traversability maps.
 
-Owns names and conventions of those files. Maps have 1 cm per pixel, the world's origin in their middle, x along columns
-and y along rows; white is free.
+A map has 1 cm per pixel and the world's origin in its middle, x along columns and y along rows; white is free.
 """
 
 from pathlib import Path
@@ -17,7 +16,11 @@ _PIXELS_PER_METRE = 100
 
 
 def find_mesh(folder: Path) -> Path:
-    """Return the folder's mesh. Raises SceneError if it is not laid out like a Gibson space."""
+    """Return the path of the folder's mesh.
+
+    Raises:
+        SceneError: The folder is not in Gibson layout.
+    """
     if not (folder / MESH_FILE).is_file():
         raise SceneError(
             f"{folder} has no {MESH_FILE}, so it is not a scene in Gibson layout. Give a folder with {MESH_FILE} (and, "
@@ -27,7 +30,11 @@ def find_mesh(folder: Path) -> Path:
 
 
 def floor_heights(folder: Path) -> list[float] | None:
-    """Return the heights of `floors.txt` from low to high, None without the file. Raises SceneError for other text."""
+    """Return the heights in metres of `floors.txt` from low to high; None if there is no such file.
+
+    Raises:
+        SceneError: The file is not a list of numbers.
+    """
     path = folder / "floors.txt"
     if not path.is_file():
         return None
@@ -35,25 +42,29 @@ def floor_heights(folder: Path) -> list[float] | None:
         heights = sorted(float(word) for word in path.read_text().split())
     except (OSError, ValueError) as error:
         raise SceneError(
-            f"{path} must hold one height in metres per line ({error}). Mend it or take it away."
+            f"{path} must contain one height in metres per line ({error}). Correct it, or remove it."
         ) from error
     if not heights or not np.all(np.isfinite(heights)):
-        raise SceneError(f"{path} holds no heights. Write one height in metres per line, or take it away.")
+        raise SceneError(f"{path} contains no heights. Write one height in metres per line, or remove it.")
     return heights
 
 
 class TraversabilityMap:
-    """The map of one floor."""
+    """The free floor of one storey, from an image. Implements `floor_detection.KnownFloor`."""
 
     def __init__(self, path: Path) -> None:
-        """Read `floor_trav_N.png`. Raises SceneError if it is no picture."""
+        """Read `floor_trav_N.png`.
+
+        Raises:
+            SceneError: The file is not an image.
+        """
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         if image is None:
-            raise SceneError(f"{path} is no picture. Put the map of the floor there again, or take it away.")
+            raise SceneError(f"{path} is not an image. Copy the map of the floor there again, or remove it.")
         self._free = image >= 128
 
     def __call__(self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return (rows, columns): which places at x (columns,) and y (rows,) are free; none outside the map."""
+        """Return which cells (rows, columns) at x (columns,) and y (rows,) are free; none outside the map."""
         rows, columns = self._free.shape
         column = np.floor(x_m * _PIXELS_PER_METRE + columns / 2).astype(np.intp)
         row = np.floor(y_m * _PIXELS_PER_METRE + rows / 2).astype(np.intp)
@@ -62,6 +73,6 @@ class TraversabilityMap:
 
 
 def traversable_map(folder: Path, number: int) -> TraversabilityMap | None:
-    """Return the map of a floor, counted from 0 at the lowest; None without the file."""
+    """Return the map of a floor, counted from 0 at the lowest; None if there is no such file."""
     path = folder / f"floor_trav_{number}.png"
     return TraversabilityMap(path) if path.is_file() else None

@@ -1,7 +1,8 @@
-"""Which way is up in a foreign mesh, and how long a metre.
+"""Aligns a mesh: z up and lengths in metres.
 
-Owns the notes beside a mesh (`house.json` for `house.glb`) that a user may write, and the guesses without them.
-Habitat's and Gibson's own GLB files are z-up against the standard, so the geometry has a say in every format.
+Reads the settings that a user may write beside a mesh (`house.json` for `house.glb`), and estimates the upward axis
+without them. GLB files of Habitat and Gibson have z up although the standard says y, so the estimate uses the geometry
+in every format.
 """
 
 import json
@@ -19,8 +20,9 @@ from ltvn_core.simulation.surfaces import Surfaces
 log = logging.getLogger(__name__)
 
 _SURE = 1.3
-"""The standard's axis is believed unless the other has a slab so many times as large."""
+"""The axis of the format's standard is used unless the other axis has a level slab this many times as large."""
 _SLAB_M = 0.1
+"""Thickness of a slab."""
 _LEAST_SPAN_M = 1.0
 _MOST_SPAN_M = 150.0
 _MOST_HEIGHT_M = 40.0
@@ -28,25 +30,33 @@ _MOST_HEIGHT_M = 40.0
 
 @dataclass(frozen=True, slots=True)
 class MeshSettings:
-    """What a user says of a mesh in the JSON file beside it."""
+    """What the JSON file beside a mesh sets; the names are keys of that file."""
 
     up: str | None = None
-    """`y` or `z`."""
+    """The axis that points up, `y` or `z`."""
     scale: float = 1.0
     """Metres per unit of the file."""
     floor_height: float | None = None
-    """Metres above the file's origin."""
+    """Height of the floor in metres above the file's origin."""
 
 
 def read_mesh_settings(mesh: Path) -> MeshSettings:
-    """Read the notes beside a mesh, if there are any. Raises SceneError where they make no sense."""
+    """Read the JSON file beside a mesh; without one, return the defaults.
+
+    Raises:
+        SceneError: The file is not JSON, or a value is not valid.
+    """
     path = mesh.with_suffix(".json")
     if not path.is_file():
         return MeshSettings()
     try:
-        said: Any = json.loads(path.read_text())
-        floor = said.get("floor_height")
-        settings = MeshSettings(said.get("up"), float(said.get("scale", 1.0)), None if floor is None else float(floor))
+        content: Any = json.loads(path.read_text())
+        floor = content.get("floor_height")
+        settings = MeshSettings(
+            up=content.get("up"),
+            scale=float(content.get("scale", 1.0)),
+            floor_height=None if floor is None else float(floor),
+        )
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise SceneError(
             f'{path} is not understood ({error}). Write for instance {{"up": "z", "scale": 1.0}}.'
@@ -59,10 +69,15 @@ def read_mesh_settings(mesh: Path) -> MeshSettings:
 
 
 def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfaces:
-    """Return the surfaces z up and in metres, without strays far outside. Raises SceneError for an absurd size."""
+    """Return the surfaces with z up and in metres, without stray triangles far outside.
+
+    Raises:
+        SceneError: The size is impossible for an indoor scene.
+    """
     up = settings.up or ("z" if mesh.stem.startswith("mesh_z_up") else _guess_up(surfaces, mesh, settings.scale))
     vertices = (surfaces.vertices * settings.scale).astype(np.float32)
     if up == "y":
+        # A quarter turn about x and not only an exchange of axes, which would mirror the scene.
         vertices = vertices[:, [0, 2, 1]] * np.array([1, -1, 1], np.float32)
     turned = replace(surfaces, vertices=vertices)
     low, high = _extent(turned)
@@ -73,7 +88,7 @@ def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfac
 
 
 def _guess_up(surfaces: Surfaces, mesh: Path, scale: float) -> str:
-    """Houses are wider than high: the largest flat slab is a floor, a ceiling or a roof."""
+    """Return `y` or `z`: the axis along which the largest slab is level, because that is a floor, ceiling or roof."""
     slab: dict[str, float] = {axis: _largest_slab(surfaces, column, scale) for axis, column in (("y", 1), ("z", 2))}
     standard, other = ("z", "y") if mesh.suffix.lower() == ".ply" else ("y", "z")
     up = other if slab[other] > _SURE * slab[standard] else standard
@@ -83,7 +98,7 @@ def _guess_up(surfaces: Surfaces, mesh: Path, scale: float) -> str:
 
 
 def _largest_slab(surfaces: Surfaces, axis: int, scale: float) -> float:
-    """Return the most area that faces along an axis have within one slab."""
+    """Return the largest area in square metres of faces perpendicular to an axis within two neighbouring slabs."""
     corners = surfaces.vertices[surfaces.faces].astype(np.float64) * scale
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1) / 2
@@ -97,7 +112,7 @@ def _largest_slab(surfaces: Surfaces, axis: int, scale: float) -> float:
 
 
 def _extent(surfaces: Surfaces) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the low and high corner (3,) of all but the farthest hundredth of the area."""
+    """Return the low and high corner (3,) of the box between the 1st and 99th percentile of the area per axis."""
     corners = surfaces.vertices[surfaces.faces].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     ends = []

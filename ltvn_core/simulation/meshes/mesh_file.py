@@ -1,7 +1,6 @@
-"""Triangles and their colours out of a mesh file that somebody else wrote.
+"""Reads triangles and textures from a mesh file (GLB, glTF, OBJ, PLY).
 
-Owns the formats and what can be wrong with a file. Where up is, how large a unit is and where the floor lies is not its
-business: coordinates are the file's own.
+Coordinates stay those of the file; `mesh_alignment` finds the upward axis and the unit.
 """
 
 import warnings
@@ -20,7 +19,11 @@ FORMATS = (".glb", ".gltf", ".obj", ".ply")
 
 
 def read_mesh(path: Path) -> Surfaces:
-    """Return all triangles of a file in its own axes and units. Raises SceneError saying what is wrong with it."""
+    """Return all triangles of a file in its own axes and units.
+
+    Raises:
+        SceneError: The file does not exist, cannot be read or has no triangles.
+    """
     if path.suffix.lower() not in FORMATS:
         raise SceneError(f"{path} is no scene: a mesh ends in {', '.join(FORMATS)}. Export it as one of these.")
     if not path.is_file():
@@ -29,7 +32,7 @@ def read_mesh(path: Path) -> Surfaces:
     parts = [_part(mesh, transform, colours) for mesh, transform in _placed_meshes(path)]
     if sum(len(part.triangles) for part in parts) == 0:
         raise SceneError(
-            f"{path} holds no triangles, only points or nothing. Export the surfaces of the scene as well."
+            f"{path} contains no triangles, only points or nothing. Export the surfaces of the scene as well."
         )
     triangles = np.concatenate([part.triangles for part in parts])
     return Surfaces(
@@ -43,22 +46,26 @@ def read_mesh(path: Path) -> Surfaces:
 
 
 def _placed_meshes(path: Path) -> list[tuple[trimesh.Trimesh, NDArray[np.float64]]]:
-    """Return each mesh with its place (4, 4); the loaders of foreign formats fail in many ways of their own."""
+    """Return each mesh with its transform (4, 4).
+
+    Catches every exception, because the parsers of these formats raise many types for damaged files.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             scene: Any = trimesh.load_scene(path, process=False)
-            placed = [(scene.geometry[name], place) for place, name in map(scene.graph.get, scene.graph.nodes_geometry)]
+            nodes = map(scene.graph.get, scene.graph.nodes_geometry)
+            placed = [(scene.geometry[name], transform) for transform, name in nodes]
     except Exception as error:
         raise SceneError(
             f"{path} cannot be read as a {path.suffix[1:].upper()} mesh ({error or type(error).__name__}). Check that "
-            "it is whole and neither compressed (Draco) nor another format under this ending."
+            "it is complete, not compressed (Draco) and not another format under this ending."
         ) from error
-    return [(mesh, place) for mesh, place in placed if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
+    return [(mesh, transform) for mesh, transform in placed if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
 
 
 class _Part:
-    """One mesh, put in its place, without triangles that have no area."""
+    """One mesh in the coordinates of the file, without degenerate triangles."""
 
     def __init__(self, triangles: NDArray, corner_uv: NDArray, face_texture: NDArray) -> None:
         edges = triangles[:, 1:] - triangles[:, :1]
@@ -71,6 +78,6 @@ class _Part:
 
 
 def _part(mesh: trimesh.Trimesh, transform: NDArray[np.float64], colours: TextureCollector) -> _Part:
-    textured = colours.paint(mesh)
+    textured = colours.add_mesh(mesh)
     points = trimesh.transform_points(textured.triangles.reshape(-1, 3), transform)
     return _Part(points.reshape(-1, 3, 3), textured.corner_uv, textured.face_texture)

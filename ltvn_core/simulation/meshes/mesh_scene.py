@@ -1,8 +1,4 @@
-"""A mesh that nobody here made, as a scene.
-
-Owns the order of work: read, set upright, find the floor, divide into places to visit, mark what hangs overhead. Each
-step is a module of its own.
-"""
+"""Loads a mesh as a scene: read, align, detect the floor, divide it into places to visit, mark what is overhead."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -21,20 +17,25 @@ from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.surfaces import Surfaces
 
 _PLACE_M = 3.5
-"""Side of the squares that a tour visits, because a mesh does not say where its rooms are."""
+"""Side of the squares that stand for rooms in a tour, because a mesh does not say where its rooms are."""
 _LEAST_PLACE_M2 = 0.5
+"""Navigable area that a square needs."""
 _HIGH_M = 1.3
-"""What lies level above this, and not on a wall or a shelf, hangs overhead."""
+"""Level surfaces higher than this are overhead, except on top of walls and shelves."""
 _LEVEL = 0.3
-"""Upward part of the normal; a sloping ceiling is one too, while a lamp's sides may stay."""
+"""Vertical component of the unit normal of a level surface; small, so that sloping ceilings are included."""
 _STOREY_M = 4.0
+"""Everything higher than this is overhead."""
 
 
 @lru_cache(maxsize=2)
 def load_mesh_scene(source: Path) -> Scene:
-    """Read a mesh file or a folder in Gibson layout. Raises SceneError saying what is wrong with it.
+    """Load a mesh file or a folder in Gibson layout.
 
-    A file `house.json` beside `house.glb` may say `up` ("y" or "z"), `scale` (metres per unit) and `floor_height`.
+    A file `house.json` beside `house.glb` may set `up` ("y" or "z"), `scale` (metres per unit) and `floor_height`.
+
+    Raises:
+        SceneError: The mesh cannot be read, or has no floor for a robot.
     """
     if source.name == gibson.MESH_FILE:
         source = source.parent
@@ -43,9 +44,9 @@ def load_mesh_scene(source: Path) -> Scene:
     surfaces = align_z_up(read_mesh(mesh), mesh, settings)
     heights = gibson.floor_heights(source) if source.is_dir() else None
     floor_height_m = heights[0] if heights is not None and settings.floor_height is None else settings.floor_height
-    storey = (
-        0 if heights is None or floor_height_m is None else int(np.argmin(np.abs(np.array(heights) - floor_height_m)))
-    )
+    storey = 0
+    if heights is not None and floor_height_m is not None:
+        storey = int(np.argmin(np.abs(np.array(heights) - floor_height_m)))
     known = gibson.traversable_map(source, storey) if source.is_dir() else None
     floor = detect_floor(surfaces.vertices[surfaces.faces].astype(np.float64), str(mesh), floor_height_m, known)
     standing = replace(surfaces, vertices=surfaces.vertices - np.array([0, 0, floor.height_m], np.float32))
@@ -60,7 +61,7 @@ def load_mesh_scene(source: Path) -> Scene:
 
 
 def _places(clearance: ClearanceMap) -> tuple[Room, ...]:
-    """Divide the floor into squares, leaving out those with hardly any navigable floor."""
+    """Divide the floor into squares, and leave out those with hardly any navigable floor."""
     rows, columns = np.nonzero(clearance.navigable)
     xy = clearance.origin + (np.column_stack([columns, rows]) + 0.5) * clearance.resolution_m
     low, high = xy.min(axis=0), xy.max(axis=0)
@@ -69,11 +70,12 @@ def _places(clearance: ClearanceMap) -> tuple[Room, ...]:
     tiles, cells = np.unique(np.floor((xy - low) / side).astype(int), axis=0, return_counts=True)
     large = cells * clearance.resolution_m**2 >= _LEAST_PLACE_M2
     corners = low + tiles[large if large.any() else np.ones(len(tiles), bool)] * side
-    return tuple(Room(RoomKind.UNNAMED, *corner.tolist(), *(corner + side).tolist()) for corner in corners)
+    edges = np.column_stack([corners, corners + side]).tolist()
+    return tuple(Room(kind=RoomKind.UNNAMED, x0=x0, y0=y0, x1=x1, y1=y1) for x0, y0, x1, y1 in edges)
 
 
 def _overhead(surfaces: Surfaces, floor: StoreyFloor) -> NDArray[np.bool_]:
-    """Mark (F,) ceilings, lamps and upper storeys, but no tops of walls and shelves, seen from above."""
+    """Mark (F,) ceilings, lamps and upper storeys, but not the tops of walls and shelves."""
     corners = surfaces.vertices[surfaces.faces]
     lowest = corners[:, :, 2].min(axis=1)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -90,7 +92,7 @@ def _overhead(surfaces: Surfaces, floor: StoreyFloor) -> NDArray[np.bool_]:
 
 
 def _lattice(steps: int) -> NDArray[np.float32]:
-    """Return weights (S, 3) of points spread over the inside of a triangle."""
+    """Return barycentric weights (S, 3) of points spread over the inside of a triangle."""
     parts = [(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]
     return ((np.array(parts, np.float32) + 1 / 3) / (steps + 1)).astype(np.float32)
 

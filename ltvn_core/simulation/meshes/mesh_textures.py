@@ -1,6 +1,6 @@
-"""The colours of foreign meshes as textures: pictures, plain materials, and colours of vertices or faces.
+"""Converts the colours of meshes to textures: images, plain materials, and colours of vertices or faces.
 
-Owns sizes of textures, the palette for vertex colours, and what glTF means by a colour factor.
+Handles the sizes of textures, the palette for vertex colours, and the colour factors of glTF.
 """
 
 from typing import Any, NamedTuple
@@ -15,39 +15,46 @@ from ltvn_core.simulation.rendering.texture_sizes import resize_to_power_of_two,
 from ltvn_core.types import Rgb
 
 MAX_TEXELS = 24_000_000
-"""All textures together; the largest are halved until they fit, because each texel costs the camera 16 bytes."""
+"""Limit for all textures together; the largest are halved until they fit, because each texel costs the renderer 16
+bytes of memory."""
 
 GREY = (200, 200, 200)
-"""Where the file names no colour."""
+"""Colour where the file names none."""
 
 _SMOOTH_STEP = 20
-"""A face whose corners differ by more, in one channel, is divided, because a palette paints each face in one colour."""
+"""A face whose corners differ by more than this in one channel is subdivided, because the palette gives each face one
+colour."""
 _DIVISIONS = 5
+"""Subdivisions at most, each into four faces."""
 
 
 class TexturedTriangles(NamedTuple):
-    """Triangles with what they wear."""
+    """Triangles with their texture coordinates and textures."""
 
     triangles: NDArray[np.float64]
-    """(F, 3, 3), in the mesh's own frame."""
+    """(F, 3, 3) corners in the frame of the mesh."""
     corner_uv: NDArray[np.float32]
-    """(F, 3, 2)."""
+    """(F, 3, 2) texture coordinates of the corners."""
     face_texture: NDArray[np.int32]
-    """(F,)."""
+    """(F,) indices of textures."""
 
 
 class TextureCollector:
-    """Collects the textures of a file's meshes, each picture once."""
+    """Collects the textures of all meshes of a file, each image once."""
 
     def __init__(self, *, linear_factors: bool) -> None:
-        """`linear_factors` says that material colours are linear light, as glTF has them, and not what one sees."""
+        """Create an empty collection.
+
+        Args:
+            linear_factors: Whether colours of materials are linear light, as in glTF, and not sRGB.
+        """
         self._linear = linear_factors
         self._images: list[Rgb] = []
         self._known: dict[Any, int] = {}
-        self._alive: list[Image.Image] = []  # Pictures are told apart by id, so none may be freed on the way.
+        self._alive: list[Image.Image] = []  # Images are identified by id(), so none may be freed meanwhile.
 
-    def paint(self, mesh: trimesh.Trimesh) -> TexturedTriangles:
-        """Say what each face of a mesh wears."""
+    def add_mesh(self, mesh: trimesh.Trimesh) -> TexturedTriangles:
+        """Add the textures of a mesh and return its triangles with them."""
         visual: Any = mesh.visual
         if visual.kind in ("vertex", "face"):
             return self._texture_from_palette(mesh)
@@ -58,14 +65,14 @@ class TextureCollector:
         return TexturedTriangles(mesh.vertices[mesh.faces], corner_uv, np.full(len(mesh.faces), texture, np.int32))
 
     def textures(self) -> tuple[Rgb, ...]:
-        """Return all pictures, with sides that are powers of two."""
+        """Return all textures, with sides that are powers of two."""
         return tuple(shrink_to_budget([resize_to_power_of_two(image) for image in self._images], MAX_TEXELS))
 
     def _texture_of(self, material: Any, *, with_image: bool) -> int:
         image = _image_of(material)
         factor = _factor_of(material)
         if image is None or not with_image:
-            colour = self._seen_colour(factor) if factor is not None else GREY
+            colour = self._srgb_colour(factor) if factor is not None else GREY
             return self._add(colour, np.array([[colour]], np.uint8))
         key = (id(image), None if factor is None else tuple(factor))
         if key not in self._known:
@@ -80,7 +87,7 @@ class TextureCollector:
             self._images.append(image)
         return self._known[key]
 
-    def _seen_colour(self, factor: NDArray[np.uint8]) -> tuple[int, ...]:
+    def _srgb_colour(self, factor: NDArray[np.uint8]) -> tuple[int, ...]:
         return tuple(int(value) for value in (_encoded(factor / 255) if self._linear else factor))
 
     def _tinted(self, texels: Rgb, factor: NDArray[np.uint8]) -> Rgb:
@@ -94,7 +101,10 @@ class TextureCollector:
         return np.asarray(cv2.LUT(texels, table[None]), np.uint8)
 
     def _texture_from_palette(self, mesh: trimesh.Trimesh) -> TexturedTriangles:
-        """Let each face point at one texel: no neighbour bleeds in, because a face without extent is not blurred."""
+        """Map each face to one texel of a palette.
+
+        Neighbouring texels do not bleed in, because the mip-map level of a face without texture extent is 0.
+        """
         triangles, colours = _divided(mesh)
         red, green, blue = np.clip((colours.mean(1) / 255 * _STEPS).round().astype(int), 0, _STEPS).T
         column, row = red % 8 * 32 + blue, red // 8 * 64 + green
@@ -106,7 +116,7 @@ class TextureCollector:
 
 
 _STEPS = np.array([31, 63, 31])
-"""A palette holds so many steps of red, green and blue."""
+"""Steps of red, green and blue in the palette."""
 
 
 def _palette() -> Rgb:
@@ -116,7 +126,7 @@ def _palette() -> Rgb:
 
 
 def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return triangles (F, 3, 3) and corner colours (F, 3, 3), divided where the colour changes across a face."""
+    """Return triangles (F, 3, 3) and corner colours (F, 3, 3), subdivided where the colour varies within a face."""
     visual: Any = mesh.visual
     if visual.kind == "face":
         colours = np.asarray(visual.face_colors)[:, :3].astype(float)
@@ -126,7 +136,7 @@ def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.flo
     for _ in range(_DIVISIONS):
         coarse = np.flatnonzero(np.ptp(colours[faces], axis=1).max(axis=1) > _SMOOTH_STEP)
         if len(coarse) == 0 or len(coarse) > 200_000:
-            break  # A scan has small faces already.
+            break  # So many faces are a scan, whose faces are small enough already.
         divided: Any = trimesh.remesh.subdivide(vertices, faces, coarse, {"colour": colours})
         vertices = divided[0]
         faces = divided[1]
@@ -150,7 +160,10 @@ def _image_of(material: Any) -> Image.Image | None:
 
 
 def _factor_of(material: Any) -> NDArray[np.uint8] | None:
-    """Return the material's colour (3,), None where it names none; OBJ files with a picture often say black or grey."""
+    """Return the colour (3,) of a material, or None.
+
+    The diffuse colour of a material with an image is ignored, because OBJ files often set it to black or grey.
+    """
     factor = getattr(material, "baseColorFactor", None)
     if factor is None and _image_of(material) is None:
         factor = getattr(material, "diffuse", None)
@@ -162,7 +175,7 @@ def _factor_of(material: Any) -> NDArray[np.uint8] | None:
 
 
 def _opaque(image: Image.Image) -> Rgb:
-    """Lay what is transparent over grey, because under it files hold any colour."""
+    """Blend an image over grey, because the colour of transparent pixels is arbitrary."""
     if image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info:
         behind = Image.new("RGBA", image.size, (*GREY, 255))
         image = Image.alpha_composite(behind, image.convert("RGBA"))

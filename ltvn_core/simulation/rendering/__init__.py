@@ -1,1 +1,1 @@
-"""RGB-D rendering: ray casting, texture table, shading."""
+"""RGB-D rendering: ray casting, shading, textures and the choice of a renderer."""

@@ -1,6 +1,6 @@
-"""The robot's RGB-D camera: rays find what each pixel sees, a table of texels colours it.
+"""The RGB-D renderer by ray casting with Embree, with antialiasing, and the choice between renderers.
 
-Owns rays, shading, smoothing of edges and the choice of renderer. Knows surfaces, not rooms or robots.
+Knows surfaces, but neither rooms nor robots.
 """
 
 import logging
@@ -19,17 +19,18 @@ from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_core.types import Depth, Intrinsics, Pose, Renderer, Rgb
 
 MAX_DEPTH_M = 10.0
-"""The depth camera sees no farther."""
+"""Range of the depth camera; depth is 0 beyond it."""
 
 log = logging.getLogger(__name__)
 
 _TIMED_IMAGES = 10
+"""Images that are rendered to measure the speed."""
 _BLANK_SPREAD = 2.0
-"""Standard deviation of a picture's bytes below which there is nothing to see in it."""
+"""An image is blank if the standard deviation of its bytes is below this."""
 
 
 class _Rays(NamedTuple):
-    """Directions (N,) in the camera's frame; the forward part is 1, so the length along a ray is a depth."""
+    """Directions (N,) in the camera's frame; the forward component is 1, so that the length along a ray is a depth."""
 
     left: NDArray[np.float32]
     up: NDArray[np.float32]
@@ -41,13 +42,21 @@ class EmbreeRenderer:
     name = "Embree"
 
     def __init__(self, surfaces: Surfaces, *, supersampling: int = 2) -> None:
-        """Prepare surfaces; 1 as `supersampling` leaves edges jagged. Raises ImportError where Embree is missing."""
+        """Index the surfaces.
+
+        Args:
+            surfaces: What is rendered.
+            supersampling: Rays per side of a pixel where surfaces meet; 1 leaves edges jagged.
+
+        Raises:
+            ImportError: Embree is not installed.
+        """
         self._caster = RayCaster(surfaces.vertices, surfaces.faces)
         self._shader = Shader(surfaces)
         self._supersampling = supersampling
 
     def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
-        """Return rgb (H, W, 3) and depth (H, W): metres along the axis at the pixel's centre, 0 beyond 10 m."""
+        """Return rgb (H, W, 3) and depth (H, W) in metres along the optical axis, 0 beyond 10 m."""
         rays = _pixel_rays(intrinsics.width, intrinsics.height, intrinsics.focal_px)
         hits, colours = self._trace(pose, intrinsics, rays, 1 / intrinsics.focal_px)
         if self._supersampling > 1:
@@ -58,7 +67,7 @@ class EmbreeRenderer:
         return rgb, np.where((hits.face >= 0) & (hits.t <= MAX_DEPTH_M), hits.t, np.float32(0)).reshape(shape)
 
     def _antialias(self, colours: NDArray[np.float32], pixels: NDArray[np.intp], pose: Pose, lens: Intrinsics) -> None:
-        """Replace the colours of some pixels by the mean over a lattice of rays within each."""
+        """Replace the colours of `pixels` by the mean over a regular grid of rays within each."""
         centre = _pixel_rays(lens.width, lens.height, lens.focal_px)
         n = self._supersampling
         steps = ((np.arange(n, dtype=np.float32) + 0.5) / n - 0.5) / np.float32(lens.focal_px)
@@ -88,7 +97,10 @@ def _offsets(pixels: int, focal_px: float) -> NDArray[np.float32]:
 
 
 def _turned(rays: _Rays, yaw_rad: float, pitch_rad: float) -> NDArray[np.float32]:
-    """Return directions (N, 3) in the world; element by element, a matrix product would wake BLAS threads."""
+    """Return the directions (N, 3) in the world frame.
+
+    Written out per element, because a matrix product would start BLAS threads that cost more than they save here.
+    """
     cos, sin = np.float32(np.cos(yaw_rad)), np.float32(np.sin(yaw_rad))
     rise, level = np.float32(np.sin(pitch_rad)), np.float32(np.cos(pitch_rad))
     ahead = level - rise * rays.up
@@ -100,7 +112,7 @@ def _turned(rays: _Rays, yaw_rad: float, pitch_rad: float) -> NDArray[np.float32
 
 
 def _surface_boundaries(surface: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Mark pixels (H, W) that show another surface than one of their four neighbours."""
+    """Mark the pixels (H, W) that show another surface than one of their four neighbours."""
     edges = np.zeros(surface.shape, bool)
     across, down = surface[:, 1:] != surface[:, :-1], surface[1:] != surface[:-1]
     edges[:, 1:] |= across
@@ -111,7 +123,7 @@ def _surface_boundaries(surface: NDArray[np.int32]) -> NDArray[np.bool_]:
 
 
 class RenderableScene(Protocol):
-    """All that a camera needs of a scene."""
+    """What a renderer needs of a scene."""
 
     @property
     def name(self) -> str:
@@ -120,29 +132,32 @@ class RenderableScene(Protocol):
 
     @property
     def surfaces(self) -> Surfaces:
-        """What there is to see."""
+        """What is rendered."""
         ...
 
     @property
     def clearance(self) -> ClearanceMap:
-        """Where one can stand and look."""
+        """Where the camera can be."""
         ...
 
 
 def open_renderer(scene: RenderableScene) -> Renderer:
-    """Return the best renderer that works here: Embree, else PyBullet's TinyRenderer.
+    """Return the best renderer that is installed: Embree, else PyBullet's TinyRenderer.
 
-    Says which one and how fast it is. Raises SceneError when its first picture is blank or neither works.
+    Logs which one it is and how fast it renders.
+
+    Raises:
+        SceneError: The first image is blank, or no renderer is installed.
     """
-    camera = _first_that_works(scene)
+    renderer = _installed_renderer(scene)
     pose = scene.clearance.sample_poses(np.random.default_rng(0), 1)[0]
-    _check_first_image(camera, pose, scene.name)
+    _check_first_image(renderer, pose, scene.name)
     start = time.perf_counter()
     for _ in range(_TIMED_IMAGES):
-        camera.render(pose, Intrinsics())
+        renderer.render(pose, Intrinsics())
     rate = _TIMED_IMAGES / (time.perf_counter() - start)
-    log.info("Camera: %s, %.0f frames of 96 x 72 per second.", camera.name, rate)
-    return camera
+    log.info("Camera: %s, %.0f frames of 96 x 72 per second.", renderer.name, rate)
+    return renderer
 
 
 class _NamedRenderer(Renderer, Protocol):
@@ -150,12 +165,13 @@ class _NamedRenderer(Renderer, Protocol):
     def name(self) -> str: ...
 
 
-def _first_that_works(scene: RenderableScene) -> _NamedRenderer:
+def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
     try:
         return EmbreeRenderer(scene.surfaces)
     except ImportError as missing:
         log.warning("Embree is missing (%s); PyBullet renders instead, more slowly.", missing)
     try:
+        # Imported here, because PyBullet has no wheel for most platforms and Embree is enough.
         from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
     except ImportError as missing:
         raise SceneError(
@@ -165,10 +181,10 @@ def _first_that_works(scene: RenderableScene) -> _NamedRenderer:
     return PyBulletRenderer(scene.surfaces)
 
 
-def _check_first_image(camera: _NamedRenderer, pose: Pose, name: str) -> None:
-    rgb, depth = camera.render(pose, Intrinsics())
+def _check_first_image(renderer: _NamedRenderer, pose: Pose, name: str) -> None:
+    rgb, depth = renderer.render(pose, Intrinsics())
     if not depth.any() or rgb.std() < _BLANK_SPREAD:
         raise SceneError(
-            f"The first picture of scene {name} by {camera.name} is blank. Check that the scene has surfaces around "
+            f"The first image of scene {name} by {renderer.name} is blank. Check that the scene has surfaces around "
             f"x {pose[0]:.1f} m, y {pose[1]:.1f} m, or reinstall embreex."
         )

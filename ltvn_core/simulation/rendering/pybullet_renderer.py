@@ -1,7 +1,7 @@
-"""PyBullet's software renderer behind the camera protocol, for machines without Embree.
+"""PyBullet's software renderer behind the `Renderer` protocol, for machines without Embree.
 
-Owns one physics client that holds nothing but what can be seen. Colours are one per texture: good enough to go on
-working, not to compare weights.
+Uses a physics client of its own that holds only the visible surfaces. Each texture is reduced to its mean colour:
+enough to try the program, not to compare weights.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ _FAR_M = 2 * MAX_DEPTH_M
 
 
 class PyBulletRenderer:
-    """Renders with TinyRenderer. Implements `ltvn_core.types.Camera`."""
+    """Renders with TinyRenderer. Implements `ltvn_core.types.Renderer`."""
 
     name = "TinyRenderer"
 
@@ -32,13 +32,13 @@ class PyBulletRenderer:
                 self._add(corners[first : first + _CORNERS_AT_ONCE], surfaces.textures[texture])
 
     def close(self) -> None:
-        """Free the renderer; closing twice is fine."""
+        """Free the renderer; closing twice is allowed."""
         if self._client >= 0:
             pybullet.disconnect(self._client)
         self._client = -1
 
     def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
-        """Return rgb (H, W, 3) and depth (H, W) in metres, 0 beyond 10 m."""
+        """Return rgb (H, W, 3) and depth (H, W) in metres along the optical axis, 0 beyond 10 m."""
         eye = (pose[0], pose[1], intrinsics.height_m)
         rise = intrinsics.height_m + np.tan(intrinsics.pitch_rad)
         ahead = (pose[0] + np.cos(pose[2]), pose[1] + np.sin(pose[2]), rise)
@@ -50,11 +50,12 @@ class PyBulletRenderer:
         )
         shape = intrinsics.height, intrinsics.width
         rgb = np.asarray(rgba, np.uint8).reshape(*shape, 4)[..., :3].copy()
+        # TinyRenderer returns OpenGL's depth buffer, which is not linear in depth.
         depth = _FAR_M * _NEAR_M / (_FAR_M - (_FAR_M - _NEAR_M) * np.asarray(buffer, np.float32).reshape(shape))
         return rgb, np.where(depth <= MAX_DEPTH_M, depth, 0).astype(np.float32)
 
     def _add(self, corners: NDArray[np.float32], texture: Rgb) -> None:
-        """Show triangles (3 N, 3) from both sides in their texture's mean colour."""
+        """Add triangles with corners (3 N, 3), visible from both sides, in the mean colour of their texture."""
         order = np.arange(len(corners)).reshape(-1, 3)
         both_sides = np.concatenate([order, order[:, ::-1]]).ravel()
         shape = pybullet.createVisualShape(
@@ -68,7 +69,7 @@ class PyBulletRenderer:
 
 
 def _projection(intrinsics: Intrinsics) -> list[float]:
-    """Return the projection matrix, off by half a pixel: TinyRenderer looks through the corners of pixels."""
+    """Return the projection matrix, shifted by half a pixel, because TinyRenderer samples at the corners of pixels."""
     pixel = _NEAR_M / intrinsics.focal_px
     right, top = intrinsics.width / 2 * pixel, intrinsics.height / 2 * pixel
     edges = (-right + pixel / 2, right + pixel / 2, -top + pixel / 2, top + pixel / 2)

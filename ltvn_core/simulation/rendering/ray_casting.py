@@ -1,4 +1,4 @@
-"""Straight rays against triangles. The only module that knows Embree."""
+"""Intersections of rays with triangles. The only module that imports Embree."""
 
 from typing import NamedTuple
 
@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 
 class RayHits(NamedTuple):
-    """Where N rays met their first triangle."""
+    """The first intersections of N rays with triangles."""
 
     face: NDArray[np.int32]
     """(N,) index of the triangle, -1 for none."""
     t: NDArray[np.float32]
-    """(N,) length along the ray in units of its direction vector; meaningless without a hit."""
+    """(N,) distance along the ray in units of its direction vector; undefined without a hit."""
     u: NDArray[np.float32]
     """(N,) barycentric weight of the triangle's second corner."""
     v: NDArray[np.float32]
@@ -23,7 +23,11 @@ class RayCaster:
     """Finds the first triangle along each ray; its cost hardly depends on the number of triangles."""
 
     def __init__(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
-        """Index vertices (V, 3) and faces (F, 3). Raises ImportError where Embree has no wheel."""
+        """Index vertices (V, 3) and faces (F, 3).
+
+        Raises:
+            ImportError: Embree is not installed.
+        """
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 

@@ -1,6 +1,6 @@
-"""The colour of a point on a surface: its texel, blurred with distance, under one soft light.
+"""Computes the colours of points on surfaces: a mip-mapped texel times the brightness of the surface.
 
-Owns texture look-up and light. Does not cast rays.
+Does not cast rays.
 """
 
 import numpy as np
@@ -15,11 +15,14 @@ BACKGROUND = (30.0, 30.0, 30.0)
 
 _LIGHT = np.array([0.32, 0.23, 0.92], np.float32)
 _FLATTEST = 0.15
-"""Cosine below which a surface seen edge-on is not blurred any further, or floors would turn to porridge."""
+"""Cosine between ray and normal below which a surface is not blurred any further; floors would lose all texture."""
 
 
 class Shader:
-    """Colours hits on surfaces. All that is known of a face stands in one row, so that one gather fetches it."""
+    """Colours the hits of rays.
+
+    All constants of a face are stored in one row of one table, because one gather is faster than twelve.
+    """
 
     def __init__(self, surfaces: Surfaces) -> None:
         self._table = MipmapTable(surfaces.textures)
@@ -38,13 +41,16 @@ class Shader:
         self._surface = _surface_numbers(surfaces.face_texture, normal, corners[:, 0])
 
     def surface_of(self, face: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return a number (N,) per hit face (N,) that faces share which lie in one plane and wear one texture."""
+        """Return the surface (N,) of each hit face (N,); faces in one plane with one texture are one surface."""
         return self._surface[face]
 
     def colours(self, hits: RayHits, directions: NDArray[np.float32], spread: float) -> NDArray[np.float32]:
-        """Return colours (N, 3) in [0, 255] of hits by rays along directions (N, 3).
+        """Return the colours (N, 3) in [0, 255] of hits.
 
-        `spread` is the width of a ray's sample at depth 1 in metres.
+        Args:
+            hits: Where N rays meet the surfaces.
+            directions: (N, 3) directions of the rays.
+            spread: Width in metres of a ray's sample at depth 1 m, which decides the mip-map level.
         """
         row = self._row[hits.face]
         column = row[:, 0] + hits.u * row[:, 2] + hits.v * row[:, 4]
@@ -56,10 +62,10 @@ class Shader:
         return colours
 
     def _levels(self, row: NDArray, t: NDArray, directions: NDArray, spread: float) -> NDArray[np.int32]:
-        """Return how often (N,) to halve the texture so that a sample covers about one texel."""
+        """Return the mip-map levels (N,) at which a sample covers about one texel."""
         facing = np.abs(row[:, 6] * directions[:, 0] + row[:, 7] * directions[:, 1] + row[:, 8] * directions[:, 2])
         steepness = np.sqrt(np.maximum(facing, _FLATTEST))
-        with np.errstate(over="ignore"):  # Slivers of foreign meshes have endless textures.
+        with np.errstate(over="ignore"):  # Degenerate triangles of scanned meshes have unbounded texel densities.
             texels = t * np.float32(spread) * row[:, 9] / steepness
         texels = np.clip(texels, 1, 2 ** (self._table.levels - 1))
         # The exponent of a positive float is the whole part of its binary logarithm.
@@ -70,14 +76,14 @@ def _texel_coordinates(surfaces: Surfaces, table: MipmapTable) -> NDArray[np.flo
     """Return column and row (F, 3, 2) of each corner; rows run downwards."""
     sizes = table.sizes()[surfaces.face_texture].astype(np.float64)[:, None, :]
     uv = surfaces.corner_uv.astype(np.float64)
-    # Whole repeats are taken off: no coordinate is negative, and single precision is enough inside a face.
+    # Whole repeats are subtracted, so that no coordinate is negative and single precision suffices within a face.
     columns = uv[..., 0] - np.floor(uv[..., 0].min(1, keepdims=True))
     rows = np.ceil(uv[..., 1].max(1, keepdims=True)) - uv[..., 1]
     return np.stack([columns, rows], -1) * sizes
 
 
 def _light(normal: NDArray[np.float64], overhead: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return brightness (F,): soft light from above and one side, so that neighbouring walls differ."""
+    """Return the brightness (F,) under a soft light from above and one side, so that neighbouring walls differ."""
     lambert = np.abs(normal @ (_LIGHT / np.sqrt((_LIGHT**2).sum())))
     light = (0.70 + 0.30 * lambert) * (1 - 0.10 * np.abs(normal[:, 0]))
     return np.where(overhead, 0.97, light)

@@ -1,4 +1,4 @@
-"""Textures in one flat table with smaller and smaller copies (mip-maps), so that one gather colours all pixels."""
+"""All textures of a scene and their mip-maps in one flat table, so that one gather colours all pixels."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,13 +7,17 @@ from ltvn_core.types import Rgb
 
 
 class MipmapTable:
-    """All textures of a scene, each with its halved copies down to one pixel. Sides are powers of two."""
+    """Textures, each with its mip-maps down to one pixel. Sides are powers of two."""
 
     def __init__(self, textures: tuple[Rgb, ...]) -> None:
-        """Lay out textures (H, W, 3). Raises ValueError if a side is not a power of two."""
+        """Store textures (H, W, 3) and compute their mip-maps.
+
+        Raises:
+            ValueError: A side is not a power of two.
+        """
         chains = [_halvings(texture) for texture in textures]
         self.levels = max(len(chain) for chain in chains)
-        """How many sizes there are; a small texture repeats its last."""
+        """Number of mip-map levels; a small texture repeats its last."""
         self._entries = np.zeros((len(textures) * self.levels, 4), np.int32)
         images: list[NDArray[np.float32]] = []
         end = 0
@@ -43,7 +47,7 @@ class MipmapTable:
         column: NDArray[np.floating],
         row: NDArray[np.floating],
     ) -> NDArray[np.float32]:
-        """Return colours (N, 3) at columns and rows (N,) of the full-size texture; both wrap around."""
+        """Return the colours (N, 3) at columns and rows (N,) of the full-size texture; both wrap around."""
         entry = self._entries[texture * np.int32(self.levels) + level]
         # Columns are never negative, so cutting the fraction off and shifting is a division rounded down.
         column_at = (column.astype(np.int32) >> level) & entry[:, 1]
@@ -52,6 +56,7 @@ class MipmapTable:
 
 
 def _halvings(texture: Rgb) -> list[NDArray[np.float32]]:
+    """Return a texture and its mip-maps, each half as wide and high as the one before, down to one pixel."""
     height, width = texture.shape[:2]
     if height & (height - 1) or width & (width - 1):
         raise ValueError(f"A texture's sides must be powers of two, got {width} x {height}.")

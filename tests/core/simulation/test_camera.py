@@ -165,7 +165,7 @@ def test_without_any_renderer_the_message_says_what_to_install(scene: Scene, mon
 def test_a_blank_scene_is_refused(scene: Scene) -> None:
     builder = SurfaceBuilder()
     builder.box(builder.texture(_plain(GREY)), (900.0, 900.0, 0.5), (1.0, 1.0, 1.0))
-    with pytest.raises(SceneError, match=r"first picture of scene test room .* blank"):
+    with pytest.raises(SceneError, match=r"first image of scene test room .* blank"):
         open_renderer(Seen(builder.build(), scene.clearance))
 
 

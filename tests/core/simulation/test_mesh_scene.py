@@ -171,7 +171,7 @@ def test_a_colour_that_runs_over_a_large_face_is_kept() -> None:
     part = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [0, 4, 0]], [[0, 1, 2]], process=False)
     part.visual.vertex_colors = np.array([[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]], np.uint8)  # pyright: ignore
     table = TextureCollector(linear_factors=False)
-    painted = table.paint(part)
+    painted = table.add_mesh(part)
     near_red = painted.triangles.sum(axis=(1, 2)).argmin()
     column, row = (painted.corner_uv[near_red, 0] * (256, -256)).astype(int)
     assert table.textures()[0][row - 1, column, 0] > 220

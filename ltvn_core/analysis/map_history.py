@@ -11,7 +11,17 @@ from copy import copy
 from ltvn_core.analysis.graph_history import GraphHistory
 from ltvn_core.analysis.map_replay import MapEpochs, MapReplay
 from ltvn_core.analysis.timeline_records import Instant, MapChange
-from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+from ltvn_core.graph.deltas import (
+    BeliefUpdated,
+    EdgeAdded,
+    EdgeProtected,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    NodeAdded,
+    NodeDropped,
+    NodeNamed,
+)
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.types import NodeId, Pose
@@ -119,6 +129,8 @@ class MapHistory:
                 self._by_node.setdefault(node.id, []).append(change)
             case NodeDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
+            case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
+                pass  # Nobody asks for these by edge or node.
 
     def _keep(self, place: int, replay: MapReplay) -> None:
         kept = {**self._kept, place: replay}

@@ -16,11 +16,14 @@ from ltvn_core.navigation.events import (
     AttemptStarted,
     Collided,
     Event,
+    GraphChanged,
     Judged,
     Localised,
+    Note,
     Planned,
     QueryEnded,
     QueryStarted,
+    StateChanged,
 )
 
 
@@ -110,6 +113,8 @@ class TimelineRows:
                 self._attempt = replace(self._attempt, collisions=self._attempt.collisions + 1)
             case AttemptEnded():
                 self._attempt_ended(instant, event)
+            case Localised() | Collided() | StateChanged() | GraphChanged() | Note():
+                pass  # No row begins or ends with it.
 
     def add_mark(self, mark: Mark) -> None:
         """File a mark."""

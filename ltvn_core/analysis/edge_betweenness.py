@@ -1,42 +1,21 @@
-"""How much an edge matters: the share of all cheapest paths that run over it.
+"""Edge betweenness: the share of all cheapest paths that run over an edge, which tells how much the edge matters.
 
 Owns the counting. What an edge costs is the planner's.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from ltvn_core.graph.connectivity import cost_matrix
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.types import NodeId
 
 _SOURCES = 32
-_LEAST_COST = 1e-9
-"""A sparse matrix takes an edge of no cost for no edge."""
-
-
-class CostMatrix(NamedTuple):
-    """A graph as numbers."""
-
-    nodes: tuple[NodeId, ...]
-    """N nodes."""
-    costs: csr_array
-    """(N, N): what each edge costs."""
-
-
-def cost_matrix(graph: TopologicalGraph, weight: EdgeWeight) -> CostMatrix:
-    """Return what the edges of a graph cost, as a sparse matrix; linear in edges."""
-    nodes = tuple(graph.nodes)
-    row = {node: k for k, node in enumerate(nodes)}
-    ends = np.array([(row[source], row[target]) for source, target in graph.edges], np.intp).reshape(-1, 2)
-    costs = np.array([max(weight(edge.belief), _LEAST_COST) for edge in graph.edges.values()], np.float64)
-    return CostMatrix(nodes, csr_array((costs, (ends[:, 0], ends[:, 1])), (len(nodes), len(nodes))))
+"""Nodes from which paths are counted; more takes longer."""
 
 
 def edge_betweenness(

@@ -1,7 +1,7 @@
-"""One link in a chain that answers "why": a sentence, and where in the run to look for oneself.
+"""One step of an explanation: a sentence, and where in the run to look for oneself.
 
-Owns the shape, and how causes and beliefs are said. The chains are made in `analysis.blame`, `analysis.choice` and
-`analysis.arrivals`.
+Owns the shape, and how causes and beliefs are said. The explanations are made in `analysis.edge_explanation`,
+`analysis.node_explanation` and `analysis.plan_alternative`.
 """
 
 from dataclasses import dataclass

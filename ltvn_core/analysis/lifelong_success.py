@@ -1,6 +1,6 @@
-"""Success and size of the map over queries: the paper's lifelong figure, and where it dips.
+"""Success rate and size of the map over the queries of a run, and where the success rate dips.
 
-Owns the sums. What is different in the map around a dip is for the comparison of maps.
+Owns the sums. What is different in the map around a dip is `analysis.map_comparison`.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, EdgePruned, NodeAdded
 
 
 class SuccessDip(NamedTuple):
-    """Queries over which success was clearly below what it had been. Numbers are rows of the strip."""
+    """Queries over which success was clearly below what it had been. Numbers are rows of `LifelongSuccess`."""
 
     first: int
     last: int
@@ -124,9 +124,16 @@ def _dips(
     for run in runs:
         low = int(run[np.argmin(full[run])])
         peak = int(np.flatnonzero(full[: run[0]] >= best[run[0]] - 1e-9)[-1])
-        rows = (int(run[0]), int(run[-1]), peak, low)
-        first, last, peak_row, low_row = (row + window - 1 for row in rows)
+        skipped = window - 1  # Rows before the first full window.
         dips.append(
-            SuccessDip(first, last, peak_row, low_row, float(full[peak] - full[low]), ends[peak_row], ends[low_row])
+            SuccessDip(
+                first=int(run[0]) + skipped,
+                last=int(run[-1]) + skipped,
+                peak=peak + skipped,
+                low=low + skipped,
+                fall=float(full[peak] - full[low]),
+                before=ends[peak + skipped],
+                after=ends[low + skipped],
+            )
         )
     return tuple(dips)

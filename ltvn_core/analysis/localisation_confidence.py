@@ -1,6 +1,6 @@
 """Where the robot thinks it is, and how sure that is: the current view against every node, and the margin over time.
 
-Owns the numbers behind the heat map and the curve. Look-alike places are `analysis.lookalikes`.
+Owns the numbers behind the heat map and the curve. Places that look alike are `analysis.perceptual_aliases`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -56,7 +56,13 @@ def localisation_heat_map(
     doubt = -np.log(np.maximum(found.reachability, _LEAST_R))
     near = (found.distances < config.distance) & (found.reachability > config.reachability)
     scores = found.distances + config.reachability_weight * doubt
-    return LocalisationHeatMap(found.nodes, found.distances, found.reachability, scores, near)
+    return LocalisationHeatMap(
+        nodes=found.nodes,
+        distances=found.distances,
+        reachability=found.reachability,
+        scores=scores,
+        near=near,
+    )
 
 
 def features_of(observation: Observation, matcher: Matcher, predictor: Predictor) -> Features:
@@ -67,7 +73,7 @@ def features_of(observation: Observation, matcher: Matcher, predictor: Predictor
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationMargins:
-    """How sure each look was, as M columns in the order of the events."""
+    """How sure each of M localisations was, as columns in the order of the events."""
 
     steps: NDArray[np.int64]
     """(M,)."""
@@ -79,36 +85,15 @@ class LocalisationMargins:
     """(M,): d of the best node."""
     nodes: tuple[NodeId | None, ...]
     """M nodes; None where the robot was lost."""
-    runners_up: tuple[NodeId | None, ...]
-    """M second best nodes."""
-    queries: NDArray[np.int64]
-    """(M,)."""
-
-    def small(self, below: float) -> NDArray[np.intp]:
-        """Return the rows of looks that found a node by a margin smaller than `below`."""
-        held = np.array([node is not None for node in self.nodes], bool)
-        return np.flatnonzero(held & (self.margins < below))
-
-    def swaps(self) -> NDArray[np.intp]:
-        """Return the rows where best and second best changed places since the look before in the same query."""
-        pairs = list(zip(self.nodes, self.runners_up, strict=True))
-        swapped = [
-            k
-            for k in range(1, len(pairs))
-            if None not in pairs[k] and pairs[k] == pairs[k - 1][::-1] and self.queries[k] == self.queries[k - 1]
-        ]
-        return np.array(swapped, np.intp)
 
 
 def localisation_margins(events: Iterable[StampedEvent]) -> LocalisationMargins:
-    """Return best against second over time from the looks among the events. Linear; no looks give empty columns."""
-    looks = [(stamped.step, stamped.stamp, stamped.event) for stamped in events if isinstance(stamped.event, Localised)]
+    """Return best against second over time, from the localisations among the events. Linear in the events."""
+    found = [(stamped.step, stamped.stamp, stamped.event) for stamped in events if isinstance(stamped.event, Localised)]
     return LocalisationMargins(
-        np.array([step for step, _, _ in looks], np.int64),
-        np.array([stamp for _, stamp, _ in looks], np.float64),
-        np.array([look.margin for _, _, look in looks], np.float64),
-        np.array([look.distance for _, _, look in looks], np.float64),
-        tuple(look.node for _, _, look in looks),
-        tuple(look.runner_up for _, _, look in looks),
-        np.array([look.query for _, _, look in looks], np.int64),
+        steps=np.array([step for step, _, _ in found], np.int64),
+        stamps=np.array([stamp for _, stamp, _ in found], np.float64),
+        margins=np.array([localised.margin for _, _, localised in found], np.float64),
+        distances=np.array([localised.distance for _, _, localised in found], np.float64),
+        nodes=tuple(localised.node for _, _, localised in found),
     )

@@ -1,4 +1,4 @@
-"""A person's changes of a map as deltas with the cause "by hand", and the way back from any delta.
+"""Changes of a map by hand, as deltas with that cause, and the deltas that undo any change.
 
 Owns what a person may change and how it is undone. Applies nothing: whoever owns the map does.
 """
@@ -31,7 +31,7 @@ def add_edge(
     waypoint: Waypoint | None = None,
     protected: bool = False,
 ) -> d.EdgeAdded:
-    """Return the delta that joins two nodes, with the surest belief there is.
+    """Return the delta that joins two nodes, with the highest p that the method allows.
 
     `waypoint` (3,), metres and radians, is the target seen from the source, such as the network's; without it odometry
     tells. Raises MapError where a node is missing or the edge is there, OptionError where the ends are too far apart.
@@ -62,7 +62,7 @@ def protect_edge(graph: TopologicalGraph, source: NodeId, target: NodeId, *, pro
     Raises MapError where there is no such edge.
     """
     _edge(graph, (source, target))
-    return d.EdgeProtected(source, target, protected, d.Cause.HAND)
+    return d.EdgeProtected(source, target, protected=protected, cause=d.Cause.HAND)
 
 
 def delete_node(graph: TopologicalGraph, node: NodeId) -> d.NodeDropped:
@@ -79,7 +79,7 @@ def rename_node(graph: TopologicalGraph, node: NodeId, name: str) -> d.NodeNamed
     Raises MapError where there is no such node or another one has the name, OptionError for a name nobody can read.
     """
     _require_nodes(graph, node)
-    return d.NodeNamed(node, _free_name(graph, node, name), graph.nodes[node].goal, d.Cause.HAND)
+    return d.NodeNamed(node, _free_name(graph, node, name), goal=graph.nodes[node].goal, cause=d.Cause.HAND)
 
 
 def mark_goal(graph: TopologicalGraph, node: NodeId, name: str = "", *, goal: bool = True) -> d.NodeNamed:
@@ -89,7 +89,7 @@ def mark_goal(graph: TopologicalGraph, node: NodeId, name: str = "", *, goal: bo
     """
     _require_nodes(graph, node)
     named = _free_name(graph, node, name) or graph.nodes[node].name
-    return d.NodeNamed(node, named, goal, d.Cause.HAND)
+    return d.NodeNamed(node, named, goal=goal, cause=d.Cause.HAND)
 
 
 def undo_deltas(deltas: Sequence[d.GraphDelta], graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
@@ -142,8 +142,15 @@ def _(delta: d.EdgePruned, graph_before: TopologicalGraph) -> tuple[d.GraphDelta
 @inverse_deltas.register
 def _(delta: d.BeliefUpdated, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
     edge = _edge(graph_before, (delta.source, delta.target))
-    counts = edge.attempts, edge.successes
-    return (d.BeliefUpdated(edge.source, edge.target, edge.belief, *counts, d.Cause.HAND),)
+    back = d.BeliefUpdated(
+        source=edge.source,
+        target=edge.target,
+        belief=edge.belief,
+        attempts=edge.attempts,
+        successes=edge.successes,
+        cause=d.Cause.HAND,
+    )
+    return (back,)
 
 
 @inverse_deltas.register

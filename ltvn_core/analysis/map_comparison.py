@@ -1,6 +1,7 @@
-"""Two maps, or one map at two times, side by side: what only one has, what changed, and what that is worth.
+"""The difference of two maps, or of one map at two times: what only one has, what changed, and how much it matters.
 
-Owns the difference and the figures. Who is who is `node_matching`; how much an edge matters is `edge_betweenness`.
+Owns the difference and the figures. Which node is which is `node_matching`; how much an edge matters is
+`edge_betweenness`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -8,8 +9,9 @@ from dataclasses import dataclass
 
 from ltvn_core.analysis.edge_betweenness import edge_betweenness
 from ltvn_core.analysis.node_matching import MatchedBy, match_nodes
+from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Edge
-from ltvn_core.graph.planner import EdgeWeight, count_strongly_connected_components
+from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Judged, Outcome, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId, Pose
@@ -46,7 +48,9 @@ class MapDifference:
     nodes: Mapping[NodeId, NodeId]
     """Nodes in both: of the first map to that of the second."""
     nodes_only_a: tuple[NodeId, ...]
+    """Nodes of the first map alone."""
     nodes_only_b: tuple[NodeId, ...]
+    """Nodes of the second map alone."""
     edges: Mapping[EdgeKey, EdgeKey]
     """Edges in both."""
     edges_only_a: tuple[EdgeKey, ...]
@@ -63,7 +67,6 @@ class MapMetrics:
     edges: int
     reserve: int
     strongly_connected_components: int
-    """Parts between which no path leads there and back."""
     mean_p: float | None
     """None without edges."""
     queries: int

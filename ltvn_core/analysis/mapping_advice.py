@@ -14,9 +14,9 @@ from ltvn_core.analysis.mapping_gaps import (
     OneSidedPlace,
     find_missing_loop_closures,
     one_sided_places,
-    strongly_connected_components,
 )
 from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.operators import pose_row
@@ -27,7 +27,7 @@ _KNOWN = 0.5
 """A view whose best r is above this shows nothing new."""
 _AHEAD_M = 1.0
 _STRAY = 2
-"""A piece with fewer nodes is not worth a trip."""
+"""A component with fewer nodes is not worth a trip."""
 _HERE_M = 0.5
 
 
@@ -46,7 +46,7 @@ class MappingAdvice:
     """The state of a map that is being collected."""
 
     strongly_connected_components: tuple[tuple[NodeId, ...], ...]
-    """Parts between which no path leads there and back, the largest first."""
+    """The largest first; one is what one wants."""
     missing_closures: tuple[MissingLoopClosure, ...]
     """Places visited twice with nothing across."""
     one_sided_places: tuple[OneSidedPlace, ...]
@@ -66,23 +66,28 @@ def advise_mapping(
     linear in images, nodes and edges.
     """
     poses = np.asarray(poses, np.float64).reshape(-1, 3)
-    parts, missing_closures, sides = (
-        strongly_connected_components(graph),
-        find_missing_loop_closures(graph, steps, poses),
-        one_sided_places(poses),
-    )
+    components = strongly_connected_components(graph)
+    missing_closures = find_missing_loop_closures(graph, steps, poses)
+    places = one_sided_places(poses)
     novelty = None if current is None else 1 - float(np.max(current.reachability, initial=0.0))
     return MappingAdvice(
-        parts, missing_closures, sides, novelty, _hint(graph, poses, parts, missing_closures, sides, novelty)
+        strongly_connected_components=components,
+        missing_closures=missing_closures,
+        one_sided_places=places,
+        novelty=novelty,
+        hint=_hint(
+            graph, poses, components=components, missing_closures=missing_closures, places=places, novelty=novelty
+        ),
     )
 
 
 def _hint(
     graph: TopologicalGraph,
     poses: Pose,
-    parts: tuple[tuple[NodeId, ...], ...],
+    *,
+    components: tuple[tuple[NodeId, ...], ...],
     missing_closures: tuple[MissingLoopClosure, ...],
-    sides: tuple[OneSidedPlace, ...],
+    places: tuple[OneSidedPlace, ...],
     novelty: float | None,
 ) -> DrivingHint:
     """Choose what to mend: first what makes goals unreachable, last what makes the map richer."""
@@ -90,20 +95,20 @@ def _hint(
         return DrivingHint("Drive a little, so that there is something to see.", None)
     here = poses[-1]
     hints = (
-        _join(graph, here, parts),
+        _join(graph, here, components),
         _close(graph, here, missing_closures),
         _go_on(here, novelty),
-        _turn_round(here, sides),
+        _turn_round(here, places),
     )
     return next((hint for hint in hints if hint is not None), _elsewhere(here, poses))
 
 
-def _join(graph: TopologicalGraph, here: Pose, parts: Sequence[Sequence[NodeId]]) -> DrivingHint | None:
-    """Lead to the nearest node of a piece in which the robot is not."""
-    worth = [part for part in parts if len(part) >= _STRAY]
+def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[NodeId]]) -> DrivingHint | None:
+    """Lead to the nearest node of a component in which the robot is not."""
+    worth = [component for component in components if len(component) >= _STRAY]
     if len(worth) < 2:
         return None
-    nearest = [min((_apart(graph, here, node), node) for node in part) for part in worth]
+    nearest = [min((_apart(graph, here, node), node) for node in component) for component in worth]
     gap, node = sorted(nearest)[1]
     target = graph.nodes[node].odometry
     way = "drive from there back to where you are" if gap < _HERE_M else f"drive to node {node}, {_way(here, target)}"

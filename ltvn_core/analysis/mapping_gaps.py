@@ -1,6 +1,6 @@
-"""What a map and a drive leave open: pieces, loops that were driven but not closed, places seen from one side only.
+"""What a map lacks: loops that were driven but not closed, and places seen from one side only.
 
-Owns finding these from a graph and from odometry. Which of them to mend first is `analysis.coach`.
+Owns finding these from a graph and from odometry. Which of them to mend first is `analysis.mapping_advice`.
 """
 
 import itertools
@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import rustworkx
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import wrap_angle
@@ -37,7 +36,7 @@ _MIN_IMAGES = 3
 
 @dataclass(frozen=True, slots=True)
 class MissingLoopClosure:
-    """A place that was visited twice, and the map does not know it."""
+    """Two nodes at one place, from two visits, that no edge joins and no short path either."""
 
     first: NodeId
     second: NodeId
@@ -54,17 +53,8 @@ class OneSidedPlace:
     """Mean of the poses there."""
     yaw_rad: float
     """Mean heading."""
-    histogram: NDArray[np.int64]
-    """(8,): images by heading, 45 degrees each, the first centred on 0."""
-
-
-def strongly_connected_components(graph: TopologicalGraph) -> tuple[tuple[NodeId, ...], ...]:
-    """Return the parts between which no path leads there and back, the largest first. Linear in nodes and edges."""
-    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
-    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
-    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in graph.edges])
-    parts = [tuple(sorted(mirror[k] for k in part)) for part in rustworkx.strongly_connected_components(mirror)]
-    return tuple(sorted(parts, key=lambda part: (-len(part), part)))
+    images: int
+    """Taken there."""
 
 
 def find_missing_loop_closures(
@@ -105,7 +95,8 @@ def one_sided_places(poses: Pose) -> tuple[OneSidedPlace, ...]:
     found = []
     for k in np.flatnonzero((counts >= _MIN_IMAGES) & ~_other_sides(histograms > 0)):
         x, y, cos, sin = (float(each[k]) for each in sums)
-        found.append(OneSidedPlace(x / int(counts[k]), y / int(counts[k]), float(np.arctan2(sin, cos)), histograms[k]))
+        count = int(counts[k])
+        found.append(OneSidedPlace(x_m=x / count, y_m=y / count, yaw_rad=float(np.arctan2(sin, cos)), images=count))
     return tuple(found)
 
 

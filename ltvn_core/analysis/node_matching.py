@@ -50,10 +50,10 @@ def match_nodes(
     shared = [node for node in a.nodes if node in b.nodes and a.nodes[node].odometry == b.nodes[node].odometry]
     if len(shared) * 2 >= min(len(a.nodes), len(b.nodes)):
         return NodeMatching(MatchedBy.ID, {node: node for node in shared})
-    return NodeMatching(MatchedBy.POSE, _nearest(node_poses(a, poses_a), node_poses(b, poses_b)))
+    return NodeMatching(MatchedBy.POSE, _nearest(_node_poses(a, poses_a), _node_poses(b, poses_b)))
 
 
-def node_poses(graph: TopologicalGraph, poses: Mapping[NodeId, Pose] | None = None) -> dict[NodeId, Pose]:
+def _node_poses(graph: TopologicalGraph, poses: Mapping[NodeId, Pose] | None = None) -> dict[NodeId, Pose]:
     """Return a pose (3,) for each node: the given one, else odometry's."""
     given = poses or {}
     return {node: given.get(node, np.array(value.odometry, np.float64)) for node, value in graph.nodes.items()}

@@ -1,4 +1,4 @@
-"""Numbers that a person typed. Owns nothing but their reading."""
+"""Reads a number that a person typed."""
 
 import math
 

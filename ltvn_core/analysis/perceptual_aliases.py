@@ -1,10 +1,11 @@
-"""Places that the network takes for one another although map or odometry puts them far apart.
+"""Perceptual aliases: places that the network takes for near each other although they are far apart.
 
-Owns the search for such pairs. Every false edge of a map joins one of them, and most wrong fixes confuse one.
+Owns the search for such pairs, in a map and its odometry. Every false edge of a map joins one of them, and most wrong
+localisations confuse one.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ import rustworkx
 from numpy.typing import NDArray
 
 from ltvn_core.config import BuildingConfig, Method
+from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.image_similarity import colour_descriptors
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
@@ -24,13 +26,10 @@ _FAR_FACTOR = 4.0
 """Nodes farther apart in the map than this many D_l are far."""
 _ROWS = 512
 
-AliasSearchProgress = Callable[[int, int], None]
-"""Called with nodes done and nodes in all."""
-
 
 @dataclass(frozen=True, slots=True)
 class PerceptualAlias:
-    """Two nodes that the network holds for near."""
+    """Two nodes that the network takes for near each other, though odometry or the map puts them far apart."""
 
     first: NodeId
     second: NodeId
@@ -67,7 +66,7 @@ def find_perceptual_aliases(
     method: Method,
     *,
     candidates: int | None = 16,
-    progress: AliasSearchProgress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> tuple[PerceptualAlias, ...]:
     """Return the pairs that are near by r and d < D_l but far by odometry or map, false edges first, then by r.
 
@@ -140,9 +139,16 @@ def _near(
     for k, other in enumerate(claims.nodes):
         apart = float(np.hypot(*(here - graph.nodes[other].odometry[:2])))
         has_edge = (node, other) in graph.edges or (other, node) in graph.edges
-        first, second = min(node, other), max(node, other)
-        numbers = float(claims.reachability[k]), float(claims.distances[k]), apart
-        yield PerceptualAlias(first, second, *numbers, not plausible[k], math.inf, has_edge)
+        yield PerceptualAlias(
+            first=min(node, other),
+            second=max(node, other),
+            reachability=float(claims.reachability[k]),
+            distance=float(claims.distances[k]),
+            odometry_m=apart,
+            contradicted_by_odometry=not plausible[k],
+            path_length=math.inf,
+            has_edge=has_edge,
+        )
 
 
 def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:

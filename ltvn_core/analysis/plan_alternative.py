@@ -1,4 +1,4 @@
-"""Why a plan led through an edge: what the way cost, and what the best way without the edge would have cost.
+"""A plan through an edge beside the best plan without it: what each of them costs.
 
 Owns the comparison. Plans again with `graph.planner` on the map as it was then; the recording stays as it is.
 """
@@ -60,11 +60,22 @@ def plan_alternative(
     plan, graph = plans[-1], timeline.graph_before(plans[-1].event)
     if edge not in graph.edges:
         return None  # The recording does not hold the map in which it was planned.
-    planner, penalties = Planner(graph, planning, weight=weight), failure_penalties_at(timeline, plan.event, planning)
-    belief, ends = graph.edges[edge].belief, (plan.planned.nodes[0], plan.planned.nodes[-1])
+    planner = Planner(graph, planning, weight=weight)
+    penalties = failure_penalties_at(timeline, plan.event, planning)
+    belief = graph.edges[edge].belief
     costs = weight(belief) if weight else edge_cost(belief, planning)
-    replanned, without_edge = planner.plan(*ends, penalties), planner.plan(*ends, {**penalties, edge: inf})
-    return PlanAlternative(edge, plan, belief, costs, penalties.get(edge, 0.0), replanned, without_edge)
+    start, goal = plan.planned.nodes[0], plan.planned.nodes[-1]
+    replanned = planner.plan(start, goal, penalties)
+    without_edge = planner.plan(start, goal, {**penalties, edge: inf})
+    return PlanAlternative(
+        edge=edge,
+        plan=plan,
+        belief=belief,
+        edge_cost=costs,
+        penalty=penalties.get(edge, 0.0),
+        replanned=replanned,
+        without_edge=without_edge,
+    )
 
 
 def failure_penalties_at(timeline: Timeline, event: int, planning: PlanningConfig) -> dict[EdgeKey, float]:

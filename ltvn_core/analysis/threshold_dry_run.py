@@ -1,4 +1,4 @@
-"""What another threshold would do to the map, counted and not done.
+"""How many edges and nodes another threshold would add to or take from a map, without changing it.
 
 Owns the counts and their sentences. Everything runs on copies.
 """
@@ -9,29 +9,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ltvn_core.analysis.explanation_steps import counted
 from ltvn_core.analysis.what_if_scenario import prunable_edges
 from ltvn_core.config import PAPER, BeliefConfig, Method
 from ltvn_core.graph.builder import ProgressCallback, build
+from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.planner import count_strongly_connected_components
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import Observation, Predictor
 
 
 @dataclass(frozen=True, slots=True)
 class MapSize:
-    """How big a map is."""
+    """How many nodes, edges and strongly connected components a map has."""
 
     nodes: int
     edges: int
     strongly_connected_components: int
-    """Parts between which no path leads there and back; 1 is what one wants."""
+    """1 is what one wants: from every node to every other."""
 
     @classmethod
     def of(cls, graph: TopologicalGraph) -> "MapSize":
         """Measure a map; linear in nodes and edges."""
-        return cls(len(graph.nodes), len(graph.edges), count_strongly_connected_components(graph))
+        return cls(
+            nodes=len(graph.nodes),
+            edges=len(graph.edges),
+            strongly_connected_components=count_strongly_connected_components(graph),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +52,7 @@ class PruneCounts:
         """The count for a person."""
         if not self.pruned_edges:
             return "No edge would go."
-        return f"{_count_text(len(self.pruned_edges), 'edge')} would go, {_components_text(self.before, self.after)}."
+        return f"{counted(len(self.pruned_edges), 'edge')} would go, {_components_text(self.before, self.after)}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +71,7 @@ class RebuildCounts:
 
 
 def prune_dry_run(graph: TopologicalGraph, prune_below: float, config: BeliefConfig = PAPER.believing) -> PruneCounts:
-    """Return which edges a higher R_p would take out, and the pieces afterwards.
+    """Return which edges a higher R_p would take out, and the strongly connected components afterwards.
 
     Only edges that failed as often as `config` asks for count, as in maintenance. Protected edges stay. Costs one copy
     of the map.
@@ -75,7 +80,7 @@ def prune_dry_run(graph: TopologicalGraph, prune_below: float, config: BeliefCon
     after = graph.copy()
     for source, target in pruned_edges:
         after.apply(EdgePruned(source, target, Cause.HAND))
-    return PruneCounts(tuple(pruned_edges), MapSize.of(graph), MapSize.of(after))
+    return PruneCounts(pruned_edges=tuple(pruned_edges), before=MapSize.of(graph), after=MapSize.of(after))
 
 
 def rebuild_dry_run(
@@ -88,7 +93,7 @@ def rebuild_dry_run(
     *,
     progress: ProgressCallback | None = None,
 ) -> RebuildCounts:
-    """Build a map from the same images with both methods and the same dice, and return both sizes.
+    """Build a map from the same images with both methods and the same random numbers, and return both sizes.
 
     Features that `keyframes` holds are used again, other images are encoded once; `keyframes` and `rng` stay as they
     are. Costs two runs of Algorithm 1. Raises MapError for an empty trajectory.
@@ -101,7 +106,8 @@ def rebuild_dry_run(
             own.add(observations, known.features([seen.step for seen in observations]))
         deltas = build(observations, own, predictor, each, deepcopy(rng), progress=progress)
         sizes.append(MapSize.of(TopologicalGraph(deltas)))
-    return RebuildCounts(*sizes)
+    before, after = sizes
+    return RebuildCounts(before=before, after=after)
 
 
 def _encoded(observations: Sequence[Observation], keyframes: KeyframeStore, predictor: Predictor) -> KeyframeStore:
@@ -114,18 +120,14 @@ def _encoded(observations: Sequence[Observation], keyframes: KeyframeStore, pred
     return known
 
 
-def _count_text(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 def _difference_text(count: int, noun: str) -> str:
     if not count:
         return f"as many {noun}s"
-    return f"{_count_text(abs(count), noun)} {'fewer' if count < 0 else 'more'}"
+    return f"{counted(abs(count), noun)} {'fewer' if count < 0 else 'more'}"
 
 
 def _components_text(before: MapSize, after: MapSize) -> str:
-    return _count_text(after.strongly_connected_components, "piece") + (
+    return counted(after.strongly_connected_components, "piece") + (
         ""
         if after.strongly_connected_components == before.strongly_connected_components
         else f" instead of {before.strongly_connected_components}"

@@ -22,17 +22,6 @@ class Pixel(NamedTuple):
     """Down."""
 
 
-def waypoint_in_image(waypoint: Waypoint, intrinsics: Intrinsics, *, height_m: float = 0.0) -> Pixel | None:
-    """Return where the point `height_m` above the floor at a waypoint (3,) is seen; None if it is out of the picture.
-
-    A level camera 0.6 m above the floor sees the floor from 1.2 m ahead on, so that many waypoints are out of it;
-    `pole_in_image` shows these too.
-    """
-    pixel = _projected(waypoint, intrinsics, height_m)
-    inside = pixel is not None and 0 <= pixel.u <= intrinsics.width and 0 <= pixel.v <= intrinsics.height
-    return pixel if inside else None
-
-
 def pole_in_image(waypoint: Waypoint, intrinsics: Intrinsics) -> tuple[Pixel, Pixel] | None:
     """Return both ends of a pole as high as the camera that stands at a waypoint (3,), top first, cut at the border.
 

@@ -1,6 +1,6 @@
-"""What a person can imagine to be otherwise: an edge, a belief, the goal, a threshold.
+"""Changes for a what-if question: another edge, belief, goal, start or threshold.
 
-Owns the words for it. `analysis.imagined` puts them into effect on a copy of the map.
+Owns these changes as data. `analysis.what_if_scenario` puts them into effect on a copy of the map.
 """
 
 from dataclasses import dataclass

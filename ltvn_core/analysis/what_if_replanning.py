@@ -1,7 +1,7 @@
-"""What the robot would have planned, had something been otherwise.
+"""The plan that was made beside the one that would have been made under other conditions.
 
 Owns the comparison of both plans. Works on copies: neither the map nor the recording is touched. What a change does is
-`analysis.imagined`; counting what other thresholds would do to the map is `analysis.dry_run`.
+`analysis.what_if_scenario`; counting what other thresholds would do to the map is `analysis.threshold_dry_run`.
 """
 
 import itertools
@@ -78,18 +78,18 @@ def replan(
     Costs two copies of the map and two searches. Raises MapError where a change names a node or an edge that is not in
     the map, OptionError for values that cannot be.
     """
-    before = WhatIfScenario(graph, situation, method, edge_weight_of)
+    before = WhatIfScenario(graph=graph, situation=situation, method=method, edge_weight_of=edge_weight_of)
     after = apply_what_if_changes(before, changes)
     old, new = _plan(before), _plan(after)
     old_keys, new_keys = (tuple(itertools.pairwise(path.nodes)) for path in (old, new))
     return PlanDifference(
-        old,
-        new,
-        tuple(_priced(before, key) for key in old_keys),
-        tuple(_priced(after, key) for key in new_keys),
-        tuple(key for key in old_keys if key not in new_keys),
-        tuple(key for key in new_keys if key not in old_keys),
-        tuple(after.notes),
+        old=old,
+        new=new,
+        old_edges=tuple(_cost_parts(before, key) for key in old_keys),
+        new_edges=tuple(_cost_parts(after, key) for key in new_keys),
+        removed_edges=tuple(key for key in old_keys if key not in new_keys),
+        added_edges=tuple(key for key in new_keys if key not in old_keys),
+        notes=tuple(after.notes),
     )
 
 
@@ -104,10 +104,10 @@ def _plan(scenario: WhatIfScenario) -> GraphPath:
     return Planner(scenario.graph, scenario.method.planning, weight=scenario.weight).plan(source, goal, penalties)
 
 
-def _priced(scenario: WhatIfScenario, key: EdgeKey) -> EdgeCostParts:
+def _cost_parts(scenario: WhatIfScenario, key: EdgeKey) -> EdgeCostParts:
     belief, planning = scenario.graph.edges[key].belief, scenario.method.planning
     penalty = scenario.situation.failures.get(key, 0) * planning.failure_penalty
-    return EdgeCostParts(key, belief.mu, scenario.weight(belief) - belief.mu, penalty)
+    return EdgeCostParts(edge=key, mu=belief.mu, doubt=scenario.weight(belief) - belief.mu, penalty=penalty)
 
 
 def _path_text(path: GraphPath) -> str:

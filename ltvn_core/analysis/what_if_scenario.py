@@ -1,6 +1,6 @@
-"""A moment of a query as it was, or as somebody imagines it: the map, the question and the thresholds.
+"""The map, the planner's question and the thresholds at one moment, as they were or with imagined changes.
 
-Owns what each imagined change does to a copy. Does not plan (`analysis.what_if`).
+Owns what each imagined change does to a copy. Does not plan (`analysis.what_if_replanning`).
 """
 
 from collections.abc import Callable, Sequence
@@ -48,7 +48,7 @@ class WhatIfScenario:
     method: Method
     edge_weight_of: EdgeWeightFactory = ltvn_edge_weight
     notes: list[str] = field(default_factory=list)
-    """What a plan in this world cannot tell, for a person."""
+    """What a plan here cannot tell, for a person."""
 
     @property
     def weight(self) -> EdgeWeight:
@@ -57,12 +57,17 @@ class WhatIfScenario:
 
 
 def apply_what_if_changes(scenario: WhatIfScenario, changes: Sequence[WhatIfChange]) -> WhatIfScenario:
-    """Return a copy of the world with the changes in it, taken in order; `scenario` stays as it was.
+    """Return a copy with the changes in it, taken in order; `scenario` stays as it was.
 
     Costs one copy of the map; a threshold looks at every edge. Raises MapError where a change names a node or an edge
     that is not in the map, OptionError for values that cannot be.
     """
-    other = WhatIfScenario(scenario.graph.copy(), scenario.situation, scenario.method, scenario.edge_weight_of)
+    other = WhatIfScenario(
+        graph=scenario.graph.copy(),
+        situation=scenario.situation,
+        method=scenario.method,
+        edge_weight_of=scenario.edge_weight_of,
+    )
     for change in changes:
         _apply_change(other, change)
     return other
@@ -94,12 +99,21 @@ def _force(graph: TopologicalGraph, key: EdgeKey, belief: Belief) -> None:
 
 def _believe(graph: TopologicalGraph, key: EdgeKey, belief: Belief) -> None:
     edge = _edge(graph, key)
-    graph.apply(BeliefUpdated(*key, belief, edge.attempts, edge.successes, Cause.HAND))
+    graph.apply(
+        BeliefUpdated(
+            source=edge.source,
+            target=edge.target,
+            belief=belief,
+            attempts=edge.attempts,
+            successes=edge.successes,
+            cause=Cause.HAND,
+        )
+    )
 
 
 def _cut(graph: TopologicalGraph, keys: Sequence[EdgeKey]) -> None:
-    for key in keys:
-        graph.apply(EdgePruned(*key, Cause.HAND))
+    for source, target in keys:
+        graph.apply(EdgePruned(source, target, Cause.HAND))
 
 
 def _set_threshold(scenario: WhatIfScenario, threshold: WhatIfThreshold, value: float) -> None:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
-from ltvn_core.analysis.edge_betweenness import cost_matrix
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.connectivity import cost_matrix
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.simulation.oracle_predictor import is_drivable
 from ltvn_core.types import NodeId, Pose

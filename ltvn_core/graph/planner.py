@@ -113,11 +113,3 @@ class Planner:
             ]
         )
         self._version = graph.version
-
-
-def count_strongly_connected_components(graph: TopologicalGraph) -> int:
-    """Return into how many parts a map falls between which no path leads there and back; 1 is what one wants."""
-    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
-    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
-    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in graph.edges])
-    return len(rustworkx.strongly_connected_components(mirror))

@@ -48,8 +48,8 @@ class BuildVerb(Verb):
         from tqdm import tqdm
 
         from ltvn_core.composition import open_method, open_predictor, open_system
+        from ltvn_core.graph.connectivity import count_strongly_connected_components
         from ltvn_core.graph.keyframes import KeyframeStore
-        from ltvn_core.graph.planner import count_strongly_connected_components
         from ltvn_core.graph.topological_graph import TopologicalGraph
         from ltvn_core.recording.atomic_files import require_new_path
         from ltvn_core.recording.map_file import save_map

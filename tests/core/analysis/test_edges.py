@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
-from ltvn_core.analysis.waypoint_projection import pole_in_image, waypoint_in_image
+from ltvn_core.analysis.waypoint_projection import pole_in_image
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.navigation.events import AttemptEnd, GraphChanged
 from ltvn_core.recording.reader import Recording
@@ -107,8 +107,9 @@ def test_all_attempts_of_a_real_drive_end_in_the_belief_of_the_final_map() -> No
 def test_the_waypoint_lies_where_the_camera_sees_the_floor_at_that_depth() -> None:
     recording = Recording.open(DRIVE)
     ahead, left = 2.0, 0.3
-    pixel = waypoint_in_image(np.array([ahead, left, 0.5]), LENS)
-    assert pixel is not None
+    pole = pole_in_image(np.array([ahead, left, 0.5]), LENS)
+    assert pole is not None
+    pixel = pole[1]
     looks = (recording.observation(frame).depth for frame in recording.frames[::20])
     depths = np.array([depth[int(pixel.v), int(pixel.u)] for depth in looks])
     # Nothing lies below the floor, and often nothing stands on it; half a row of pixels is 5 cm there.
@@ -116,22 +117,29 @@ def test_the_waypoint_lies_where_the_camera_sees_the_floor_at_that_depth() -> No
     assert np.mean(np.abs(depths - ahead) < 0.06) > 0.1
 
 
-@pytest.mark.parametrize("waypoint", [(-1.0, 0.0, 0.0), (0.5, 2.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
-def test_a_floor_point_out_of_the_image_has_no_pixel(waypoint: tuple[float, float, float]) -> None:
-    assert waypoint_in_image(np.array(waypoint), LENS) is None
+@pytest.mark.parametrize("waypoint", [(-1.0, 0.0, 0.0), (0.5, 2.0, 0.0), (0.0, 0.0, 0.0)])
+def test_a_waypoint_behind_or_aside_is_not_in_the_image(waypoint: tuple[float, float, float]) -> None:
+    assert pole_in_image(np.array(waypoint), LENS) is None
+
+
+def test_a_floor_point_below_the_image_is_cut_at_its_border() -> None:
+    pole = pole_in_image(np.array([1.0, 0.0, 0.0]), LENS)
+    assert pole is not None
+    assert pole[1].v == pytest.approx(LENS.height)
 
 
 def test_a_point_at_the_height_of_a_level_camera_is_on_the_horizon() -> None:
-    pixel = waypoint_in_image(np.array([1.5, 0.0, 0.0]), LENS, height_m=LENS.height_m)
-    assert pixel == (LENS.width / 2, LENS.height / 2)
+    pole = pole_in_image(np.array([1.5, 0.0, 0.0]), LENS)
+    assert pole is not None
+    assert pole[0] == (LENS.width / 2, LENS.height / 2)
 
 
 def test_a_camera_that_looks_up_sees_the_floor_lower() -> None:
-    level = waypoint_in_image(np.array([3.0, 0.0, 0.0]), LENS)
-    up = waypoint_in_image(np.array([3.0, 0.0, 0.0]), LENS._replace(pitch_rad=0.1))
+    level = pole_in_image(np.array([3.0, 0.0, 0.0]), LENS)
+    up = pole_in_image(np.array([3.0, 0.0, 0.0]), LENS._replace(pitch_rad=0.1))
     assert level is not None
     assert up is not None
-    assert up.v > level.v
+    assert up[1].v > level[1].v
 
 
 def test_the_pole_over_a_near_waypoint_is_cut_at_the_lower_border() -> None:

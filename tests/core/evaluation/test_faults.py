@@ -11,8 +11,8 @@ from ltvn_core.errors import MapError
 from ltvn_core.evaluation.edge_accuracy import edge_accuracy
 from ltvn_core.evaluation.fault_injection import FaultKind, missing_edge, perceptual_alias, spurious_edge
 from ltvn_core.evaluation.map_layout import recorded_ground_truth
+from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.planner import count_strongly_connected_components
 from ltvn_core.navigation.events import AttemptEnded, Judged, Outcome, Planned, QueryEnded, QueryStarted
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Features, Observation, Prediction

@@ -1,7 +1,4 @@
-"""Where a place on the floor appears in a picture, and where the points of a depth image lie.
-
-Owns the two projections of the level camera, and the shape by which a waypoint is drawn. Draws nothing.
-"""
+"""Projection and unprojection of the level camera, and the outline of a waypoint in an image. Draws nothing."""
 
 from typing import NamedTuple
 
@@ -11,25 +8,28 @@ from numpy.typing import NDArray
 from ltvn_core.types import Depth, Intrinsics, Waypoint
 
 ROBOT_RADIUS_M = 0.18
-"""The ring that is drawn at a waypoint is as large as the robot."""
+"""Radius of the ring that marks a waypoint."""
 
 _NEAREST_M = 0.08
-"""What is nearer than this is not drawn."""
+"""Points closer to the image plane than this are not projected."""
 
 
 class WaypointOutline(NamedTuple):
-    """Lines in a picture that show a waypoint: (K, 2) columns and rows in pixels, nan where they are not ahead."""
+    """Lines that mark a waypoint in an image: (K, 2) columns and rows in pixels, nan where they are not ahead."""
 
     ring: NDArray[np.float64]
-    """The robot's outline on the floor."""
+    """Outline of the robot on the floor."""
     heading: NDArray[np.float64]
-    """From its middle to where it looks."""
+    """From the centre of the robot in the direction of its heading."""
     mast: NDArray[np.float64]
     """From the floor to the camera."""
 
 
 def project(points: NDArray[np.floating], camera: Intrinsics | None = None) -> NDArray[np.float64]:
-    """Return columns and rows (N, 2) of points (N, 3): metres ahead, left, and above the floor; nan behind."""
+    """Return the pixels (N, 2), columns and rows, of points (N, 3); nan for points behind the camera.
+
+    Points are metres ahead of the camera, to its left, and above the floor.
+    """
     camera = camera or Intrinsics()
     ahead = np.where(points[:, 0] > _NEAREST_M, points[:, 0], np.nan)
     column = camera.width / 2 - camera.focal_px * points[:, 1] / ahead
@@ -38,7 +38,7 @@ def project(points: NDArray[np.floating], camera: Intrinsics | None = None) -> N
 
 
 def unproject(depth: Depth, camera: Intrinsics | None = None) -> NDArray[np.float32]:
-    """Return the points (M, 3) of a depth image (H, W) that have depth: metres ahead, left, and above the floor."""
+    """Return the points (M, 3) of a depth image (H, W) where it is not 0: metres ahead, left, and above the floor."""
     camera = camera or Intrinsics()
     rows, columns = np.nonzero(depth > 0)
     ahead = depth[rows, columns]
@@ -48,7 +48,7 @@ def unproject(depth: Depth, camera: Intrinsics | None = None) -> NDArray[np.floa
 
 
 def waypoint_outline(waypoint: Waypoint, camera: Intrinsics | None = None) -> WaypointOutline:
-    """Return how a waypoint (3,) looks from its source."""
+    """Return the outline of a waypoint (3,) in the image of its source."""
     camera = camera or Intrinsics()
     x, y, yaw = waypoint
     angles = yaw + np.linspace(0, 2 * np.pi, 33)
@@ -56,4 +56,4 @@ def waypoint_outline(waypoint: Waypoint, camera: Intrinsics | None = None) -> Wa
     reach = 2.2 * ROBOT_RADIUS_M
     heading = np.array([[x, y, 0], [x + reach * np.cos(yaw), y + reach * np.sin(yaw), 0]])
     mast = np.array([[x, y, 0], [x, y, camera.height_m]])
-    return WaypointOutline(*(project(line, camera) for line in (ring, heading, mast)))
+    return WaypointOutline(ring=project(ring, camera), heading=project(heading, camera), mast=project(mast, camera))

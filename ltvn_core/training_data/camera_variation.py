@@ -1,7 +1,6 @@
-"""Whose eyes look: a share of the clusters is seen by a camera mounted a little otherwise than the nominal one.
+"""Random variation of the camera's mounting and field of view between clusters of training images.
 
-Owns how far cameras vary. A network that has seen only one mounting trusts it to the millimetre, and no real robot
-keeps to it.
+A network that was trained with a single mounting depends on its exact height and pitch, which no real robot keeps.
 """
 
 from dataclasses import dataclass
@@ -14,16 +13,16 @@ from ltvn_core.types import Intrinsics
 
 @dataclass(frozen=True, slots=True)
 class CameraVariation:
-    """How camera mountings vary between clusters (all ours)."""
+    """Ranges of the variation (all values are ours)."""
 
     share: float = 0.3
-    """Share of the clusters that a camera other than the nominal one sees."""
+    """Share of the clusters with a camera other than the nominal one."""
     height_m: float = 0.08
-    """Its height differs by up to this,"""
+    """Its height differs by up to this from the nominal one,"""
     pitch_rad: float = radians(4)
-    """it is tilted by up to this,"""
+    """its pitch by up to this,"""
     fov: float = 0.05
-    """and its field of view differs by up to this share."""
+    """and its field of view by up to this share."""
 
     def draw(self, rng: np.random.Generator, count: int) -> list[Intrinsics]:
         """Return a camera for each of `count` clusters."""

@@ -1,7 +1,4 @@
-"""Why a pair is not reachable, in words: each failed criterion with the pair's number and the limit it breaks.
-
-Owns the wording. The criteria and their limits are in `ltvn_core.training_data.reachability_labels`.
-"""
+"""Explains in words why a pair is not reachable: each failed criterion with the measured value and the limit."""
 
 import json
 from dataclasses import dataclass, fields
@@ -15,14 +12,14 @@ from ltvn_core.training_data.reachability_labels import FailedCriteria, Reachabi
 
 @dataclass(frozen=True, slots=True)
 class FailureExplanation:
-    """One failed criterion."""
+    """One failed criterion and its explanation."""
 
     criterion: FailedCriteria
     text: str
 
     @property
     def name(self) -> str:
-        """Return the criterion's name as people write it."""
+        """Name of the criterion in lower case."""
         return criterion_name(self.criterion)
 
 
@@ -37,14 +34,14 @@ def single_criteria() -> tuple[FailedCriteria, ...]:
 
 
 def reasons(pair: LabelledPair, limits: ReachabilityLimits) -> tuple[FailureExplanation, ...]:
-    """Return a reason for each criterion that the pair fails."""
+    """Return an explanation for each criterion that the pair fails."""
     return tuple(
         FailureExplanation(each, _text(each, pair, limits)) for each in single_criteria() if each & pair.failed
     )
 
 
 def limits_from_recipe(recipe: str) -> ReachabilityLimits:
-    """Return the limits that a shard's recipe names; ours where it names none."""
+    """Return the limits in a shard's recipe; the defaults where it has none."""
     try:
         found = json.loads(recipe)["limits"]
     except (ValueError, KeyError, TypeError):
@@ -78,7 +75,7 @@ def _text(criterion: FailedCriteria, pair: LabelledPair, limits: ReachabilityLim
 def _visibility_text(pair: LabelledPair) -> str:
     if pair.waypoint[0] <= 0:
         return "the target's place lies behind the source"
-    return "the target's place is hidden or beside the picture"
+    return "the target's place is hidden or outside the image"
 
 
 def _path_text(ratio: float, limit: float) -> str:

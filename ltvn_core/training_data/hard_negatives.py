@@ -1,6 +1,8 @@
-"""Pairs across clusters, hard ones on purpose: behind a wall or round a corner, looking alike, from behind, and any.
+"""Hard negatives: pairs of images from different clusters that a network easily mistakes for neighbours.
 
-Owns which images are paired. Whether a pair is reachable after all is for the labels to say.
+Four kinds: pairs close by (many behind walls or round corners), perceptual aliases, opposite views of one place, and
+random pairs. Only chooses the pairs; some are reachable after all, which the labels decide. The field `strangers` of
+`DatasetRecipe` counts them: it keeps its old name, because recipes are stored in datasets.
 """
 
 import numpy as np
@@ -11,19 +13,19 @@ from ltvn_core.geometry import wrap_angle
 from ltvn_core.types import Pose
 
 NEAR_M = 3.0
-"""Images nearer than this are neighbours, whatever stands between them."""
+"""Images closer than this are neighbours, even with a wall between them."""
 
 BEHIND_M = 1.0
-"""Images nearer than this that look opposite ways show the same place from behind."""
+"""Images closer than this with opposite headings are opposite views of one place."""
 
 OPPOSITE_RAD = np.radians(120)
-"""Least turn between images that look opposite ways."""
+"""Smallest difference of opposite headings."""
 
 _ALIAS_CANDIDATES = 5
-"""A look-alike is drawn from so many of the most similar far images."""
+"""A perceptual alias is drawn from this many of the most similar far images."""
 
 _CELL_PX = 12
-"""Side of the squares whose mean colour and depth make an image's likeness."""
+"""Side in pixels of the squares whose mean colour and central depth form the descriptor of an image."""
 
 PairRows = tuple[NDArray[np.int32], NDArray[np.int32]]
 """Sources and targets (P,), rows of the images."""
@@ -37,7 +39,16 @@ def hard_negative_pairs(
     depth_mm: NDArray[np.uint16],
     count: int,
 ) -> PairRows:
-    """Draw about `count` ordered pairs of images (N, ...) of different clusters, a quarter of each kind."""
+    """Draw about `count` ordered pairs of images from different clusters, a quarter of each kind.
+
+    Args:
+        rng: Draws the pairs.
+        poses: (N, 3) poses of the images.
+        group: (N,) cluster of each image.
+        rgb: (N, H, W, 3) colours.
+        depth_mm: (N, H, W) depth in millimetres.
+        count: Number of pairs; fewer are returned where duplicates are drawn.
+    """
     if count == 0 or group.max() == group.min():
         return np.empty(0, np.int32), np.empty(0, np.int32)
     share = count // 4
@@ -52,7 +63,7 @@ def hard_negative_pairs(
 
 
 def appearance_descriptors(rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Return (N, F): coarse colours and inverse depths of images (N, H, W, 3) and (N, H, W)."""
+    """Return descriptors (N, F): coarse colours and inverse depths of images (N, H, W, 3) and (N, H, W)."""
     count, height, width = depth_mm.shape
     rows, columns = height // _CELL_PX, width // _CELL_PX
     cells = rgb[:, : rows * _CELL_PX, : columns * _CELL_PX].reshape(count, rows, _CELL_PX, columns, _CELL_PX, 3)
@@ -65,7 +76,7 @@ def appearance_descriptors(rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16])
 def _close_pairs_across_clusters(
     rng: np.random.Generator, poses: Pose, group: NDArray[np.integer], count: int
 ) -> NDArray[np.intp]:
-    """Return (<= count, 2) pairs of other clusters' images close by, many of them behind walls and round corners."""
+    """Return at most `count` pairs (.., 2) of images closer than `NEAR_M`, many behind walls and round corners."""
     pairs = _pairs_within(poses, NEAR_M)
     return _sample(rng, pairs[group[pairs[:, 0]] != group[pairs[:, 1]]], count)
 
@@ -79,9 +90,10 @@ def _opposite_views(rng: np.random.Generator, poses: Pose, group: NDArray[np.int
 def _perceptual_aliases(
     rng: np.random.Generator, poses: Pose, group: NDArray[np.integer], descriptors: NDArray[np.float32], count: int
 ) -> NDArray[np.intp]:
-    """Return (count, 2) pairs of images that resemble each other though they are far apart or look opposite ways."""
+    """Return pairs (count, 2) of similar images that are far apart or have opposite headings."""
     sources = rng.choice(len(poses), count, replace=count > len(poses))
     squares = (descriptors**2).sum(1)
+    # Squared distances by the binomial formula: one matrix product instead of N x N differences.
     apart = squares[sources, None] + squares - 2 * descriptors[sources] @ descriptors.T
     shift = poses[sources, None, :2] - poses[None, :, :2]
     far = np.hypot(shift[..., 0], shift[..., 1]) > NEAR_M
@@ -94,12 +106,13 @@ def _perceptual_aliases(
 
 
 def _random_pairs(rng: np.random.Generator, group: NDArray[np.integer], count: int) -> NDArray[np.intp]:
+    # Twice as many as needed, because some lie within one cluster.
     pairs = rng.integers(len(group), size=(2 * count, 2))
     return pairs[group[pairs[:, 0]] != group[pairs[:, 1]]][:count]
 
 
 def _pairs_within(poses: Pose, radius_m: float) -> NDArray[np.intp]:
-    """Return (P, 2): all ordered pairs of images nearer than a radius."""
+    """Return all ordered pairs (P, 2) of images closer than a radius."""
     pairs = KDTree(poses[:, :2]).query_pairs(radius_m, output_type="ndarray")
     return np.concatenate([pairs, pairs[:, ::-1]])
 

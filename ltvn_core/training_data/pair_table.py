@@ -1,6 +1,6 @@
-"""A shard's pairs as a table to look through: what is true of each pair, and which pairs somebody wants to see.
+"""The pairs of a shard as a table that can be filtered.
 
-Owns the choice of pairs. What a failed criterion means in words is in `ltvn_core.training_data.failure_explanations`.
+`failure_explanations` puts failed criteria into words.
 """
 
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from ltvn_core.types import Depth, Rgb, Waypoint
 
 @dataclass(frozen=True, slots=True)
 class PairFilter:
-    """Which pairs to look at."""
+    """Conditions for the pairs to show."""
 
     reachable: bool | None = None
-    """Only pairs with this label; None takes both."""
+    """Only pairs with this label; None for both labels."""
     criterion: FailedCriteria = FailedCriteria.NOTHING
-    """Only pairs that fail this criterion; NOTHING takes all."""
+    """Only pairs that fail this criterion; NOTHING for all pairs."""
     min_distance_m: float = 0.0
     """Least distance,"""
     max_distance_m: float = float("inf")
     """and greatest distance between source and target."""
     only_disagreements: bool = False
-    """Only pairs whose label the network contradicts."""
+    """Only pairs for which the network contradicts the label."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,23 +36,25 @@ class LabelledPair:
 
     scene: str
     source: int
-    """Number of the image in its shard,"""
+    """Row of the source image in its shard."""
     target: int
+    """Row of the target image in its shard."""
     source_rgb: Rgb
     source_depth: Depth
     target_rgb: Rgb
     target_depth: Depth
     waypoint: Waypoint
-    """(3,) true target in the source's frame."""
+    """(3,) true pose of the target in the source's frame."""
     reachable: bool
     failed: FailedCriteria
     overlap: float
-    """nan where not measured, as is the next."""
+    """Share of the target's points that the source sees; nan where not measured."""
     path_ratio: float
+    """Length of the path against the straight line; nan where not measured."""
 
     @property
     def distance_m(self) -> float:
-        """Return the straight distance."""
+        """Straight distance in metres."""
         return float(np.hypot(self.waypoint[0], self.waypoint[1]))
 
 
@@ -65,13 +67,18 @@ class PairTable:
         self.distance_m: NDArray[np.float64] = np.hypot(self.waypoints[:, 0], self.waypoints[:, 1])
 
     def __len__(self) -> int:
-        """Count the pairs."""
+        """Return the number of pairs."""
         return len(self.distance_m)
 
     def rows(self, pair_filter: PairFilter, reachability: NDArray[np.float64] | None = None) -> NDArray[np.intp]:
-        """Return the rows (M,) of the wanted pairs, in the shard's order.
+        """Return the rows (M,) of the pairs that meet a filter, in the order of the shard.
 
-        `reachability` (P,) is what the network says; raises ValueError where it is needed and missing.
+        Args:
+            pair_filter: The conditions.
+            reachability: (P,) predictions of the network, needed for `only_disagreements`.
+
+        Raises:
+            ValueError: `reachability` is needed and missing.
         """
         shard = self.shard
         chosen = (self.distance_m >= pair_filter.min_distance_m) & (self.distance_m <= pair_filter.max_distance_m)
@@ -81,7 +88,7 @@ class PairTable:
             chosen &= (shard.failed & int(pair_filter.criterion)) != 0
         if pair_filter.only_disagreements:
             if reachability is None:
-                raise ValueError("Where the network disagrees is known only with its reachability of all pairs.")
+                raise ValueError("Disagreements with the network need its reachability of all pairs.")
             chosen &= (reachability > 0.5) != shard.reachable
         return np.flatnonzero(chosen)
 

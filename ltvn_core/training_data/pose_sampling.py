@@ -1,6 +1,6 @@
-"""Where to look from: clusters of neighbouring poses, so that one image serves in many pairs.
+"""Samples clusters of neighbouring poses for training; one image then serves in many pairs.
 
-Owns the distribution of training poses. Needs a floor, no camera.
+Needs the free space of a scene, but no camera.
 """
 
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from ltvn_core.training_data.scene_protocols import FreeSpace
 from ltvn_core.types import Pose, Waypoint
 
 _TRIES = 12
-"""Proposals per place in a cluster; if none is free, the robot turns on the spot instead."""
+"""Proposals per pose; if none is free, the robot turns on the spot instead."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClusterSampling:
-    """How the poses of a cluster spread (all ours)."""
+    """Distribution of the poses of a cluster (all values are ours)."""
 
     size: int = 8
     """Poses per cluster; every ordered pair of them is labelled."""
     reach_m: float = 2.5
-    """Neighbours are drawn evenly over distances up to this."""
+    """Distances to neighbours are uniform up to this."""
     from_anchor: float = 0.7
     """Share of neighbours drawn around the first pose rather than another one of the cluster."""
     ahead: float = 0.75
@@ -32,15 +32,15 @@ class ClusterSampling:
     close: float = 0.2
     """Share of neighbours drawn within 0.6 m, as in a slow drive."""
     yaw_spread_rad: float = radians(26)
-    """Standard deviation of the turn between neighbours."""
+    """Standard deviation of the difference of headings between neighbours."""
     turned: float = 0.1
-    """Share of neighbours looking in any direction, often backwards: the same place, but not reachable."""
+    """Share of neighbours with a uniform heading, often backwards: the same place, but not reachable."""
     min_clearance_m: float = 0.2
     """Least distance to obstacles."""
 
 
 def cluster_poses(floor: FreeSpace, rng: np.random.Generator, count: int, spec: ClusterSampling) -> Pose:
-    """Draw (count, size, 3) poses."""
+    """Draw the poses (count, size, 3) of `count` clusters."""
     anchors = floor.sample_poses(rng, count, min_clearance_m=max(spec.min_clearance_m, 0.22))
     clusters = anchors[:, None]
     while clusters.shape[1] < spec.size:

@@ -1,6 +1,6 @@
-"""The tests that make a pair of poses "reachable" (section III-B of the paper), each a small function over N pairs.
+"""The geometry of the reachability criteria (section III-B of the paper), each a small function over N pairs.
 
-Owns the geometry of each criterion. The limits, and how the criteria join into a label, are in
+The limits, and how the criteria combine to a label, are in
 `ltvn_core.training_data.reachability_labels`.
 """
 
@@ -11,34 +11,38 @@ from ltvn_core.training_data.scene_protocols import FreeSpace
 from ltvn_core.types import Intrinsics, Pose, Waypoint
 
 POINT_STEP = 3
-"""Overlap looks at every third pixel of a row and of a column."""
+"""Every third pixel of a row and of a column is sampled."""
 
 _HORIZON_ABOVE_PX = 3
 _HORIZON_BELOW_PX = 10
-"""A camera standing at the target would appear in these rows about the horizon; its mast hangs below."""
+"""A camera at the target would appear in these rows around the horizon; its mast extends below it."""
+
+OBSTACLE_LOW_M = 0.1
+OBSTACLE_HIGH_M = 0.9
+"""Surfaces between these heights above the floor are obstacles for the robot."""
 
 
 def straight_m(waypoints: Waypoint) -> NDArray[np.float64]:
-    """Return the metres (N,) between the poses, as the crow flies."""
+    """Return the straight distances (N,) in metres."""
     return np.hypot(waypoints[:, 0], waypoints[:, 1])
 
 
 def bearing_rad(waypoints: Waypoint) -> NDArray[np.float64]:
-    """Return the direction (N,) in which the source sees the target's place."""
+    """Return the directions (N,) in radians from the source to the target's position, positive to the left."""
     return np.arctan2(waypoints[:, 1], waypoints[:, 0])
 
 
 def in_view(waypoints: Waypoint, camera: Intrinsics) -> NDArray[np.bool_]:
-    """Tell whether the target's place lies ahead, within the horizontal field of view."""
+    """Return whether the target's position is within the horizontal field of view, (N,)."""
     return (waypoints[:, 0] > 0) & (np.abs(bearing_rad(waypoints)) < camera.horizontal_fov_rad / 2)
 
 
 def unobstructed(
     waypoints: Waypoint, source_depth: NDArray[np.floating], camera: Intrinsics, *, tolerance_m: float
 ) -> NDArray[np.bool_]:
-    """Tell whether the source's depth (N, H, W) reaches the target's place, give or take `tolerance_m`.
+    """Return whether the source's depth (N, H, W) reaches the target's position up to `tolerance_m`, (N,).
 
-    Means something only where the place is in view.
+    Only valid where the position is in view.
     """
     ahead = np.maximum(waypoints[:, 0], 0.01)
     column = np.floor(camera.width / 2 - camera.focal_px * waypoints[:, 1] / ahead)
@@ -54,10 +58,10 @@ def overlap(
     target_depth: NDArray[np.floating],
     camera: Intrinsics,
 ) -> NDArray[np.float64]:
-    """Return the share (N,) of the target's surface points that the source sees, from depths (N, H, W).
+    """Return the share (N,) of the target's surface points that the source sees, from depths (N, H, W) in metres.
 
-    The direction matters: driving forward narrows the view, so the target sees little of what the source sees, but
-    the source sees most of what the target does.
+    Not symmetric: after driving forward the target sees only a part of what the source sees, but the source sees most
+    of what the target sees.
     """
     rays = _rays(camera)
     half = POINT_STEP // 2
@@ -72,10 +76,42 @@ def overlap(
     return visible.sum(1) / np.maximum((metres > 0).sum(1), 1)
 
 
+def clearance_from_depth(
+    waypoints: Waypoint, source_depth: NDArray[np.floating], camera: Intrinsics
+) -> NDArray[np.float64]:
+    """Return the distance in metres (P,) from the straight line to each waypoint to the nearest visible obstacle.
+
+    It replaces the clearance map where there is none. Obstacles that the source does not see are not noticed.
+
+    Args:
+        waypoints: (P, 3) targets in the source's frame.
+        source_depth: (P, H, W) in metres.
+        camera: The camera of the depth images.
+
+    Returns:
+        (P,) distances; infinity where nothing is seen at the height of the robot.
+    """
+    half = POINT_STEP // 2
+    rows = np.arange(half, camera.height, POINT_STEP) + 0.5
+    columns = np.arange(half, camera.width, POINT_STEP) + 0.5
+    depth = source_depth[:, half::POINT_STEP, half::POINT_STEP].astype(np.float32)
+    left = ((camera.width / 2 - columns) / camera.focal_px).astype(np.float32) * depth
+    height = ((camera.height / 2 - rows) / camera.focal_px)[:, None].astype(np.float32) * depth + camera.height_m
+    ends = waypoints[:, :2].astype(np.float32)
+    length = np.maximum((ends**2).sum(1), 1e-6)
+    ahead_x = ends[:, 0, None, None]
+    ahead_y = ends[:, 1, None, None]
+    # Projection of each point onto the segment from the robot to the waypoint, as a share of its length.
+    along = np.clip((depth * ahead_x + left * ahead_y) / length[:, None, None], 0, 1)
+    beside = np.hypot(depth - along * ahead_x, left - along * ahead_y)
+    is_obstacle = (depth > 0) & (height > OBSTACLE_LOW_M) & (height < OBSTACLE_HIGH_M)
+    return np.where(is_obstacle, beside, np.inf).min((1, 2)).astype(np.float64)
+
+
 def path_ratio(sources: Pose, targets: Pose, floor: FreeSpace, *, limit: float) -> NDArray[np.float64]:
     """Return (shortest feasible path) / (straight line) for N pairs; inf if it is clearly above `limit`.
 
-    A pair closer than the grid can measure is taken as 5 cm apart.
+    A pair closer than the resolution of the grid counts as 5 cm apart.
     """
     straight = np.maximum(np.hypot(*(targets - sources)[:, :2].T), 0.05)
     ratio = np.full(len(sources), np.inf)
@@ -88,7 +124,7 @@ def path_ratio(sources: Pose, targets: Pose, floor: FreeSpace, *, limit: float) 
 
 
 def _rays(camera: Intrinsics) -> NDArray[np.float32]:
-    """Return (2, M): left and up of the sampled pixels at one metre of depth."""
+    """Return the left and up coordinates (2, M) of the sampled pixels at one metre of depth."""
     half = POINT_STEP // 2
     rows = np.arange(half, camera.height, POINT_STEP) + 0.5
     columns = np.arange(half, camera.width, POINT_STEP) + 0.5
@@ -99,7 +135,7 @@ def _rays(camera: Intrinsics) -> NDArray[np.float32]:
 def _sample_depth(
     points: NDArray[np.float32], depth: NDArray[np.floating], camera: Intrinsics
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Return whether points (3, N, M) fall into images (N, H, W), and the depth found there (N, M)."""
+    """Return whether points (3, N, M) project into images (N, H, W), and the depth at those pixels (N, M)."""
     ahead = points[0] > 0.05
     safe = np.where(ahead, points[0], 1)
     column = camera.width / 2 - camera.focal_px * points[1] / safe
@@ -111,5 +147,5 @@ def _sample_depth(
 
 
 def _far_if_missing(depth: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return depths in which no return counts as far away."""
+    """Return depths with infinity where the sensor returned nothing."""
     return np.where(depth > 0, depth, np.inf)

@@ -1,6 +1,6 @@
-"""Joins the criteria into labels: which pairs are reachable, and which criterion the others fail.
+"""Labels pairs as reachable by the criteria of section III-B of the paper, with the limits of each criterion.
 
-Owns the limits. The geometry is in `ltvn_core.training_data.reachability_criteria`.
+The geometry of the criteria is in `ltvn_core.training_data.reachability_criteria`.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from ltvn_core.types import Intrinsics, Pose, Waypoint
 
 
 class FailedCriteria(IntFlag):
-    """Criteria that a pair fails. Overlap and path are only measured where the cheaper ones hold."""
+    """The criteria that a pair fails. Overlap and path are measured only where the cheaper criteria hold."""
 
     NOTHING = 0
     DISTANCE = 1
@@ -34,37 +34,37 @@ class ReachabilityLimits:
     """Limits of the criteria. The paper names the first five and states no value; all values are ours."""
 
     overlap: float = 0.4
-    """L_min: least share of the target's points that the source must see (criterion: paper). Below it the waypoint is
-    a guess: from 0.25 to 0.35, the error's 90th percentile was 0.6 m."""
+    """L_min: smallest share of the target's points that the source must see (criterion: paper). Waypoints below it are
+    unreliable: between 0.25 and 0.35 the 90th percentile of their error was 0.6 m."""
     path_ratio: float = 1.15
-    """R_max: longest feasible path against the straight line (criterion: paper)."""
+    """R_max: largest ratio of the feasible path to the straight line (criterion: paper)."""
     distance_m: float = 2.5
-    """E_max: greatest straight distance (criterion: paper)."""
+    """E_max: largest straight distance (criterion: paper)."""
     yaw_rad: float = radians(45)
-    """Theta_max: greatest turn (criterion: paper)."""
+    """Theta_max: largest difference of heading (criterion: paper)."""
     occlusion_m: float = 0.15
-    """The target's place counts as visible if depth ends at most this far before it (criterion: paper)."""
+    """The target's position is visible if the depth there is at most this much too short (criterion: paper)."""
     at_place_m: float = 0.25
-    """A target this near need not lie ahead: the robot already stands there (ours)."""
+    """A target closer than this need not be visible, because the robot is already there (ours)."""
     line_clearance_m: float = 0.18
-    """Least clearance on the straight way, the robot's radius: the controller drives nearly straight (ours)."""
+    """Smallest clearance of the straight line, the robot's radius: the controller drives nearly straight (ours)."""
 
 
 class PairLabels(NamedTuple):
     """Labels of N pairs."""
 
     waypoints: Waypoint
-    """(N, 3) target in the source's frame."""
+    """(N, 3) pose of the target in the source's frame."""
     reachable: NDArray[np.bool_]
-    """(N,)"""
+    """(N,) whether the pair meets all criteria."""
     failed: NDArray[np.uint8]
     """(N,) flags of `FailedCriteria`; 0 where reachable."""
     overlap: NDArray[np.float32]
     """(N,) share of the target's points that the source sees; nan where not measured."""
     path_ratio: NDArray[np.float32]
-    """(N,) path against straight line; nan where not measured."""
+    """(N,) ratio of the path to the straight line; nan where not measured."""
     line_clearance_m: NDArray[np.float32]
-    """(N,) least clearance on the straight line."""
+    """(N,) smallest clearance on the straight line."""
 
 
 def label_poses(
@@ -77,10 +77,19 @@ def label_poses(
     limits: ReachabilityLimits | None = None,
     camera: Intrinsics | None = None,
 ) -> PairLabels:
-    """Label N pairs of poses (N, 3) whose depth images (N, H, W) are in metres.
+    """Label N pairs of poses by all criteria.
 
-    Reachable means: near, turned little, the target's place visible ahead (or underfoot), enough overlap, a feasible
-    path hardly longer than the straight line, and that line wide enough for the robot.
+    Reachable means: close, a small difference of heading, the target's position visible (or under the robot), enough
+    overlap, a feasible path hardly longer than the straight line, and enough clearance on that line.
+
+    Args:
+        sources: Poses (N, 3).
+        targets: Poses (N, 3).
+        source_depth: Depth images (N, H, W) in metres at the sources.
+        target_depth: Depth images (N, H, W) in metres at the targets.
+        floor: Free space of the scene.
+        limits: Limits of the criteria.
+        camera: The camera of the depth images.
     """
     limits = limits or ReachabilityLimits()
     camera = camera or Intrinsics()
@@ -96,7 +105,14 @@ def label_poses(
     failed[rows] |= np.where(ratio[rows] < limits.path_ratio, 0, FailedCriteria.PATH).astype(np.uint8)
     clearance = floor.along(sources[:, :2], targets[:, :2])
     failed |= np.where(clearance > limits.line_clearance_m, 0, FailedCriteria.LINE).astype(np.uint8)
-    return PairLabels(waypoints, failed == 0, failed, *(x.astype(np.float32) for x in (shared, ratio, clearance)))
+    return PairLabels(
+        waypoints=waypoints,
+        reachable=failed == 0,
+        failed=failed,
+        overlap=shared.astype(np.float32),
+        path_ratio=ratio.astype(np.float32),
+        line_clearance_m=clearance.astype(np.float32),
+    )
 
 
 def _failures_without_overlap(

@@ -1,4 +1,4 @@
-"""What data generation asks of a simulated world, as Protocols: a floor that knows its obstacles, and a camera."""
+"""What data generation needs of a simulated scene, as Protocols: its free space and a renderer."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from ltvn_core.types import Pose, Renderer
 
 
 class FreeSpace(Protocol):
-    """Distances to obstacles and ways around them, for the centre of the robot."""
+    """Distances to obstacles and paths between them, for the centre of the robot."""
 
     def at(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Return the metres from points (..., 2) to the nearest obstacle; shape (...)."""
+        """Return the distances (...) in metres from points (..., 2) to the nearest obstacle."""
         ...
 
     def along(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
-        """Return the least clearance (N,) on straight lines from starts (N, 2) to ends (N, 2)."""
+        """Return the smallest clearance (N,) on straight lines from starts (N, 2) to ends (N, 2)."""
         ...
 
     def sample_poses(self, rng: np.random.Generator, count: int, *, min_clearance_m: float = ...) -> Pose:
@@ -26,24 +26,24 @@ class FreeSpace(Protocol):
         ...
 
     def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
-        """Return points (M, 2) from start to goal, or None."""
+        """Return a path (M, 2) from start (2,) to goal (2,), or None if there is none."""
         ...
 
     def path_lengths(self, start: ArrayLike, goals: ArrayLike, *, limit_m: float = ...) -> NDArray[np.float64]:
-        """Return the metres (N,) of the shortest feasible ways from start (2,) to goals (N, 2); inf if none."""
+        """Return the lengths (N,) in metres of the shortest paths from start (2,) to goals (N, 2); inf if none."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class DatasetScene:
-    """One scene, ready to be looked at."""
+    """One scene of a dataset with its free space and renderer."""
 
     name: str
-    """Name of the scene; names its shard."""
+    """Name of the scene and of its shard."""
     floor: FreeSpace
-    """Where a robot can stand and go."""
+    """Where a robot can stand and drive."""
     camera: Renderer
-    """What it sees there."""
+    """Renders the images."""
 
 
 OpenDatasetScene: TypeAlias = Callable[[str], DatasetScene]

@@ -1,6 +1,6 @@
-"""Makes shards: samples clusters of poses in a world, renders and labels them.
+"""Generates shards: samples clusters of poses in a scene, renders their images and labels their pairs.
 
-Owns the order of work and its resumption. The world comes in from outside; see
+Interrupted work continues with the missing scenes. Scenes come in through the Protocols of
 `ltvn_core.training_data.scene_protocols`.
 """
 
@@ -28,25 +28,28 @@ from ltvn_core.types import Intrinsics, Pose, Renderer
 log = logging.getLogger(__name__)
 
 _PAIRS_AT_ONCE = 4096
-"""Bounds the memory of labelling."""
+"""Limits the memory of labelling."""
 
 
 @dataclass(frozen=True, slots=True)
 class DatasetRecipe:
-    """Everything that decides the bytes of a dataset, beside the scenes."""
+    """Everything except the scenes that determines a dataset; its JSON text identifies the dataset.
+
+    Field names are part of that text: renaming one makes every existing dataset stale.
+    """
 
     seed: int = 0
-    """Seed of poses; each scene draws from its own stream."""
+    """Seed of the poses; each scene has its own generator."""
     clusters: int = 280
     """Clusters of poses per scene."""
     sampling: ClusterSampling = field(default_factory=ClusterSampling)
-    """How poses spread within a cluster."""
+    """Distribution of the poses within a cluster."""
     strangers: int = 28
-    """Pairs across clusters, for each cluster: through walls, look-alikes, from behind, and any."""
+    """Hard negatives per cluster, see `hard_negatives`; the name is older than that term."""
     cameras: CameraVariation = field(default_factory=CameraVariation)
-    """How the camera's mounting varies."""
+    """Variation of the camera between clusters."""
     limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)
-    """What counts as reachable."""
+    """Limits of the reachability criteria."""
 
     def text(self) -> str:
         """Return the recipe as text, equal for equal recipes."""
@@ -58,10 +61,10 @@ class DatasetRecipe:
 
 
 class ShardRecipe(Protocol):
-    """Makes the shard of a scene; equal recipes have equal texts and make equal bytes."""
+    """Generates the shard of a scene; recipes with equal texts generate equal bytes."""
 
     def text(self) -> str:
-        """Return all that decides the bytes."""
+        """Return everything that determines the shards, as JSON."""
         ...
 
     def make(self, world: DatasetScene) -> Shard:
@@ -78,10 +81,16 @@ def generate_shards(
     processes: int = 1,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
-    """Make the shards of the named scenes in a folder, skipping those that lie there whole, and return their paths.
+    """Generate the shards of scenes in a folder, except those that are already there, and return their paths.
 
-    With several processes, `open_world` must be picklable. `on_progress` hears how many shards there are, and of how
-    many, at first and after each; what it raises ends the work.
+    Args:
+        names: Names of the scenes.
+        open_world: Opens a scene by name; must be picklable for several processes.
+        folder: Where the shards are written.
+        recipe: How they are generated.
+        processes: Number of worker processes.
+        on_progress: Called with the number of finished shards and of all, at first and after each; an exception in it
+            stops the work.
     """
     paths = [shard_path(folder, name) for name in names]
     text = recipe.text()
@@ -110,9 +119,9 @@ def _make_and_write(name: str, open_world: OpenDatasetScene, path: Path, recipe:
 
 
 def make_shard(world: DatasetScene, recipe: DatasetRecipe) -> Shard:
-    """Sample, render and label one scene.
+    """Sample, render and label the pairs of one scene.
 
-    Labels are about places, so they are taken from what the nominal camera sees there.
+    Labels describe poses and not cameras, so they are computed from the depth of the nominal camera.
     """
     rng = np.random.default_rng([recipe.seed, zlib.crc32(world.name.encode())])
     clusters = cluster_poses(world.floor, rng, recipe.clusters, recipe.sampling)
@@ -146,7 +155,7 @@ def make_shard(world: DatasetScene, recipe: DatasetRecipe) -> Shard:
 def render_poses(
     camera: Renderer, poses: Pose, intrinsics: Intrinsics | None = None
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
-    """Return rgb (N, H, W, 3) and depth in millimetres (N, H, W) seen from poses (N, 3); no lens is the usual one."""
+    """Return rgb (N, H, W, 3) and depth in millimetres (N, H, W) rendered at poses (N, 3)."""
     size = intrinsics or Intrinsics()
     rgb = np.empty((len(poses), size.height, size.width, 3), np.uint8)
     depth_mm = np.empty((len(poses), size.height, size.width), np.uint16)
@@ -168,7 +177,7 @@ def label_image_pairs(
     targets: NDArray[np.integer],
     limits: ReachabilityLimits,
 ) -> PairLabels:
-    """Label pairs of images in pieces of bounded memory."""
+    """Return the labels of pairs of images, computed in batches of bounded memory."""
     parts = []
     for first in range(0, len(sources), _PAIRS_AT_ONCE):
         i = sources[first : first + _PAIRS_AT_ONCE]

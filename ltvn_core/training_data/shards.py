@@ -1,7 +1,6 @@
-"""One scene's labelled image pairs in memory and on disk.
+"""The labelled image pairs of one scene (a shard), in memory and as a safetensors file.
 
-Owns the shard's fields and file format: safetensors, written aside and then renamed, the same bytes for the same
-content. Does not know how shards are made.
+Files are written to a temporary name and then renamed; equal content gives equal bytes.
 """
 
 import json
@@ -20,17 +19,17 @@ from ltvn_core.errors import DatasetError
 from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Pose
 
 SCHEMA = "ltvn-pairs-1"
-"""Name of the file format; another one is refused."""
+"""Name of the file format; files of another format are refused."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shard:
-    """Images of one scene and labelled pairs of them."""
+    """The images of one scene and labelled pairs of them."""
 
     name: str
     """The scene."""
     recipe: str
-    """Text of seed and settings that made the shard; a shard of another recipe is not taken for this one."""
+    """JSON text of the recipe that generated the shard; a shard with another recipe is generated again."""
     rgb: NDArray[np.uint8]
     """(N, H, W, 3)."""
     depth_mm: NDArray[np.uint16]
@@ -46,7 +45,7 @@ class Shard:
     reachable: NDArray[np.bool_]
     """(P,)"""
     failed: NDArray[np.uint8]
-    """(P,) flags of `ltvn_core.training_data.reachability_labels.Failed`."""
+    """(P,) flags of `ltvn_core.training_data.reachability_labels.FailedCriteria`."""
     overlap: NDArray[np.float32]
     """(P,) nan where not measured."""
     path_ratio: NDArray[np.float32]
@@ -57,13 +56,17 @@ _ARRAYS = tuple(field.name for field in fields(Shard) if field.name not in ("nam
 
 
 def shard_path(folder: Path, name: str) -> Path:
-    """Return where the shard of a scene lies."""
+    """Return the path of the shard of a scene."""
     return folder / f"{Path(name).stem}.pairs.safetensors"
 
 
 def write_shard(shard: Shard, path: Path) -> None:
-    """Write a shard so that the file is either whole or not there. Raises DatasetError if the disk will not take it."""
-    # Two processes that make the same shard at once both end with a whole one.
+    """Write a shard so that the file is either complete or not there.
+
+    Raises:
+        DatasetError: The file cannot be written.
+    """
+    # The process id keeps two processes that write the same shard apart; both end with a complete file.
     partial = path.with_suffix(f".{os.getpid()}.partial")
     # One entry only: safetensors writes several in random order, and the bytes must not vary.
     metadata = {"ltvn": json.dumps({"schema": SCHEMA, "name": shard.name, "recipe": shard.recipe})}
@@ -81,7 +84,11 @@ def write_shard(shard: Shard, path: Path) -> None:
 
 
 def read_shard(path: Path) -> Shard:
-    """Read a shard. Raises DatasetError if it is missing, cut or of another format."""
+    """Read a shard.
+
+    Raises:
+        DatasetError: The file is missing, truncated, inconsistent or of another format.
+    """
     try:
         with safe_open(path, framework="numpy") as file:
             metadata = _metadata(file)
@@ -95,7 +102,7 @@ def read_shard(path: Path) -> Shard:
 
 
 def read_recipe(path: Path) -> str | None:
-    """Return the recipe of a whole shard, or None where there is none."""
+    """Return the recipe of a shard, or None if there is no complete shard."""
     try:
         with safe_open(path, framework="numpy") as file:
             metadata = _metadata(file)
@@ -128,7 +135,7 @@ def _check_arrays(shard: Shard, path: Path) -> None:
 
 
 def _metadata(file: Any) -> dict[str, str]:
-    """Return what an open safetensors file says of itself, empty for a foreign file."""
+    """Return the metadata of an open safetensors file, empty if another program wrote it."""
     try:
         return json.loads((file.metadata() or {})["ltvn"])
     except (KeyError, ValueError):

@@ -1,7 +1,7 @@
-"""What a mapping drive sees, without physics: poses along clear paths between random places, with looks around.
+"""Simulated mapping drives without physics: poses along clear paths between random places, with full turns.
 
-Owns the poses and the division of all ordered image pairs into near, far and neither, by which false positives are
-judged. A driven tour of the simulator gives the same kind of images and may be used instead.
+Also classifies all ordered image pairs of a drive as near, far or neither, to count false positives. A tour with
+physics (`scripted_tour`) gives the same kind of images and may be used instead.
 """
 
 from dataclasses import dataclass
@@ -15,35 +15,35 @@ from ltvn_core.training_data.scene_protocols import FreeSpace
 from ltvn_core.types import Intrinsics, Pose
 
 ROBOT_RADIUS_M = 0.18
-"""A straight line is free if obstacles keep this far from it."""
+"""A straight line is free if its clearance is larger than this."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriveSpacing:
-    """Spacing of a drive's images (all ours, as the simulator's tour has it)."""
+    """Spacing of the images of a drive (all ours, equal to the simulator's tour)."""
 
     spacing_m: float = 0.12
-    """Metres between images on a straight way."""
+    """Metres between images along a path."""
     turn_rad: float = radians(10)
-    """Turn between images on the spot."""
+    """Rotation between images while turning on the spot."""
     full_turn_share: float = 0.3
-    """Share of visited places at which the drive turns once around."""
+    """Share of visited places with a full turn."""
 
 
 @dataclass(frozen=True, slots=True)
 class NearFarLimits:
-    """What is near and what is far, for judging false positives (ours)."""
+    """Limits of near and far pairs, for counting false positives (ours)."""
 
     far_m: float = 3.0
-    """Pairs farther apart than this are far."""
+    """Pairs with a larger distance are far."""
     far_rad: float = radians(92)
-    """Pairs turned by more than this are far."""
+    """Pairs with a larger difference of heading are far."""
     around_m: float = 3.0
-    """Pairs whose straight line is blocked are far if the way around is longer than this: behind a wall."""
+    """Pairs with a blocked straight line are far if the shortest path is longer than this (behind a wall)."""
     near_m: float = 1.2
-    """Near pairs are closer than this,"""
+    """Near pairs have a smaller distance than this,"""
     near_rad: float = radians(34)
-    """turned by less than this, ahead within the field of view, and with a free straight line between them."""
+    """a smaller difference of heading than this, the target in the field of view, and a free straight line."""
 
 
 def sample_drive_poses(
@@ -56,6 +56,7 @@ def sample_drive_poses(
     while sum(map(len, parts)) < count:
         goal = floor.sample_poses(rng, 1, min_clearance_m=0.3)[0]
         path = floor.path(here[:2], goal[:2])
+        # A goal in the same place gives no path to follow.
         if path is None or len(path) < 3:
             continue
         parts.append(_along_path(path, parts[-1][-1, 2], spec))
@@ -68,7 +69,7 @@ def sample_drive_poses(
 def classify_near_far(
     poses: Pose, floor: FreeSpace, classes: NearFarLimits | None = None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return near and far (N, N) for all ordered pairs of poses (N, 3); the diagonal is neither."""
+    """Return which ordered pairs of poses (N, 3) are near and which are far, each (N, N); the diagonal is neither."""
     classes = classes or NearFarLimits()
     near, far = np.zeros((2, len(poses), len(poses)), bool)
     for i in range(len(poses)):
@@ -98,7 +99,7 @@ def _classify_targets(
 
 
 def _along_path(path: NDArray[np.float64], yaw: float, spec: DriveSpacing) -> Pose:
-    """Return poses that turn into a path (M, 2) and follow it, looking a little ahead."""
+    """Return poses that turn towards a path (M, 2) and follow it, heading to the point 0.4 m ahead."""
     lengths = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     marks = np.arange(0, lengths[-1], spec.spacing_m)
     here = np.column_stack([np.interp(marks, lengths, path[:, axis]) for axis in (0, 1)])
@@ -109,7 +110,7 @@ def _along_path(path: NDArray[np.float64], yaw: float, spec: DriveSpacing) -> Po
 
 
 def _turn(pose: Pose, angle_rad: float, spec: DriveSpacing) -> Pose:
-    """Return poses of a turn on the spot by an angle, the first one left out."""
+    """Return the poses of a turn on the spot by an angle, without the initial pose."""
     steps = max(int(abs(angle_rad) / spec.turn_rad), 1)
     yaws = wrap_angle(pose[2] + angle_rad * np.arange(1, steps + 1) / steps)
     return np.column_stack([np.broadcast_to(pose[:2], (steps, 2)), yaws])

@@ -1,7 +1,6 @@
-"""Random walks labelled by time: which pairs are drawn, and in which groups training sees them together.
+"""Draws pairs of images of random walks, in groups for training, and labels them by time.
 
-Owns the draw. The labels are `ltvn_core.training_data.temporal_rules`; the walks come from
-`ltvn_core.training_data.random_walk`.
+`ltvn_core.training_data.temporal_rules` has the labels, `ltvn_core.training_data.random_walk` the walks.
 """
 
 from dataclasses import replace
@@ -15,15 +14,15 @@ from ltvn_core.training_data.temporal_rules import TemporalLabelRule
 from ltvn_core.training_data.trajectory_pairs import UNKNOWN, UNREACHABLE
 
 _BLOCK = 48
-"""Images in a row from which groups are drawn, a little more than the greatest labelled distance,"""
+"""Consecutive images from which groups are drawn, a little more than the largest labelled distance."""
 _GROUP = 12
-"""and images of a group: an image is encoded once and used in many pairs."""
+"""Images of a group; each is encoded once and used in many pairs."""
 
 
 def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator, *, cross_pairs: int = 16) -> Shard:
-    """Return a shard of walks with pairs labelled by a rule: all within each group, and `cross_pairs` to others.
+    """Return a shard of walks with labelled pairs: all within each group, and `cross_pairs` per group to others.
 
-    Images of different walks are never reachable, as no robot was seen driving from one to the other.
+    Images of different walks are labelled not reachable, because no robot drove from one to the other.
     """
     walk = shard.group
     time = np.arange(len(walk)) - np.searchsorted(walk, walk)

@@ -1,8 +1,9 @@
-"""Labels from time alone, as the rivals SPTM and ViNG learn: what two images are to each other by the steps between.
+"""Labels pairs by the number of steps between their images, as the baselines SPTM and ViNG do.
 
-Owns both rules, for random walks and for the robot's own drive alike. A step is an image of a drive: about 0.12 m or 10
-degrees. A target that comes *before* its source by few steps is left out: whether the robot could drive there forwards
-is not known. At run time each way of a pair is asked by itself, and a way back is driven in reverse, as in LTVN.
+Both rules serve random walks and the robot's own drive alike. A step is an image of a drive: about 0.12 m or 10
+degrees. A target a few steps *before* its source has no label: it is not known whether the robot could drive there
+forwards. At run time each direction of a pair is predicted by itself, and an edge back is driven in reverse, as in
+LTVN.
 """
 
 from abc import ABC, abstractmethod
@@ -20,15 +21,15 @@ TAU_STEPS = 8.0
 
 @dataclass(frozen=True)
 class TemporalLabelRule(ABC):
-    """What the number of steps between two images says of them."""
+    """Labels a pair by the number of steps from its source to its target."""
 
     horizon: int = 40
-    """Pairs up to so many steps apart are drawn one by one; ViNG's greatest distance d_max (ours)."""
+    """Pairs at most this many steps apart are drawn one by one; ViNG's largest distance d_max (value: ours)."""
 
     @property
     @abstractmethod
     def far_steps(self) -> int:
-        """From so many steps on, images count as not reachable in either order."""
+        """Number of steps from which on images count as not reachable in either direction."""
 
     @abstractmethod
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
@@ -41,29 +42,29 @@ class TemporalLabelRule(ABC):
         targets: NDArray[np.integer],
         rng: np.random.Generator,
     ) -> NDArray[np.int8]:
-        """Return the labels (P,) of pairs of a drive; those across a jump of odometry are unknown: they lack a pose."""
+        """Return the labels (P,) of pairs of a drive; pairs across a jump of odometry are UNKNOWN."""
         together = trajectory.piece[sources] == trajectory.piece[targets]
         return np.where(together, self.labels_by_steps(targets - sources, rng), UNKNOWN).astype(np.int8)
 
     def far(
         self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
     ) -> NDArray[np.bool_]:
-        """Tell which pairs of rows, of any shape that broadcasts, are far apart in time; a second visit is, too."""
+        """Return which pairs of rows (any shapes that broadcast) are far apart in time, even at the same place."""
         return np.abs(targets - sources) >= self.far_steps
 
 
 @dataclass(frozen=True)
 class TemporalClosenessRule(TemporalLabelRule):
-    """SPTM: close in time or not; what lies in between is left out (both limits are SPTM's)."""
+    """SPTM's labels: close in time or not; pairs in between have no label (both limits are SPTM's)."""
 
     near_steps: int = 5
-    """Reachable is what comes up to so many steps later,"""
+    """A target is reachable up to this many steps after its source."""
     margin: int = 5
-    """and not reachable what is this many times as far away."""
+    """A target is not reachable from this many times as many steps on."""
 
     @property
     def far_steps(self) -> int:
-        """Return the first step that counts as far."""
+        """Number of steps from which on pairs count as far."""
         return self.near_steps * self.margin
 
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
@@ -75,13 +76,16 @@ class TemporalClosenessRule(TemporalLabelRule):
 
 @dataclass(frozen=True)
 class TemporalDistanceRule(TemporalLabelRule):
-    """ViNG: the steps themselves. Each label is drawn with probability exp(-steps / tau), which r then learns."""
+    """ViNG's labels: the number of steps itself.
+
+    Each label is drawn as reachable with probability exp(-steps / tau), so that r learns this probability.
+    """
 
     tau: float = TAU_STEPS
 
     @property
     def far_steps(self) -> int:
-        """Return d_max, at which the distance ends."""
+        """ViNG's d_max, at which the distance saturates."""
         return self.horizon
 
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
@@ -93,4 +97,4 @@ class TemporalDistanceRule(TemporalLabelRule):
 
 
 TEMPORAL_RULES: dict[str, TemporalLabelRule] = {"sptm": TemporalClosenessRule(), "ving": TemporalDistanceRule()}
-"""The rule of each rival."""
+"""The label rule of each baseline."""

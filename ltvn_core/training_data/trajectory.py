@@ -1,7 +1,6 @@
-"""One robot's own drive as data: its images, where odometry says they were taken, and where odometry broke.
+"""A recorded drive as training data: selected images with their odometry, split where odometry jumps.
 
-Owns thinning, the split into pieces and the way travelled. What two images are to each other is said by
-`ltvn_core.training_data.trajectory_pairs`. Exact poses are never looked at.
+`ltvn_core.training_data.trajectory_pairs` labels the pairs of its images. Exact poses are never read.
 """
 
 from collections.abc import Sequence
@@ -18,23 +17,23 @@ from ltvn_core.types import Intrinsics, Observation, Pose
 
 @dataclass(frozen=True, slots=True)
 class KeyframeSelection:
-    """Which images of a drive are kept, and where it is cut (all ours)."""
+    """Which images of a drive are kept, and where it is split (all values are ours)."""
 
     keep_m: float = 0.1
-    """An image is kept after so much driving since the last one,"""
+    """An image is kept after this distance since the last one,"""
     keep_rad: float = radians(8)
-    """or after so much turning."""
+    """or after this change of heading."""
     jump_m: float = 1.0
-    """Odometry that moves more than this between two recorded images has jumped: a new piece begins,"""
+    """Odometry that moves more than this between two recorded images has jumped, and a new piece begins;"""
     jump_rad: float = radians(90)
-    """and so it does where it turns by more than this."""
+    """likewise where it turns by more than this."""
     fewest: int = 20
-    """A drive of fewer images teaches nothing."""
+    """A drive with fewer kept images is refused."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """N images in the order in which they were taken."""
+    """The N kept images of a drive in the order in which they were taken."""
 
     name: str
     rgb: NDArray[np.uint8]
@@ -42,7 +41,7 @@ class Trajectory:
     depth_mm: NDArray[np.uint16]
     """(N, H, W); 0 = no return."""
     poses: Pose
-    """(N, 3) by odometry, which drifts; comparable within one piece alone."""
+    """(N, 3) poses by odometry, which drifts; comparable within one piece only."""
     piece: NDArray[np.int32]
     """(N,) number of the piece that an image belongs to."""
     travelled_m: NDArray[np.float64]
@@ -65,9 +64,16 @@ def select_keyframes(
     camera: Intrinsics | None = None,
     selection: KeyframeSelection | None = None,
 ) -> Trajectory:
-    """Thin a drive and cut it where its odometry jumps.
+    """Select the keyframes of a drive and split it where its odometry jumps.
 
-    Raises RecordingError where there is no odometry, too little of a drive, or only one place.
+    Args:
+        observations: The drive, in order.
+        name: Name of the drive, for messages and cards.
+        camera: The camera that took the images.
+        selection: Spacing of the kept images.
+
+    Raises:
+        RecordingError: There is no odometry, there are too few images, or all show one place.
     """
     selection = selection or KeyframeSelection()
     odometry = _odometry(observations, name, selection)
@@ -95,7 +101,7 @@ def select_keyframes(
 
 
 def _odometry(observations: Sequence[Observation], name: str, selection: KeyframeSelection) -> Pose:
-    """Return the odometry (N, 3), checked."""
+    """Return the odometry (N, 3) after checking that it exists and moves."""
     if len(observations) < selection.fewest:
         raise RecordingError(
             f"{name}: holds {len(observations)} images; fine-tuning needs {selection.fewest} or more. Record a longer "
@@ -104,10 +110,10 @@ def _odometry(observations: Sequence[Observation], name: str, selection: Keyfram
     odometry = np.stack([np.asarray(each.odometry, np.float64) for each in observations])
     missing = ~np.isfinite(odometry).all(1)
     if missing.any() or np.ptp(odometry, axis=0).max() == 0:
-        said = f"{int(missing.sum())} of them have none" if missing.any() else "it is the same for all of them"
+        reason = f"{int(missing.sum())} of them have none" if missing.any() else "it is the same for all"
         raise RecordingError(
-            f"{name}: fine-tuning takes the poses of its {len(odometry)} images from odometry, and {said}. Record the "
-            "drive again with the robot's wheel odometry connected."
+            f"{name}: fine-tuning takes the poses of its {len(odometry)} images from odometry, and {reason}. Record "
+            "the drive again with the robot's wheel odometry connected."
         )
     return odometry
 
@@ -124,7 +130,7 @@ def _jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
 
 
 def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer], selection: KeyframeSelection) -> NDArray[np.intp]:
-    """Return the rows of images that have moved on from the last kept one."""
+    """Return the rows of images that are far enough from the last kept one, or begin a piece."""
     rows = [0]
     for row in range(1, len(odometry)):
         shift = odometry[row] - odometry[rows[-1]]
@@ -135,4 +141,5 @@ def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer], selection: Keyfra
 
 
 def _millimetres(observation: Observation) -> NDArray[np.uint16]:
+    # 65 m is the most that 16 bits hold in millimetres.
     return np.rint(np.clip(observation.depth, 0, 65) * 1000).astype(np.uint16)

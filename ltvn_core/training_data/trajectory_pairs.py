@@ -1,6 +1,6 @@
-"""What odometry knows of two images of one drive: reachable, not reachable, or unknown because odometry drifts.
+"""Labels image pairs of one drive from odometry: reachable, not reachable, or unknown because odometry drifts.
 
-Owns the rule by which fine-tuning labels itself. Poses come from odometry and free ways from depth; there is no map.
+This is the self-supervision of fine-tuning: poses come from odometry and free space from depth; there is no map.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.training_data import reachability_criteria
-from ltvn_core.training_data.path_clearance import clearance_from_depth
 from ltvn_core.training_data.reachability_labels import ReachabilityLimits
 from ltvn_core.training_data.trajectory import Trajectory
 from ltvn_core.types import Pose, Waypoint
@@ -23,17 +22,17 @@ UNKNOWN = -1
 
 _PAIRS_AT_ONCE = 4096
 _MOST_PAIRS = 80_000
-"""Of a very long drive, a sample of the labelled pairs is enough."""
+"""A longer drive is reduced to a random sample of this many pairs."""
 _HELD_OUT_EVERY = 7
-"""Each seventh stretch of the drive is kept out of learning."""
+"""Every seventh section of the drive is held out for validation."""
 
 
 class LabelRule(Protocol):
-    """How pairs of a drive are labelled."""
+    """A rule that labels pairs of images of one drive."""
 
     @property
     def horizon(self) -> int:
-        """Images between the ends of the farthest pairs that are labelled one by one."""
+        """Largest number of images between the ends of a pair that is labelled."""
         ...
 
     def labels(
@@ -43,34 +42,34 @@ class LabelRule(Protocol):
         targets: NDArray[np.integer],
         rng: np.random.Generator,
     ) -> NDArray[np.int8]:
-        """Return the labels (P,) of pairs up to the horizon apart."""
+        """Return REACHABLE, UNREACHABLE or UNKNOWN (P,) for pairs at most `horizon` images apart."""
         ...
 
     def far(
         self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
     ) -> NDArray[np.bool_]:
-        """Tell which pairs of rows, of any shape that broadcasts, are certainly not reachable."""
+        """Return which pairs of rows (any shapes that broadcast) are certainly not reachable."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryLabelRule:
-    """How pairs of a drive are labelled (the paper's rule is `gated=False`; the rest is ours)."""
+    """Labels by order in time, checked with odometry and depth (`gated=False` is the paper's rule; rest: ours)."""
 
     horizon: int = 15
-    """H: an image is reachable from those up to so many images before it (section III-B)."""
+    """H: an image is reachable from the H images before it (section III-B)."""
     gated: bool = True
-    """Ask what odometry and depth say as well; False calls all 0 < j - i <= H reachable and all others not."""
+    """Check odometry and depth as well; False labels all 0 < j - i <= H reachable and all others not reachable."""
     limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)
-    """What reachable means, the same as in simulation."""
+    """Limits of the reachability criteria, the same as in simulation."""
     far_m: float = 3.0
-    """Images farther apart than this are not reachable,"""
+    """Images with a larger distance are not reachable,"""
     far_rad: float = radians(92)
-    """nor are those turned by more; in both cases after what drift may explain is taken off."""
+    """nor are those with a larger difference of heading; in both cases after subtracting the possible drift."""
     drift: float = 0.05
-    """Drift of odometry's place, as a share of the metres driven in between."""
+    """Possible drift of the position, as a share of the metres driven in between."""
     drift_turn: float = 0.02
-    """Drift of its heading, as a share of the radians turned in between."""
+    """Possible drift of the heading, as a share of the radians turned in between."""
     overlap_margin: float = 0.1
     """A pair that misses a limit by less than its margin is unknown: this much overlap,"""
     yaw_margin_rad: float = radians(6)
@@ -85,19 +84,19 @@ class OdometryLabelRule:
         targets: NDArray[np.integer],
         rng: np.random.Generator,
     ) -> NDArray[np.int8]:
-        """Return the labels (P,) of pairs at most H images apart; nothing is drawn."""
+        """Return the labels (P,) of pairs at most H images apart; `rng` is not used."""
         return near_labels(trajectory, sources, targets, self)
 
     def far(
         self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
     ) -> NDArray[np.bool_]:
-        """Tell which pairs of rows are certainly not reachable."""
+        """Return which pairs of rows are certainly not reachable."""
         return far_apart(trajectory, sources, targets, self)
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryPairs:
-    """A drive and its labels, as training takes examples: by images, labelled pairs and what is certainly far."""
+    """The labelled pairs of a drive. Implements the examples that training takes."""
 
     trajectory: Trajectory
     rule: LabelRule
@@ -110,46 +109,46 @@ class TrajectoryPairs:
 
     @property
     def name(self) -> str:
-        """Name the drive."""
+        """Name of the drive."""
         return self.trajectory.name
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """(N, H, W, 3)"""
+        """(N, H, W, 3) colours."""
         return self.trajectory.rgb
 
     @property
     def depth_mm(self) -> NDArray[np.uint16]:
-        """(N, H, W)"""
+        """(N, H, W) depth in millimetres, 0 where missing."""
         return self.trajectory.depth_mm
 
     @property
     def poses(self) -> Pose:
-        """(N, 3) by odometry."""
+        """(N, 3) poses by odometry."""
         return self.trajectory.poses
 
     @property
     def piece(self) -> NDArray[np.int32]:
-        """(N,)"""
+        """(N,) number of the piece between jumps of odometry."""
         return self.trajectory.piece
 
     @property
     def group(self) -> NDArray[np.int32]:
-        """(N,) stretches of the drive, each three horizons long."""
+        """(N,) number of the section of the drive, each three horizons long."""
         return (np.arange(len(self.poses)) // (3 * self.rule.horizon)).astype(np.int32)
 
     @property
     def held_out(self) -> NDArray[np.bool_]:
-        """(N,) images that are not learned from."""
+        """(N,) images that are kept for validation."""
         return self.group % _HELD_OUT_EVERY == _HELD_OUT_EVERY // 2
 
     def far(self, sources: NDArray[np.integer], targets: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """Return (S, T): which pairs of rows are certainly not reachable, however odometry may have drifted."""
+        """Return which pairs of rows (S, T) are certainly not reachable, however odometry may have drifted."""
         return self.rule.far(self.trajectory, sources[:, None], targets[None, :])
 
 
 def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Generator) -> TrajectoryPairs:
-    """Label all pairs of a drive that are at most H images apart, and leave out the unknown ones."""
+    """Return the pairs of a drive at most H images apart whose label is known."""
     count = len(trajectory.poses)
     horizon = rule.horizon
     sources = np.repeat(np.arange(count), 2 * horizon + 1)
@@ -174,9 +173,10 @@ def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Gen
 def near_labels(
     trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
 ) -> NDArray[np.int8]:
-    """Return the labels (P,) of pairs at most H images apart, over which drift does not count.
+    """Return the labels (P,) of pairs at most H images apart, over which drift is negligible.
 
-    Pairs of different pieces are unknown, and so are pairs against the direction of driving that pass every test.
+    Pairs across a jump of odometry are unknown. So are pairs against the direction of driving that meet all criteria:
+    the robot did not show that it can drive there.
     """
     together = trajectory.piece[sources] == trajectory.piece[targets]
     forward = together & (targets > sources) & (targets - sources <= rule.horizon)
@@ -192,7 +192,7 @@ def near_labels(
 def far_apart(
     trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
 ) -> NDArray[np.bool_]:
-    """Tell which pairs of rows, of any shape that broadcasts, lie farther apart than drift can explain."""
+    """Return which pairs of rows (any shapes that broadcast) are farther apart than drift can explain."""
     after = targets - sources
     together = trajectory.piece[sources] == trajectory.piece[targets]
     if not rule.gated:
@@ -208,7 +208,7 @@ def far_apart(
 def _passed_and_failed(
     trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which pairs (P,) pass every test, and which fail one by more than its margin."""
+    """Return which pairs (P,) meet every criterion, and which miss one by more than its margin."""
     limits = rule.limits
     camera = trajectory.camera
     waypoints = relative(trajectory.poses[sources], trajectory.poses[targets])
@@ -217,7 +217,7 @@ def _passed_and_failed(
     straight = reachability_criteria.straight_m(waypoints)
     turn = np.abs(waypoints[:, 2])
     shared = reachability_criteria.overlap(waypoints, here, there, camera)
-    free = clearance_from_depth(waypoints, here, camera)
+    free = reachability_criteria.clearance_from_depth(waypoints, here, camera)
     passed = (straight < limits.distance_m) & (turn < limits.yaw_rad) & (shared > limits.overlap)
     passed &= _visible(waypoints, here, trajectory, limits.occlusion_m, 0.0) | (straight < limits.at_place_m)
     passed &= free > limits.line_clearance_m
@@ -232,7 +232,7 @@ def _passed_and_failed(
 def _visible(
     waypoints: Waypoint, depth: NDArray[np.floating], trajectory: Trajectory, tolerance_m: float, beside_rad: float
 ) -> NDArray[np.bool_]:
-    """Tell whether the target's place is in view, or up to `beside_rad` beside it, and nothing stands before it."""
+    """Return whether the target's position is unobstructed and in view, or up to `beside_rad` beside the view."""
     camera = trajectory.camera
     wider = camera._replace(horizontal_fov_rad=camera.horizontal_fov_rad + 2 * beside_rad)
     clear = reachability_criteria.unobstructed(waypoints, depth, camera, tolerance_m=tolerance_m)

@@ -9,7 +9,21 @@ from dataclasses import dataclass
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, MapChange
-from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, NodeDropped, PoseRow
+from ltvn_core.graph.deltas import (
+    Belief,
+    BeliefUpdated,
+    Cause,
+    Edge,
+    EdgeAdded,
+    EdgeProtected,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    NodeAdded,
+    NodeDropped,
+    NodeNamed,
+    PoseRow,
+)
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import AttemptEnd, Localised
 from ltvn_core.types import FrameId, NodeId
@@ -179,8 +193,10 @@ def _live_on(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
             last.end = EdgeRemoval(change.instant, delta.cause, None, change.attempt)
         case NodeDropped() if last is not None:
             last.end = EdgeRemoval(change.instant, delta.cause, delta.node, None)
-        case _:
+        case EdgeAdded() | BeliefUpdated() | EdgePruned() | NodeDropped():
             return  # It does not fit: the recording is damaged, or its beginning is missing.
+        case NodeAdded() | EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
+            return
 
 
 def _end_with_its_map(lifetimes: list[_OpenLifetime], timeline: Timeline, epoch: int) -> None:

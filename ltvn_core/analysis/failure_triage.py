@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import hypot
+from typing import assert_never
 
 from ltvn_core.analysis.query_setbacks import Setback, first_setback, worst_collision
 from ltvn_core.analysis.timeline import Timeline
@@ -134,6 +135,13 @@ def _failure_mode(timeline: Timeline, query: QueryRecord) -> FailureMode:
             return FailureMode.NO_PATH
         case Outcome.COLLISION_LIMIT:
             return FailureMode.COLLISION
+        case Outcome.STEP_LIMIT | Outcome.CANCELLED | None:
+            return _main_waste(timeline, query)
+    assert_never(query.outcome)
+
+
+def _main_waste(timeline: Timeline, query: QueryRecord) -> FailureMode:
+    """Return what cost a query most of its steps; too slow where that was little."""
     wasted = _wasted(timeline, query)
     steps = query.end.step - query.begin.step if query.end else 0
     worst = max(wasted, key=lambda failure_mode: wasted[failure_mode])

@@ -91,6 +91,8 @@ class GraphHistory:
                 self._believe(self._edge_rows.get((source, target)), belief.p, attempts)
             case d.EdgePruned(source, target, cause):
                 self._cut((source, target), cause, stamp)
+            case d.EdgeProtected() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
+                pass  # It is not drawn.
 
     def skip(self) -> None:
         """Count a change that did not fit the map and left it as it was."""

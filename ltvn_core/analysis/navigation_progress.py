@@ -5,6 +5,7 @@ map.
 """
 
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 from ltvn_core.graph import deltas
 from ltvn_core.navigation import events as e
@@ -69,7 +70,7 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
             return replace(progress, note=event)
         case e.GraphChanged():
             return _after_change(progress, event)
-    return progress
+    assert_never(event)
 
 
 def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationProgress:

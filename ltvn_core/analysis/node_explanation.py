@@ -34,23 +34,18 @@ def _never(timeline: Timeline, node: NodeId, count: int) -> Iterator[Explanation
 
 
 def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[ExplanationStep]:
-    match change.delta:
-        case NodeAdded(cause=cause):
-            yield ExplanationStep(
-                f"Node {node} came in {CAUSE_TEXTS[cause]}.", change.instant, ExplanationKind.BORN, (node,)
-            )
-            yield from _circumstances(timeline, change, node, cause)
-            tied = _tied(timeline, change, node)
-            text = (
-                f"It was joined with {counted(len(tied), 'node')}" + ": " * bool(tied) + ", ".join(map(str, tied[:8]))
-            )
-            yield ExplanationStep(
-                text + ("..." if len(tied) > 8 else "."), change.instant, ExplanationKind.BORN, (node, *tied)
-            )
-        case NodeDropped(cause=cause):
-            yield ExplanationStep(
-                f"Node {node} left {CAUSE_TEXTS[cause]}.", change.instant, ExplanationKind.GONE, (node,)
-            )
+    cause = change.delta.cause
+    if isinstance(change.delta, NodeAdded):
+        text = f"Node {node} came in {CAUSE_TEXTS[cause]}."
+        yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node,))
+        yield from _circumstances(timeline, change, node, cause)
+        tied = _tied(timeline, change, node)
+        text = f"It was joined with {counted(len(tied), 'node')}" + ": " * bool(tied) + ", ".join(map(str, tied[:8]))
+        text += "..." if len(tied) > 8 else "."
+        yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node, *tied))
+    elif isinstance(change.delta, NodeDropped):
+        text = f"Node {node} left {CAUSE_TEXTS[cause]}."
+        yield ExplanationStep(text, change.instant, ExplanationKind.GONE, (node,))
 
 
 def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[ExplanationStep]:

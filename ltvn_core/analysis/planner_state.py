@@ -36,15 +36,16 @@ def planner_state_at(events: Iterable[StampedEvent], step: FrameId) -> PlannerSt
     for stamped in events:
         if stamped.step > step:
             continue
-        match stamped.event:
-            case QueryStarted(goal=goal):
-                found, plan = PlannerState(None, goal), ()
-            case Localised() as look:
-                found = replace(found, source=look.node, localised=look)
-            case Planned(nodes=nodes):
-                plan = nodes
-            case AttemptEnded(source=source, target=target, succeeded=False) if source is not None:
-                found = replace(found, failures=_counted(found.failures, _edges_between(plan, source, target)))
+        event = stamped.event
+        if isinstance(event, QueryStarted):
+            found, plan = PlannerState(None, event.goal), ()
+        elif isinstance(event, Localised):
+            found = replace(found, source=event.node, localised=event)
+        elif isinstance(event, Planned):
+            plan = event.nodes
+        elif isinstance(event, AttemptEnded) and not event.succeeded and event.source is not None:
+            driven = _edges_between(plan, event.source, event.target)
+            found = replace(found, failures=_counted(found.failures, driven))
     return found
 
 

@@ -11,13 +11,13 @@ from typing import NamedTuple
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.navigation.events import (
-    AttemptEnded,
     AttemptStarted,
     Collided,
     Event,
+    GraphChanged,
     Localised,
-    Note,
     Planned,
     Severity,
 )
@@ -52,7 +52,7 @@ class _SetbackTracker:
         self._edge: EdgeKey | None = None
 
     def take(self, index: int, event: Event) -> None:
-        text = _setback_text(event)
+        description = describe_event(event)
         if isinstance(event, Localised):
             self._node = self._node if event.node is None else event.node
             self._edge = None
@@ -60,9 +60,9 @@ class _SetbackTracker:
             self._edge = None if event.source is None else (event.source, event.target)
         elif isinstance(event, Planned) and event.nodes:
             self._nearer(event.cost)
-        if not text:
+        if not _is_setback(event, description.severity):
             return
-        setback = Setback(index, text, self._edge, self._node)
+        setback = Setback(index, description.sentence, self._edge, self._node)
         if isinstance(event, Collided):
             self.collisions.append(setback)
         if self.setback is None:
@@ -96,23 +96,6 @@ def _tracked(timeline: Timeline, query: QueryRecord) -> _SetbackTracker:
     return watch
 
 
-def _setback_text(event: Event) -> str:
-    """Say what is wrong with an event; empty if nothing is."""
-    match event:
-        case AttemptEnded(succeeded=False):
-            along = f"{event.source} -> {event.target}" if event.source is not None else f"to node {event.target}"
-            return f"Attempt {event.attempt} along {along} failed ({event.end.value}): {event.reason}."
-        case Collided():
-            return f"The robot touched something, for the {_ordinal(event.count)} time in the query."
-        case Localised(node=None):
-            return f"Nobody recognised what the robot saw; the best node was at d = {event.distance:.2f}."
-        case Planned(nodes=()):
-            return "There was no path."
-        case Note(severity=Severity.WARN | Severity.ERROR):
-            return event.text
-    return ""
-
-
-def _ordinal(number: int) -> str:
-    ending = "th" if 10 <= number % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
-    return f"{number}{ending}"
+def _is_setback(event: Event, severity: Severity) -> bool:
+    """Tell whether something went wrong; a change of the map is what follows from that, and no setback itself."""
+    return severity is not Severity.INFO and not isinstance(event, GraphChanged)

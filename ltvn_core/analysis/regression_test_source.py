@@ -6,7 +6,17 @@ Owns the text. What it asserts is what happened, right or wrong: whoever saves i
 import textwrap
 from collections.abc import Sequence
 
-from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+from ltvn_core.graph.deltas import (
+    BeliefUpdated,
+    EdgeAdded,
+    EdgeProtected,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    NodeAdded,
+    NodeDropped,
+    NodeNamed,
+)
 from ltvn_core.navigation.events import AttemptEnded, GraphChanged, Planned, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId
 
@@ -131,4 +141,6 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
             case BeliefUpdated(source=source, target=target, belief=belief):
                 now = f"graph.edges[{source}, {target}].belief.p"
                 rows[source, target] = f"assert {now} == pytest.approx({belief.p:.6g}, abs=1e-6)"
+            case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
+                pass  # It neither leads the robot nor tells what it believes.
     return list(rows.values())

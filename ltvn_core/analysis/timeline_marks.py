@@ -1,54 +1,74 @@
-"""Which events get a mark on the slider, and what it says.
+"""Which events get a mark on the slider. What a mark says is `navigation.event_text`.
 
-Owns the choice and the words. What lies between two marks is no concern of it.
+Owns the choice. What lies between two marks is no concern of it.
 """
 
-from collections.abc import Iterator
+from typing import assert_never
 
 from ltvn_core.analysis.timeline_records import Instant, Mark, MarkKind
-from ltvn_core.graph.deltas import BULK_CAUSES, Cause, EdgePruned, GraphDelta, NodeAdded, NodeDropped
-from ltvn_core.navigation.events import AttemptEnded, Collided, Event, GraphChanged, Planned, QueryEnded, QueryStarted
+from ltvn_core.graph import deltas as d
+from ltvn_core.navigation import events as e
+from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.types import NodeId
 
-_GROWN = (Cause.EXPAND, Cause.NOVEL)
+_EXPANSION_CAUSES = (d.Cause.EXPAND, d.Cause.NOVEL)
 
 
-def mark_of(index: int, instant: Instant, event: Event, last_plan: tuple[NodeId, ...] | None) -> Mark | None:
+def mark_of(index: int, instant: Instant, event: e.Event, last_plan: tuple[NodeId, ...] | None) -> Mark | None:
     """Return the mark of an event, None if it gets none; `last_plan` is the path planned before in this query."""
+    found = _kind_and_nodes(event, last_plan)
+    return None if found is None else Mark(found[0], instant, index, found[1], describe_event(event).text)
 
-    def mark(kind: MarkKind, text: str, *ids: NodeId) -> Mark:
-        return Mark(kind, instant, index, ids, text)
 
+def is_other_plan(nodes: tuple[NodeId, ...], last_plan: tuple[NodeId, ...]) -> bool:
+    """Tell whether a path is not just the rest of the one planned before; that a path is gone counts as another."""
+    is_rest = nodes == last_plan[len(last_plan) - len(nodes) :] if 0 < len(nodes) <= len(last_plan) else False
+    return not is_rest and nodes != last_plan
+
+
+def _kind_and_nodes(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> tuple[MarkKind, tuple[NodeId, ...]] | None:
+    """Return what kind of mark an event gets and the nodes it is about."""
     match event:
-        case QueryStarted():
-            return mark(MarkKind.QUERY_START, f"query {event.query} to node {event.goal}", event.goal)
-        case QueryEnded():
-            return mark(MarkKind.QUERY_END, f"query {event.query} ended: {event.outcome.value}", event.goal)
-        case Collided():
-            return mark(MarkKind.COLLISION, f"touch {event.count} of query {event.query}")
-        case AttemptEnded(succeeded=False):
-            ids = (event.target,) if event.source is None else (event.source, event.target)
-            return mark(MarkKind.FAILURE, f"attempt {event.attempt} failed, {event.end.value}: {event.reason}", *ids)
-        case Planned() if last_plan is not None and not _continues(last_plan, event.nodes):
-            way = f"a new path of {len(event.nodes)} nodes" if event.nodes else "no path any more"
-            return mark(MarkKind.REPLAN, way, *event.nodes[:1], *event.nodes[-1:])
-        case GraphChanged():
-            return next((mark(kind, text, *ids) for kind, text, ids in _changed(event.delta)), None)
-    return None
+        case e.QueryStarted(goal=goal):
+            return MarkKind.QUERY_START, (goal,)
+        case e.QueryEnded(goal=goal):
+            return MarkKind.QUERY_END, (goal,)
+        case e.Collided():
+            return MarkKind.COLLISION, ()
+        case e.AttemptEnded(source=source, target=target, succeeded=False):
+            return MarkKind.FAILURE, (target,) if source is None else (source, target)
+        case e.Planned(nodes=nodes) if last_plan is not None and is_other_plan(nodes, last_plan):
+            return MarkKind.REPLAN, (*nodes[:1], *nodes[-1:])
+        case e.GraphChanged(delta=delta):
+            return _change_kind_and_nodes(delta)
+        case (
+            e.StateChanged()
+            | e.Localised()
+            | e.Planned()
+            | e.AttemptStarted()
+            | e.AttemptEnded()
+            | e.Judged()
+            | e.Note()
+        ):
+            return None
+    assert_never(event)
 
 
-def _continues(last: tuple[NodeId, ...], nodes: tuple[NodeId, ...]) -> bool:
-    return last[len(last) - len(nodes) :] == nodes if len(nodes) <= len(last) and nodes else nodes == last
-
-
-def _changed(delta: GraphDelta) -> Iterator[tuple[MarkKind, str, tuple[NodeId, ...]]]:
+def _change_kind_and_nodes(delta: d.GraphDelta) -> tuple[MarkKind, tuple[NodeId, ...]] | None:
     match delta:
-        case EdgePruned():
-            ends = delta.source, delta.target
-            yield MarkKind.PRUNE, f"edge {delta.source} -> {delta.target} pruned ({delta.cause.value})", ends
-        case NodeDropped() if delta.cause not in BULK_CAUSES:
-            yield MarkKind.PRUNE, f"node {delta.node} dropped ({delta.cause.value})", (delta.node,)
-        case NodeAdded() if delta.cause in _GROWN:
-            yield MarkKind.EXPAND, f"node {delta.node.id} came in ({delta.cause.value})", (delta.node.id,)
-        case _:
-            return
+        case d.EdgePruned(source=source, target=target):
+            return MarkKind.PRUNE, (source, target)
+        case d.NodeDropped(node=node, cause=cause):
+            return None if cause in d.BULK_CAUSES else (MarkKind.PRUNE, (node,))
+        case d.NodeAdded(node=node, cause=cause):
+            return (MarkKind.EXPAND, (node.id,)) if cause in _EXPANSION_CAUSES else None
+        case (
+            d.EdgeAdded()
+            | d.BeliefUpdated()
+            | d.EdgeProtected()
+            | d.NodeNamed()
+            | d.FramesReserved()
+            | d.FramesReleased()
+        ):
+            return None
+    assert_never(delta)

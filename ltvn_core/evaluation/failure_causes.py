@@ -102,7 +102,7 @@ class FailureClassifier:
                 return (self._last.cause if self._last else None) or FailureCause.NO_PATH
             case Outcome.COLLISION_LIMIT:
                 return self._attribution.main_collision_cause()
-            case _:
+            case Outcome.STEP_LIMIT | Outcome.CANCELLED:
                 wasted = self._attribution.wasted_steps
                 return (
                     self._attribution.main_waste_cause()
@@ -124,19 +124,16 @@ class FailureClassifier:
             segment.causes |= (self._last.causes if self._last else set()) or {FailureCause.NO_PATH}
 
     def _in_segment(self, segment: EpisodeSegment, event: Event) -> None:
-        match event:
-            case Planned(nodes=()):
-                self._counts["no_path"] += 1
-                self._mislocalised_plans += self._is_mislocalised
-                segment.causes.add(FailureCause.NO_PATH)
-            case AttemptStarted():
-                self._attempt_started(segment, event)
-            case AttemptEnded():
-                self._attempt_ended(segment, event)
-            case Collided():
-                segment.collisions += 1
-            case _:
-                pass
+        if isinstance(event, Planned) and not event.nodes:
+            self._counts["no_path"] += 1
+            self._mislocalised_plans += self._is_mislocalised
+            segment.causes.add(FailureCause.NO_PATH)
+        elif isinstance(event, AttemptStarted):
+            self._attempt_started(segment, event)
+        elif isinstance(event, AttemptEnded):
+            self._attempt_ended(segment, event)
+        elif isinstance(event, Collided):
+            segment.collisions += 1
 
     def _attempt_started(self, segment: EpisodeSegment, event: AttemptStarted) -> None:
         self._counts["legs"] += 1

@@ -5,11 +5,24 @@ search for false edges, so the robust method keeps the strict cut, asks for two 
 """
 
 from collections.abc import Sequence
+from typing import assert_never
 
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReleased, GraphDelta, NodeAdded
+from ltvn_core.graph.deltas import (
+    BeliefUpdated,
+    Cause,
+    EdgeAdded,
+    EdgeProtected,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    GraphDelta,
+    NodeAdded,
+    NodeDropped,
+    NodeNamed,
+)
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_with_edges
@@ -123,4 +136,6 @@ def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
             return delta.node.id in staying
         case EdgeAdded():
             return {delta.edge.source, delta.edge.target} <= staying
-    return True
+        case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
+            return True
+    assert_never(delta)

@@ -13,7 +13,19 @@ from typing import NamedTuple, TypeAlias
 import rustworkx
 
 from ltvn_core.config import PlanningConfig
-from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgeAdded, EdgePruned, GraphDelta
+from ltvn_core.graph.deltas import (
+    Belief,
+    BeliefUpdated,
+    EdgeAdded,
+    EdgeProtected,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    GraphDelta,
+    NodeAdded,
+    NodeDropped,
+    NodeNamed,
+)
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
@@ -98,7 +110,9 @@ class Planner:
                 self._mirror.add_edge(*ends, self._weight(delta.edge.belief))
             case EdgePruned():
                 self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
-            case _:
+            case NodeAdded() | NodeDropped():
+                return False  # It moves the rows, so the mirror is built anew.
+            case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
                 return False
         return True
 

@@ -6,15 +6,17 @@ curve (`BeliefCurves`).
 
 import math
 from collections.abc import Sequence
+from typing import assert_never
 
 import rerun as rr
 
 from ltvn_core import palette
 from ltvn_core.geometry import compose
-from ltvn_core.graph.deltas import BeliefUpdated, EdgePruned
+from ltvn_core.graph.deltas import BULK_CAUSES, BeliefUpdated, Cause, EdgePruned
 from ltvn_core.navigation import events as ev
+from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.palette import Rgb8
-from ltvn_core.recording import event_text, schema
+from ltvn_core.recording import schema
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.map_drawing import GRAPH_HEIGHT_M, DrawnEntity
 from ltvn_core.types import FrameId, NodeId
@@ -22,6 +24,10 @@ from ltvn_core.types import FrameId, NodeId
 _PLAN_HEIGHT_M = 0.10
 MAX_BELIEF_CURVES = 24
 """So many edges get a curve of their own; thousands of entities would make every viewer crawl."""
+
+
+_QUIET_CAUSES = (*BULK_CAUSES, Cause.ONLINE)
+"""A map that is built or loaded makes thousands of changes; the log leaves them out."""
 
 
 def draw_event(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
@@ -68,10 +74,12 @@ def _curve(edge: tuple[NodeId, NodeId]) -> str:
 
 
 def _log_line(event: ev.Event) -> list[DrawnEntity]:
-    text = event_text.event_line(event)
-    return (
-        [] if text is None else [DrawnEntity(schema.LOG, [rr.TextLog(text, level=str(event_text.severity_of(event)))])]
-    )
+    if isinstance(event, ev.StateChanged) or (
+        isinstance(event, ev.GraphChanged) and event.delta.cause in _QUIET_CAUSES
+    ):
+        return []
+    description = describe_event(event)
+    return [DrawnEntity(schema.LOG, [rr.TextLog(description.text, level=str(description.severity))])]
 
 
 def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
@@ -97,7 +105,9 @@ def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
             return [DrawnEntity(schema.WAYPOINT, [rr.Arrows3D(origins=[], vectors=[])])]
         case ev.GraphChanged(delta=EdgePruned(source=source, target=target)):
             return [_strip(schema.PRUNED, [source, target], drawn_poses, palette.EDGE_REMOVED)]
-    return []
+        case ev.GraphChanged() | ev.Collided() | ev.QueryEnded() | ev.Judged() | ev.Note():
+            return []
+    assert_never(event)
 
 
 def _margin(event: ev.Localised) -> list[DrawnEntity]:

@@ -16,13 +16,16 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
+    Collided,
     GraphChanged,
+    Judged,
     Localised,
     Note,
     Planned,
     QueryEnded,
     QueryStarted,
     StampedEvent,
+    StateChanged,
 )
 from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.recording.reader import Recording
@@ -103,15 +106,15 @@ def _ongoing_at_start(events: Sequence[StampedEvent]) -> tuple[StampedEvent, ...
     """Return what an unfinished query needs to be understood, oldest first."""
     kept: dict[type, StampedEvent] = {}
     for stamped in events:
-        match stamped.event:
-            case QueryStarted():
-                kept = {QueryStarted: stamped}
-            case QueryEnded():
-                kept = {}
-            case Localised() | Planned() | AttemptStarted() if kept:
-                kept[type(stamped.event)] = stamped
-            case AttemptEnded():
-                kept.pop(AttemptStarted, None)
+        event = stamped.event
+        if isinstance(event, QueryStarted):
+            kept = {QueryStarted: stamped}
+        elif isinstance(event, QueryEnded):
+            kept = {}
+        elif isinstance(event, AttemptEnded):
+            kept.pop(AttemptStarted, None)
+        elif kept and isinstance(event, Localised | Planned | AttemptStarted):
+            kept[type(event)] = stamped
     return tuple(sorted(kept.values(), key=events.index))
 
 
@@ -153,6 +156,8 @@ def _named(stamped: StampedEvent) -> Iterator[FrameId]:
             yield from (each for each in (source, target, frame) if each is not None)
         case GraphChanged(delta=NodeAdded(node=node)):
             yield node.id
+        case StateChanged() | Collided() | GraphChanged() | QueryEnded() | Judged() | Note():
+            return
 
 
 def _write(

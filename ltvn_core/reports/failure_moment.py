@@ -33,13 +33,10 @@ def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
 
 
 def _tells(stamped: StampedEvent, failure: FailureCause | None) -> bool:
-    match failure, stamped.event:
-        case FailureCause.COLLISION, Collided():
-            return True
-        case FailureCause.SPURIOUS_EDGE | FailureCause.MISLOCALISED | FailureCause.STEP_LIMIT, AttemptEnded(
-            succeeded=False
-        ):
-            return True
+    if failure is FailureCause.COLLISION:
+        return isinstance(stamped.event, Collided)
+    if failure in (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.STEP_LIMIT):
+        return isinstance(stamped.event, AttemptEnded) and not stamped.event.succeeded
     return False
 
 

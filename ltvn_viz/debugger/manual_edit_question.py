@@ -21,6 +21,7 @@ from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.event_text import describe_delta
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import NOTHING_SELECTED, AnswerBuilder, QuestionAnswer, Selection
@@ -158,28 +159,8 @@ def _replayed(graph: TopologicalGraph, changes: Sequence[MapChange]) -> ManualEd
             return None
     if changes[0].delta.cause is not d.Cause.HAND:
         return None
-    words = _words(changes[0].delta) + (f" and {len(changes) - 1} more" if len(changes) > 1 else "")
+    words = describe_delta(changes[0].delta).text + (f" and {len(changes) - 1} more" if len(changes) > 1 else "")
     return ManualEdit(changes[0].instant, words, tuple(delta for back in reversed(backs) for delta in back))
-
-
-def _words(delta: d.GraphDelta) -> str:
-    match delta:
-        case d.NodeAdded(node):
-            return f"node {node.id} added"
-        case d.NodeDropped(node):
-            return f"node {node} deleted"
-        case d.EdgeAdded(edge):
-            return f"edge {edge.source} → {edge.target} added"
-        case d.EdgePruned(source, target):
-            return f"edge {source} → {target} cut"
-        case d.EdgeProtected(source, target, protected):
-            return f"edge {source} → {target} {'protected' if protected else 'no more protected'}"
-        case d.BeliefUpdated(source, target, belief):
-            return f"p of edge {source} → {target} set to {belief.p:.2f}"
-        case d.NodeNamed(node, name, goal):
-            called = f"called “{name}”" if name else "without a name"
-            return f"node {node} {called}{', a goal' if goal else ''}"
-    return "images of the reserve changed"
 
 
 def _overlay(context: DebugContext, selection: Selection) -> Overlay:

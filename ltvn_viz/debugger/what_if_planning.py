@@ -60,11 +60,10 @@ def plan_both_ways(
 def _placed(situation: PlannerState, changes: tuple[WhatIfChange, ...]) -> PlannerState:
     """Return the situation at the imagined place, so that both plans lead from there and differ by the rest alone."""
     for each in changes:
-        match each:
-            case WithGoal(goal):
-                situation = replace(situation, goal=goal)
-            case WithStart(source):
-                situation = replace(situation, source=source)
+        if isinstance(each, WithGoal):
+            situation = replace(situation, goal=each.goal)
+        elif isinstance(each, WithStart):
+            situation = replace(situation, source=each.source)
     return situation
 
 

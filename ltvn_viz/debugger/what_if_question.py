@@ -4,10 +4,19 @@ from collections.abc import Hashable
 from functools import partial
 from html import escape
 from itertools import pairwise
+from typing import assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.planner_state import planner_state_at
-from ltvn_core.analysis.what_if_changes import WhatIfChange, WithBelief, WithEdge, WithoutEdge, WithThreshold
+from ltvn_core.analysis.what_if_changes import (
+    WhatIfChange,
+    WithBelief,
+    WithEdge,
+    WithGoal,
+    WithoutEdge,
+    WithStart,
+    WithThreshold,
+)
 from ltvn_core.analysis.what_if_parser import format_what_if_change, parse_what_if_change
 from ltvn_core.analysis.what_if_replanning import EdgeCostParts, PlanDifference
 from ltvn_core.errors import OptionError
@@ -146,7 +155,9 @@ def _about(change: WhatIfChange) -> Hashable:
             return "mu" if p is None else "p", source, target
         case WithThreshold(threshold):
             return threshold
-    return type(change)
+        case WithGoal() | WithStart():
+            return type(change)
+    assert_never(change)
 
 
 def _about_edge(graph: TopologicalGraph, selection: Selection) -> tuple[str, ...]:

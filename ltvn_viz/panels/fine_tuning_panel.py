@@ -57,7 +57,8 @@ def _state(fine_tuning: FineTuningStatus) -> str:
             return lines(*fine_tuning.lines) + warning(worse, f"The new ones are in {fine_tuning.path}.")
         case FineTuningPhase.FAILED:
             return warning(*fine_tuning.lines)
-    return lines(*fine_tuning.lines)
+        case FineTuningPhase.IDLE:
+            return lines(*fine_tuning.lines)
 
 
 def _buttons(snapshot: Snapshot, minutes: int) -> str:
@@ -75,5 +76,6 @@ def _buttons(snapshot: Snapshot, minutes: int) -> str:
                     Action.LEAVE_WEIGHTS, "Not now", hint="go on with the weights in use; the new ones stay on disk"
                 ),
             )
-    hint = "fine-tune the network on these images; nothing changes before you say so"
-    return button_row(ActionButton(Action.LEARN, "Learn from this drive", hint=hint, target=minutes))
+        case FineTuningPhase.IDLE | FineTuningPhase.WORSE | FineTuningPhase.FAILED:
+            hint = "fine-tune the network on these images; nothing changes before you say so"
+            return button_row(ActionButton(Action.LEARN, "Learn from this drive", hint=hint, target=minutes))

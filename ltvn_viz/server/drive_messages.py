@@ -63,7 +63,9 @@ def parse_message(text: str | bytes) -> PageMessage:
             return ActionMessage(_action(action), None if target is None else _whole(target))
         case {"type": "link", "query": str(query)} if len(fields) == 2:
             return LinkMessage(query)
-    raise MessageError(f"unknown message with the fields {sorted(fields)}; a drive, an action or a link would be valid")
+        case _:
+            valid = "a drive, an action or a link would be valid"
+            raise MessageError(f"unknown message with the fields {sorted(fields)}; {valid}")
 
 
 def state_message(client: ClientId, seat: SeatState) -> str:
@@ -99,6 +101,8 @@ def _stick(value: Any) -> tuple[float, float]:
         case [int() | float() as forward, int() | float() as left]:
             if not any(isinstance(part, bool) for part in value) and max(abs(forward), abs(left)) <= 1:
                 return float(forward), float(left)
+        case _:
+            pass
     raise MessageError("stick must be two numbers in [-1, 1]")
 
 

@@ -20,7 +20,8 @@ def hint(snapshot: Snapshot) -> str:
             return "Paused. Resume, go on by single steps, or cancel."
         case Mode.REPLAY:
             return "This is a recording. Drag the slider or press play; “Back to the robot” ends the replay."
-    return _driving(snapshot)
+        case Mode.TELEOP:
+            return _driving(snapshot)
 
 
 def _driving(snapshot: Snapshot) -> str:

@@ -107,7 +107,7 @@ def test_several_breakpoints_at_one_moment_are_one_hit() -> None:
     asked = [parse_breakpoint(text) for text in ("edge 1->2", "prune", "p crosses 0.5")]
     hit = next(hit for hit in find_breakpoint_hits(STAMPED, asked) if hit.moment.step == 9)
     assert hit.breakpoints == (asked[0], asked[2])
-    assert hit.why == "p of edge 1->2 is 0.40; p of edge 1->2 fell from 0.80 to 0.40"
+    assert hit.why == "edge 1->2 has p 0.40, 0 of 1 attempt succeeded (attempt); p of edge 1->2 fell from 0.80 to 0.40"
 
 
 def test_live_watching_finds_what_replay_finds_and_may_be_changed_meanwhile() -> None:

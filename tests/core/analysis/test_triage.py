@@ -39,7 +39,7 @@ def test_a_drive_without_failures_has_none() -> None:
 def test_a_failed_query_is_shown_a_second_before_it_went_wrong_for_good() -> None:
     (failure,) = failed_queries(example_runs.timeline())
     assert (failure.query.id, failure.failure_mode) == (0, FailureMode.COLLISION)
-    assert failure.text == "The robot touched something, for the 1st time in the query."
+    assert failure.text == "Collision 1 of query 0."
     assert (failure.instant.step, failure.instant.stamp) == (45, pytest.approx(4.5))
     assert (failure.edge, failure.node) == ((1, 2), 1)
     assert failure.pose is not None

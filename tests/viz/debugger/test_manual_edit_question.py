@@ -1,6 +1,7 @@
 """Changes by hand: done live, recorded, seen in the replay, and undone."""
 
 import itertools
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,7 @@ def test_an_edge_is_cut_and_comes_back_as_it_was(harness: SessionHarness) -> Non
     follow(harness, cut, "undo")
 
     assert edge not in graph.edges
-    assert f"edge {edge[0]} → {edge[1]} cut" in cut.inspection.html
+    assert f"edge {edge[0]}->{edge[1]} pruned (hand)" in unescape(cut.inspection.html)
     assert harness.state.live_map.graph == before
 
 

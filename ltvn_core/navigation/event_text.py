@@ -1,0 +1,143 @@
+"""What an event or a change of the map says, in one line, and which edge or node it is about.
+
+The only place where events are put into words: the Rerun log, marks on the slider, breakpoints and the debugger show
+these lines. The exact event stands beside each of them, so nothing parses the text. A new kind of event or change gets
+its `case` here; pyright names this file until it has one.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import assert_never
+
+from ltvn_core.graph import deltas as d
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation import events as e
+from ltvn_core.types import NodeId
+
+_MAX_NODES = 8
+"""A longer path is told by its first and last nodes."""
+
+
+@dataclass(frozen=True, slots=True)
+class EventDescription:
+    """An event in words."""
+
+    text: str
+    """One line without a full stop, beginning with a small letter unless a person wrote it."""
+    severity: e.Severity = e.Severity.INFO
+    edge: EdgeKey | None = None
+    """The edge that was driven or changed; for an attempt its first node and its subgoal."""
+    node: NodeId | None = None
+    """The node at which the robot is, for which it heads, or which changed."""
+
+    @property
+    def sentence(self) -> str:
+        """The line as a sentence."""
+        return self.text[:1].upper() + self.text[1:] + ("" if self.text.endswith((".", "!", "?")) else ".")
+
+
+def describe_event(event: e.Event) -> EventDescription:
+    """Put an event into words."""
+    match event:
+        case e.StateChanged(state):
+            return EventDescription(f"now {state}")
+        case e.QueryStarted(query, goal):
+            return EventDescription(f"query {query} started: node {goal} is the goal", node=goal)
+        case e.Localised():
+            return _localised(event)
+        case e.Planned():
+            return _planned(event)
+        case e.AttemptStarted():
+            text = f"{_attempt(event)} started, reachability {event.reachability:.2f}"
+            return EventDescription(text, edge=_driven_edge(event), node=event.target)
+        case e.AttemptEnded():
+            verdict, severity = ("succeeded", e.Severity.INFO) if event.succeeded else ("failed", e.Severity.WARN)
+            text = f"{_attempt(event)} {verdict} ({event.end})" + (f": {event.reason}" if event.reason else "")
+            return EventDescription(text, severity, edge=_driven_edge(event))
+        case e.Collided(query, count):
+            return EventDescription(f"collision {count} of query {query}", e.Severity.WARN)
+        case e.GraphChanged(delta):
+            return describe_delta(delta)
+        case e.QueryEnded(query, _, outcome, steps, collisions, path_m):
+            text = (
+                f"query {query} ended: {outcome} after {steps} steps, {path_m:.1f} m, {_count(collisions, 'collision')}"
+            )
+            return EventDescription(text)
+        case e.Judged(query, reached, position_m, yaw_rad):
+            verdict, severity = ("reached", e.Severity.INFO) if reached else ("missed", e.Severity.ERROR)
+            text = f"query {query} judged: goal {verdict}, {position_m:.2f} m and {yaw_rad:.2f} rad away"
+            return EventDescription(text, severity)
+        case e.Note(text, severity):
+            return EventDescription(text, severity)
+    assert_never(event)
+
+
+def describe_delta(delta: d.GraphDelta) -> EventDescription:
+    """Put a change of the map into words; its cause stands in brackets."""
+    match delta:
+        case d.NodeAdded(node, cause):
+            return EventDescription(f"node {node.id} added ({cause})", node=node.id)
+        case d.NodeDropped(node, cause):
+            return EventDescription(f"node {node} dropped ({cause})", e.Severity.WARN, node=node)
+        case d.EdgeAdded(edge, cause):
+            ends = edge.source, edge.target
+            return EventDescription(f"{edge_text(ends)} added, p {edge.belief.p:.2f} ({cause})", edge=ends)
+        case d.BeliefUpdated(source, target, belief, attempts, successes, cause):
+            ends = source, target
+            counts = f"{successes} of {_count(attempts, 'attempt')} succeeded"
+            return EventDescription(f"{edge_text(ends)} has p {belief.p:.2f}, {counts} ({cause})", edge=ends)
+        case d.EdgePruned(source, target, cause):
+            ends = source, target
+            return EventDescription(f"{edge_text(ends)} pruned ({cause})", e.Severity.WARN, edge=ends)
+        case d.EdgeProtected(source, target, protected, cause):
+            ends, change = (source, target), "protected" if protected else "no longer protected"
+            return EventDescription(f"{edge_text(ends)} {change} ({cause})", edge=ends)
+        case d.NodeNamed(node, name, goal, cause):
+            named = f"named {name!r}" if name else "without a name"
+            return EventDescription(f"node {node} {named}{', a goal' if goal else ''} ({cause})", node=node)
+        case d.FramesReserved(frames, cause):
+            return EventDescription(f"{_count(len(frames), 'image')} joined the reserve ({cause})")
+        case d.FramesReleased(frames, cause):
+            return EventDescription(f"{_count(len(frames), 'image')} left the reserve ({cause})")
+    assert_never(delta)
+
+
+def edge_text(edge: EdgeKey) -> str:
+    """Name an edge, as it can be typed."""
+    return f"edge {edge[0]}->{edge[1]}"
+
+
+def _localised(event: e.Localised) -> EventDescription:
+    if event.node is None:
+        away = f"the best node is {event.distance:.2f} away" if math.isfinite(event.distance) else "the map is empty"
+        return EventDescription(f"lost: {away} ({event.scope})", e.Severity.WARN)
+    second = "" if event.runner_up is None else f", margin {event.margin:.2f} to node {event.runner_up}"
+    numbers = f"distance {event.distance:.2f}, reachability {event.reachability:.2f}{second}"
+    return EventDescription(f"at node {event.node}: {numbers} ({event.scope})", node=event.node)
+
+
+def _planned(event: e.Planned) -> EventDescription:
+    if not event.nodes:
+        return EventDescription("no path to the goal", e.Severity.WARN)
+    path = f"{_count(len(event.nodes), 'node')}, cost {event.cost:.2f}: {_path(event.nodes)}"
+    return EventDescription(f"plan of {path}")
+
+
+def _path(nodes: Sequence[NodeId]) -> str:
+    if len(nodes) > _MAX_NODES:
+        return "->".join([*map(str, nodes[: _MAX_NODES - 2]), "...", str(nodes[-1])])
+    return "->".join(map(str, nodes))
+
+
+def _attempt(event: e.AttemptStarted | e.AttemptEnded) -> str:
+    edge = _driven_edge(event)
+    return f"attempt {event.attempt} " + (f"to node {event.target}" if edge is None else f"along {edge_text(edge)}")
+
+
+def _driven_edge(event: e.AttemptStarted | e.AttemptEnded) -> EdgeKey | None:
+    return None if event.source is None else (event.source, event.target)
+
+
+def _count(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

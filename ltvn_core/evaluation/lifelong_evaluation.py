@@ -18,7 +18,14 @@ from ltvn_core.evaluation.ground_truth import calibration_bins
 from ltvn_core.evaluation.lifelong_batches import load_queries, run_queries
 from ltvn_core.evaluation.results import LifelongPoint, LifelongResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import EvaluationProgress, cached_runner, episode_batch_jobs, finish_trial, prepare_all
+from ltvn_core.evaluation.trials import (
+    EvaluationProgress,
+    cached_runner,
+    episode_batch_jobs,
+    finish_trial,
+    keep_drawing,
+    prepare_all,
+)
 from ltvn_core.evaluation.workers import Workers
 
 
@@ -89,6 +96,8 @@ def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str
     if _result_file(files, schedule).exists():
         return
     points = tuple(_point(plan, files, at, schedule.episodes, command) for at in schedule.points)
+    for at in (schedule.points[0], schedule.points[-1]):  # Figures show the map before and after.
+        keep_drawing(plan, files, at)
     result = LifelongResult(
         scene=points[0].trial.scene,
         preset=plan.preset,

@@ -82,7 +82,7 @@ class MapTruthMetrics:
 
 @dataclass(frozen=True, slots=True)
 class MapDrawing:
-    """What a picture of the map over the scene needs."""
+    """What a figure of the map over the scene needs."""
 
     origin: tuple[float, float]
     """x and y of the corner of the first cell, metres."""
@@ -116,6 +116,7 @@ class TrialResult:
     """Of the weights in use."""
     map: MapTruthMetrics
     floorplan: MapDrawing | None
+    """None in a file: the drawing lies beside it, see `evaluation.map_drawings`. Older files hold it themselves."""
     episodes: tuple[EpisodeResult, ...]
     wall_s: float
     """Time that the episodes took, over all processes."""

@@ -14,6 +14,7 @@ from ltvn_core.composition import PredictorName, SystemName, open_method
 from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ablation import PARTS, without_parts
+from ltvn_core.evaluation.map_drawings import drawing_path
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.recording.atomic_files import write_text_atomically
@@ -116,6 +117,10 @@ class TrialFiles:
     def map(self, queries: int = 0) -> Path:
         """Return the map after so many queries."""
         return self.folder / self.label / f"map-{queries:04d}.rrd"
+
+    def drawing(self, queries: int = 0) -> Path:
+        """Return the drawing of that map, for figures."""
+        return drawing_path(self.folder, self.label, queries)
 
     def episodes(self, queries: int, first: int, until: int) -> Path:
         """Return the results of the episodes from `first` up to `until` with that map."""

@@ -18,6 +18,7 @@ from joblib import delayed
 from ltvn_core.composition import SystemName, open_predictor
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
+from ltvn_core.evaluation.map_drawings import save_drawing
 from ltvn_core.evaluation.preparation import finetuned_weights, prepare
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.results import EpisodeResult, TrialResult, load_results, save_results
@@ -137,7 +138,15 @@ def _batch_ranges(episodes: int) -> list[tuple[int, int]]:
 def _finish(plan: TrialPlan, files: TrialFiles, episodes: int, command: str) -> None:
     """Keep the result of the static test as a file."""
     if not files.trial(episodes).exists():
+        keep_drawing(plan, files, 0)
         save_results(files.trial(episodes), finish_trial(plan, files, 0, episodes, command))
+
+
+def keep_drawing(plan: TrialPlan, files: TrialFiles, queries: int) -> None:
+    """Draw the map after so many queries, unless that is done."""
+    if not files.drawing(queries).exists():
+        runner = cached_runner(plan, files, queries)
+        save_drawing(files.drawing(queries), floorplan(runner.graph, runner.truth))
 
 
 def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
@@ -157,7 +166,7 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         images=len(drive_truth.frames),
         fingerprint=runner.fingerprint,
         map=map_truth_metrics(runner.graph, runner.truth, drive_truth.goals),
-        floorplan=floorplan(runner.graph, runner.truth),
+        floorplan=None,
         episodes=tuple(episode for batch in batches for episode in batch.episodes),
         wall_s=sum(batch.wall_s for batch in batches),
         version=version("ltvn"),

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.evaluation.map_drawings import drawing_path, load_drawing
 from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles
 from ltvn_core.recording.reader import Recording
@@ -28,6 +29,9 @@ class FoundResults:
     """What lies in a folder."""
 
     results: EvaluationResults
+    """As the files hold them,"""
+    drawn: EvaluationResults
+    """and with the drawings of their maps that lie beside them."""
     failures: tuple[FailureRow, ...]
     """All failed episodes of the trials, with their recordings and as yet without pictures."""
 
@@ -40,8 +44,14 @@ def find_results(folder: Path) -> FoundResults:
     lifelong = _longest((path, _lifelong(path)) for path in sorted(folder.rglob(LIFELONG)))
     if not trials and not lifelong:
         raise OptionError(f"{folder} holds no {TRIALS} and no {LIFELONG}; make some with `ltvn evaluate`.")
-    results = EvaluationResults(tuple(trials.values()), tuple(lifelong.values()))
-    return FoundResults(results, tuple(row for path, trial in trials.items() for row in _failures(path, trial)))
+    return FoundResults(
+        results=EvaluationResults(tuple(trials.values()), tuple(lifelong.values())),
+        drawn=EvaluationResults(
+            tuple(_drawn_trial(path, trial) for path, trial in trials.items()),
+            tuple(_drawn_lifelong(path, result) for path, result in lifelong.items()),
+        ),
+        failures=tuple(row for path, trial in trials.items() for row in _failures(path, trial)),
+    )
 
 
 def with_images(rows: Iterable[FailureRow]) -> tuple[FailureRow, ...]:
@@ -70,6 +80,19 @@ def _lifelong(path: Path) -> LifelongResult:
     if not result.points or not all(point.trial.episodes for point in result.points):
         raise OptionError(f"{path} has no test, or one without episodes; run `ltvn lifelong` again.")
     return result
+
+
+def _drawn_trial(path: Path, trial: TrialResult) -> TrialResult:
+    folder, label = _plan(path)
+    drawing = drawing_path(folder, label, trial.queries)
+    if trial.floorplan is not None or not drawing.exists():
+        return trial
+    return replace(trial, floorplan=load_drawing(drawing))
+
+
+def _drawn_lifelong(path: Path, result: LifelongResult) -> LifelongResult:
+    points = tuple(replace(point, trial=_drawn_trial(path, point.trial)) for point in result.points)
+    return replace(result, points=points)
 
 
 def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:

@@ -62,7 +62,7 @@ class ReportVerb(Verb):
         pictures = ()
         if self.page is not None:
             pictures = fill_results_page(
-                found.results, FIGURE_PALETTE, page=self.page, images=self.images, section=self.section
+                found.drawn, FIGURE_PALETTE, page=self.page, images=self.images, section=self.section
             )
         trials = found.results.trials
         return ReportSummary(
@@ -98,7 +98,7 @@ class ReportVerb(Verb):
         from ltvn_core.reports.figure_style import FIGURE_PALETTE
 
         rows = with_images(tqdm(select_failures(found.failures, self.failures), desc="failures", unit="episode"))
-        html = render_page(found.results, rows, FIGURE_PALETTE, folder=self.output.parent)
+        html = render_page(found.drawn, rows, FIGURE_PALETTE, folder=self.output.parent)
         parts = [path.with_name(f".{path.name}.part") for path in (self.output, self._json)]
         try:
             self.output.parent.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,7 @@ from joblib import Parallel
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.failure_recordings import record_failures
+from ltvn_core.evaluation.map_drawings import load_drawing
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.results import TrialResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
@@ -99,6 +100,15 @@ def test_results_are_read_as_they_were_written(trial: TrialResult, tmp_path: Pat
     save_results(tmp_path / "a.trial.json", trial)
 
     assert load_results(tmp_path / "a.trial.json", TrialResult) == trial
+
+
+def test_the_drawing_of_the_map_lies_beside_the_result(trial: TrialResult, folder: Path) -> None:
+    drawing = load_drawing(TrialFiles.of(_plan(folder), folder).drawing())
+
+    assert trial.floorplan is None
+    assert len(drawing.nodes) == trial.map.nodes
+    assert len(drawing.edges) == trial.map.edges
+    assert any("." in row for row in drawing.free)
 
 
 def test_a_broken_result_is_named(tmp_path: Path) -> None:

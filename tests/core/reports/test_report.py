@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.map_drawings import drawing_path, save_drawing
 from ltvn_core.evaluation.results import (
     EpisodeResult,
     EvaluationResults,
@@ -19,6 +20,8 @@ from ltvn_core.evaluation.results import (
     save_results,
 )
 from ltvn_core.reports.evaluation_blocks import markdown_tables
+from ltvn_core.reports.evaluation_figures import figures_of
+from ltvn_core.reports.evaluation_files import find_results
 from ltvn_core.reports.evaluation_page import render_page
 from ltvn_core.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.reports.figure_style import FigurePalette
@@ -181,6 +184,19 @@ def test_results_without_episodes_or_with_unknown_nodes_are_named(tmp_path: Path
     keep(tmp_path, replace(trial, floorplan=replace(trial.floorplan, nodes=())), "ltvn-20.trial.json")
     with pytest.raises(OptionError, match="does not know"):
         ReportVerb(folder=tmp_path).run()
+
+
+def test_a_drawing_beside_the_result_is_shown_like_one_inside_it(tmp_path: Path) -> None:
+    trial = make_trial()
+    assert trial.floorplan is not None
+    path = keep(tmp_path, replace(trial, floorplan=None), "ltvn-20.trial.json")
+    assert find_results(tmp_path).drawn.trials[0].floorplan is None
+    save_drawing(drawing_path(path.parent, "ltvn", 0), trial.floorplan)
+
+    found = find_results(tmp_path)
+
+    assert found.results.trials[0].floorplan is None
+    assert "floors" in {figure.kind for figure in figures_of(found.drawn, INK)}
 
 
 def test_a_longer_result_stands_for_a_shorter_one_but_two_of_one_trial_are_an_error(tmp_path: Path) -> None:

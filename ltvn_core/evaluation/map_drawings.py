@@ -1,0 +1,82 @@
+"""Drawings of maps on disk: a few kilobytes beside the results, one file per map.
+
+Owns the file format and its name. What a drawing holds is in `evaluation.results`, how it looks is in `reports`.
+"""
+
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.results import MapDrawing
+from ltvn_core.recording.atomic_files import atomic_output
+
+_PER_METRE = 1000
+"""Poses are kept to the millimetre and the milliradian, p to the thousandth: more than any figure shows."""
+
+
+def drawing_path(folder: Path, label: str, queries: int) -> Path:
+    """Return where the drawing of a method's map lies after so many queries with maintenance."""
+    return folder / f"{label}-map-{queries:04d}.npz"
+
+
+def save_drawing(path: Path, drawing: MapDrawing) -> None:
+    """Write a drawing to a new file, whole or not at all. Raises RecordingError.
+
+    Nodes and edges are sorted and stored as differences, because those compress well.
+    """
+    nodes = sorted(drawing.nodes)
+    rows = {node: row for row, (node, *_) in enumerate(nodes)}
+    edges = sorted((rows[source], rows[target], p, spurious) for source, target, p, spurious in drawing.edges)
+    free = np.array([[cell == "." for cell in row] for row in drawing.free], bool)
+    with atomic_output(path) as part, part.open("wb") as file:
+        np.savez_compressed(
+            file,
+            origin=np.array(drawing.origin, np.float64),
+            resolution_m=np.float64(drawing.resolution_m),
+            shape=np.array(free.shape if free.size else (0, 0), np.int32),
+            free=np.packbits(free),
+            nodes=_differences([node for node, *_ in nodes]),
+            poses=np.diff(_thousandths([pose for _, *pose in nodes]).reshape(-1, 3), axis=0, prepend=0),
+            sources=_differences([source for source, *_ in edges]),
+            targets=_differences([target for _, target, *_ in edges]),
+            p=_thousandths([p for _, _, p, _ in edges]).astype(np.uint16),
+            spurious=np.packbits(np.array([spurious for *_, spurious in edges], bool)),
+        )
+
+
+def load_drawing(path: Path) -> MapDrawing:
+    """Read what `save_drawing` wrote. Raises OptionError for a file that is none."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return _drawing({name: file[name] for name in file.files})
+    except (OSError, ValueError, KeyError, IndexError, EOFError, BadZipFile) as error:
+        raise OptionError(f"{path} holds no drawing of a map ({error}); remove it and evaluate again.") from error
+
+
+def _drawing(arrays: dict[str, np.ndarray]) -> MapDrawing:
+    height, width = arrays["shape"].tolist()
+    free = np.unpackbits(arrays["free"], count=height * width).reshape(height, width)
+    names = np.cumsum(arrays["nodes"])
+    poses = np.cumsum(arrays["poses"], axis=0) / _PER_METRE
+    sources = names[np.cumsum(arrays["sources"])]
+    targets = names[np.cumsum(arrays["targets"])]
+    spurious = np.unpackbits(arrays["spurious"], count=len(sources)).astype(bool)
+    p = arrays["p"] / _PER_METRE
+    x_m, y_m = arrays["origin"].tolist()
+    return MapDrawing(
+        origin=(x_m, y_m),
+        resolution_m=float(arrays["resolution_m"]),
+        free=tuple("".join(row) for row in np.where(free, ".", "#")),
+        nodes=tuple((node, *pose) for node, pose in zip(names.tolist(), poses.tolist(), strict=True)),
+        edges=tuple(zip(sources.tolist(), targets.tolist(), p.tolist(), spurious.tolist(), strict=True)),
+    )
+
+
+def _thousandths(values: list) -> np.ndarray:
+    return np.rint(np.array(values, np.float64) * _PER_METRE).astype(np.int32)
+
+
+def _differences(values: list[int]) -> np.ndarray:
+    return np.diff(np.array(values, np.int32), prepend=0)

@@ -1,0 +1,60 @@
+"""Take the drawings of maps out of result files: `python -m tools.slim_results docs/measurements`.
+
+Result files written before held a map's nodes, edges and floor as JSON, which is 97 % of them. This writes each drawing
+that a figure of `ltvn report` shows beside its result, and the result again without any. All else stays as it is.
+"""
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import cattrs
+
+from ltvn_core.evaluation.map_drawings import drawing_path, save_drawing
+from ltvn_core.evaluation.results import MapDrawing
+
+_ENDING = re.compile(r"(-(\d+|every))*\.(trial|lifelong)\.json$")
+
+
+def slim(path: Path) -> None:
+    """Convert one result file; one that is converted already stays as it is."""
+    results = json.loads(path.read_text(encoding="utf-8"))
+    trials = [point["trial"] for point in results["points"]] if "points" in results else [results]
+    for trial in (trials[0], trials[-1]):
+        if _is_shown(path, trial):
+            _keep_drawing(path, trial)
+    for trial in trials:
+        trial["floorplan"] = None
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(results, separators=(",", ":")), encoding="utf-8")
+    os.replace(part, path)
+
+
+def _is_shown(path: Path, trial: dict[str, Any]) -> bool:
+    """Figures show the maps of the first seed, and those before and after a lifelong test."""
+    return trial["floorplan"] is not None and trial["seed"] == 0
+
+
+def _keep_drawing(path: Path, trial: dict[str, Any]) -> None:
+    place = drawing_path(path.parent, _ENDING.sub("", path.name), trial["queries"])
+    if not place.exists():
+        save_drawing(place, cattrs.structure(trial["floorplan"], MapDrawing))
+
+
+def main(folders: list[str]) -> int:
+    """Convert all results below some folders, and say what that saves."""
+    for folder in map(Path, folders):
+        paths = sorted([*folder.rglob("*.trial.json"), *folder.rglob("*.lifelong.json")])
+        before = sum(path.stat().st_size for path in paths)
+        for path in paths:
+            slim(path)
+        after = sum(path.stat().st_size for path in [*paths, *folder.rglob("*-map-*.npz")])
+        sys.stdout.write(f"{folder}: {len(paths)} results, {before / 1e6:.1f} MB before, {after / 1e6:.1f} MB now\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

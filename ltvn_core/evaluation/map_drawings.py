@@ -49,8 +49,8 @@ def save_drawing(path: Path, drawing: MapDrawing) -> None:
 def load_drawing(path: Path) -> MapDrawing:
     """Read what `save_drawing` wrote. Raises OptionError for a file that is none."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return _drawing({name: file[name] for name in file.files})
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return _drawing({name: arrays[name] for name in arrays.files})
     except (OSError, ValueError, KeyError, IndexError, EOFError, BadZipFile) as error:
         raise OptionError(f"{path} holds no drawing of a map ({error}); remove it and evaluate again.") from error
 

@@ -5,16 +5,16 @@ from itertools import cycle
 import numpy as np
 
 from benchmarks.measurement import Measurement, alternating, measured
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
 from ltvn_core.simulation.rendering.ray_casting import RayCaster
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_core.types import Intrinsics
 
 TRIANGLES = 146_000
 """As many as the scan of a furnished house has."""
-LENS = Intrinsics()
+LENS = LOCOBOT.camera
 
 
 def render_large_mesh() -> list[Measurement]:

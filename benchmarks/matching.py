@@ -24,6 +24,7 @@ class _CountingPredictor:
     def __init__(self, inner: Predictor) -> None:
         self._inner = inner
         self.fingerprint = inner.fingerprint
+        self.camera = inner.camera
         self.encoded = 0
         self.compared = 0
 

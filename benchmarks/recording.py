@@ -9,7 +9,8 @@ import numpy as np
 from benchmarks.measurement import Measurement, measured, seconds
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.types import Intrinsics, Observation
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Observation
 
 STEPS = 5_000
 OBSERVATIONS = 100
@@ -41,9 +42,9 @@ def demo_observations(count: int) -> list[Observation]:
     from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene("demo")
-    camera = open_renderer(scene)
+    renderer = open_renderer(scene)
     poses = scene.clearance.sample_poses(np.random.default_rng(0), count)
-    return [Observation(*camera.render(pose, Intrinsics()), pose, 0.1 * k, k, pose) for k, pose in enumerate(poses)]
+    return [Observation(*renderer.render(pose, LOCOBOT.camera), pose, 0.1 * k, k, pose) for k, pose in enumerate(poses)]
 
 
 def _read(path: Path) -> None:

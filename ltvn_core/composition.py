@@ -17,7 +17,8 @@ from ltvn_core.graph.baselines.sptm import sptm_system
 from ltvn_core.graph.baselines.ving import ving_system
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.types import FrameId, Intrinsics, Pose, Predictor
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import FrameId, Pose, Predictor
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.scene import Scene
@@ -84,7 +85,7 @@ def open_predictor(name: PredictorName, scene_name: str, weights: Path | None = 
         from ltvn_core.simulation.oracle_predictor import OraclePredictor
         from ltvn_core.simulation.scene_registry import load_scene
 
-        return OraclePredictor(load_scene(scene_name).clearance, Intrinsics())
+        return OraclePredictor(load_scene(scene_name).clearance, LOCOBOT.camera)
     from ltvn_core.network.predictor import load_predictor
 
     return load_predictor(weights)

@@ -13,6 +13,10 @@ class ImageError(LtvnError):
     """An image or a depth map is not what the method can look at."""
 
 
+class CameraError(LtvnError):
+    """A camera's size, lens or mounting cannot be right."""
+
+
 class RecordingError(LtvnError):
     """A recording is missing, foreign, cut, of another schema, or cannot be written."""
 

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ltvn_core.errors import ImageError
-from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Depth, FrameId, Observation, Pose, Rgb
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Depth, FrameId, Observation, Pose, Rgb
 
 
 def preprocess_observation(
     rgb: ArrayLike,
-    depth: ArrayLike,
+    depth: ArrayLike | None,
     odometry: Pose,
     *,
     stamp: float,
@@ -27,15 +28,22 @@ def preprocess_observation(
     Raises ImageError for a wrong type or shape, for depth that is NaN, infinite, negative or zero everywhere, and for
     a pose or stamp that is not finite.
     """
-    image, metres = _checked_rgb(rgb, source), _checked_depth(depth, source)
-    if image.shape[:2] != metres.shape:
+    image, metres = _checked_rgb(rgb, source), None if depth is None else _checked_depth(depth, source)
+    if metres is not None and image.shape[:2] != metres.shape:
         raise ImageError(
             f"{source}: the picture is {image.shape[1]} x {image.shape[0]} but its depth is "
             f"{metres.shape[1]} x {metres.shape[0]}; both must have one size."
         )
     if not (np.all(np.isfinite(odometry)) and np.shape(odometry) == (3,) and np.isfinite(stamp)):
         raise ImageError(f"{source}: odometry must be three finite numbers and the stamp finite, got {odometry}.")
-    return Observation(_resized(image), _resized(metres), np.asarray(odometry, np.float64), stamp, step, exact_pose)
+    return Observation(
+        _resized(image),
+        None if metres is None else _resized(metres),
+        np.asarray(odometry, np.float64),
+        stamp,
+        step,
+        exact_pose,
+    )
 
 
 def preprocess_image(rgb: ArrayLike, source: str) -> Rgb:
@@ -67,8 +75,8 @@ def _checked_depth(depth: ArrayLike, source: str) -> Depth:
 
 
 def _resized(image: np.ndarray) -> np.ndarray:
-    if image.shape[:2] == (IMAGE_HEIGHT, IMAGE_WIDTH):
+    if image.shape[:2] == (LOCOBOT.camera.height, LOCOBOT.camera.width):
         return image
     # Depth must not be averaged across edges or with missing returns, so it takes the nearest pixel.
     mode = cv2.INTER_NEAREST if image.ndim == 2 else cv2.INTER_AREA
-    return cv2.resize(image, (IMAGE_WIDTH, IMAGE_HEIGHT), interpolation=mode)
+    return cv2.resize(image, (LOCOBOT.camera.width, LOCOBOT.camera.height), interpolation=mode)

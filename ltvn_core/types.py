@@ -1,7 +1,7 @@
-"""The nouns everything else is said in: what a robot senses, does and predicts.
+"""The data that cross module borders: what a robot senses, does and predicts.
 
-Owns the data that cross module borders and the three Protocols (`Robot`, `Renderer`, `Predictor`) through which graph,
-navigation and analysis meet the simulator and the network. Owns no behaviour beyond checking its own fields.
+Owns these types and two Protocols: `Predictor`, the network's side of the border to the method, and `Renderer`, the
+simulator's. The robot's side is `ltvn_core.robots.robot.Robot`. Owns no behaviour beyond checking its own fields.
 
 Conventions: metres, radians, seconds; x forward, y left, yaw counter-clockwise in (-pi, pi].
 """
@@ -12,6 +12,9 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import ImageError
 
 Pose: TypeAlias = NDArray[np.float64]
 """(3,) or (..., 3): x_m, y_m, yaw_rad of a body in some world frame."""
@@ -37,18 +40,25 @@ NodeId: TypeAlias = FrameId
 CONTROL_STEP_S = 0.1
 """Robot time between two control steps."""
 
-IMAGE_WIDTH = 96
-IMAGE_HEIGHT = 72
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OriginalImage:
+    """The picture that a robot's camera delivered, before it was rectified for a predictor."""
+
+    jpeg: bytes
+    """Compressed colours; perhaps smaller than the camera's own picture, never of another aspect."""
+    camera: CameraModel
+    """The camera, scaled to the size of this picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """One look at the world. Build it from outside data with `ltvn_core.preprocessing.observation`, which checks."""
+    """One image with depth and odometry. Make it from outside data with `preprocessing.preprocess_observation`."""
 
     rgb: Rgb
-    """(72, 96, 3) for the method; any size is accepted at the door and resized there."""
-    depth: Depth
-    """(72, 96), metres along the optical axis; 0 = no return."""
+    """(H, W, 3); of the size that the predictor asks for once it has come through the door."""
+    depth: Depth | None
+    """(H, W), metres along the optical axis, 0 = no return; None where the robot has no depth camera at all."""
     odometry: Pose
     """(3,) in the odometry frame; drifts."""
     stamp: float
@@ -58,6 +68,17 @@ class Observation:
     exact_pose: Pose | None = None
     """(3,) in the world frame, in simulation only. Only the oracle, the evaluation, the recording and the page's
     drawing may read it; the method never does (a test checks)."""
+    original: OriginalImage | None = None
+    """The camera's own picture where it was kept and is another than `rgb`."""
+
+    def require_depth(self, user: str) -> Depth:
+        """Return the depth. Raises ImageError, naming the `user` that cannot do without, where there is none."""
+        if self.depth is None:
+            raise ImageError(
+                f"Image {self.step} has no depth, and {user} needs it. Use a robot with a depth camera, or a predictor "
+                "that works from colours alone."
+            )
+        return self.depth
 
 
 class Twist(NamedTuple):
@@ -85,23 +106,6 @@ class RobotState(NamedTuple):
     """The bumper touches something now."""
 
 
-class Intrinsics(NamedTuple):
-    """A pinhole camera without distortion that looks ahead."""
-
-    width: int = IMAGE_WIDTH
-    height: int = IMAGE_HEIGHT
-    horizontal_fov_rad: float = float(np.deg2rad(69.4))
-    height_m: float = 0.6
-    """Height of the optical centre above the floor."""
-    pitch_rad: float = 0.0
-    """Tilt of the optical axis, upwards positive; 0 is level."""
-
-    @property
-    def focal_px(self) -> float:
-        """Focal length in pixels, the same for both axes."""
-        return self.width / 2 / float(np.tan(self.horizontal_fov_rad / 2))
-
-
 class Prediction(NamedTuple):
     """What the network says of N (source, target) pairs."""
 
@@ -111,30 +115,10 @@ class Prediction(NamedTuple):
     """(N, 3): the target in the source's frame."""
 
 
-class Robot(Protocol):
-    """A body that can be driven. A drive command is a lease: it expires by itself and then the robot stops once."""
-
-    def observe(self) -> Observation:
-        """Take a picture now."""
-        ...
-
-    def state(self) -> RobotState:
-        """Feel the body without looking: odometry, clock and bumper."""
-        ...
-
-    def drive(self, twist: Twist) -> None:
-        """Command a velocity until the lease runs out or the next command."""
-        ...
-
-    def stop(self) -> None:
-        """Stop now; nothing moves until the next `drive`."""
-        ...
-
-
 class Renderer(Protocol):
-    """Renders what a camera at a pose sees."""
+    """Renders what a camera on a robot at a pose sees; only a simulator has one."""
 
-    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
+    def render(self, pose: Pose, camera: CameraModel) -> tuple[Rgb, Depth]:
         """Return rgb (H, W, 3) uint8 and depth (H, W) float32 in metres seen from `pose` (3,)."""
         ...
 
@@ -145,6 +129,11 @@ class Predictor(Protocol):
     @property
     def fingerprint(self) -> str:
         """Name the weights; a map remembers it and refuses another's."""
+        ...
+
+    @property
+    def camera(self) -> CameraModel:
+        """The camera whose images `encode` takes; `preprocessing` rectifies those of any other camera to it."""
         ...
 
     def encode(self, observations: Sequence[Observation]) -> Features:

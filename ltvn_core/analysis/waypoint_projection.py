@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ltvn_core.types import Intrinsics, Waypoint
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.types import Waypoint
 
 _NEAREST_M = 0.05
 """What is less far ahead of the lens has no picture."""
@@ -22,17 +23,17 @@ class Pixel(NamedTuple):
     """Down."""
 
 
-def pole_in_image(waypoint: Waypoint, intrinsics: Intrinsics) -> tuple[Pixel, Pixel] | None:
+def pole_in_image(waypoint: Waypoint, camera: CameraModel) -> tuple[Pixel, Pixel] | None:
     """Return both ends of a pole as high as the camera that stands at a waypoint (3,), top first, cut at the border.
 
     None if it stands aside or behind; an edge that is driven backwards is better drawn into its target's picture.
     """
-    top, foot = (_projected(waypoint, intrinsics, height) for height in (intrinsics.height_m, 0.0))
+    top, foot = (_projected(waypoint, camera, height) for height in (camera.height_m, 0.0))
     if top is None or foot is None:
         return None
     ends = np.array([top, foot])
     begin, end = 0.0, 1.0
-    for start, stop, size in zip(ends[0], ends[1], (intrinsics.width, intrinsics.height), strict=True):
+    for start, stop, size in zip(ends[0], ends[1], (camera.width, camera.height), strict=True):
         slope = stop - start
         if abs(slope) < 1e-9:
             begin, end = (begin, end) if 0 <= start <= size else (1.0, 0.0)
@@ -45,12 +46,10 @@ def pole_in_image(waypoint: Waypoint, intrinsics: Intrinsics) -> tuple[Pixel, Pi
     return Pixel(*map(float, cut[0])), Pixel(*map(float, cut[1]))
 
 
-def _projected(waypoint: Waypoint, intrinsics: Intrinsics, height_m: float) -> Pixel | None:
+def _projected(waypoint: Waypoint, camera: CameraModel, height_m: float) -> Pixel | None:
     """Project a point on the plane of the picture, which has no border here; None behind the lens."""
-    ahead, left, rise = float(waypoint[0]), float(waypoint[1]), height_m - intrinsics.height_m
-    cos, sin = np.cos(intrinsics.pitch_rad), np.sin(intrinsics.pitch_rad)
-    depth, up = cos * ahead + sin * rise, cos * rise - sin * ahead
-    if depth < _NEAREST_M:
+    point = np.array([waypoint[0], waypoint[1], height_m], np.float64)
+    if float((point - [0.0, 0.0, camera.height_m]) @ camera.rotation[:, 0]) < _NEAREST_M:
         return None
-    scale = intrinsics.focal_px / depth
-    return Pixel(float(intrinsics.width / 2 - scale * left), float(intrinsics.height / 2 - scale * up))
+    u, v = camera.project(point) + 0.5
+    return Pixel(float(u), float(v))

@@ -14,10 +14,11 @@ from ltvn_core.evaluation.imaged_scene import ImagedScene
 from ltvn_core.geometry import relative
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.network.metrics.pair_evaluation import predict_pairs
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.reachability_labels import ReachabilityLimits
 from ltvn_core.training_data.scene_protocols import DatasetScene
 from ltvn_core.training_data.shard_generation import label_image_pairs
-from ltvn_core.types import CONTROL_STEP_S, Intrinsics, Observation, Pose, Prediction, Predictor, Renderer, Waypoint
+from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Prediction, Predictor, Renderer, Waypoint
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.scene_registry import Scene
@@ -28,7 +29,7 @@ class PredictedDrive:
     """N images of a drive; a frame's number is its place in the drive."""
 
     scene: "Scene"
-    camera: Renderer
+    renderer: Renderer
     observations: tuple[Observation, ...]
     """N images; their odometry is exact."""
     keyframes: KeyframeStore
@@ -48,26 +49,26 @@ class PredictedDrive:
     def imaged_scene(self) -> ImagedScene:
         """Where edges between the images can be driven."""
         return ImagedScene(
-            scene=self.scene, camera=self.camera, keyframes=self.keyframes, poses=dict(enumerate(self.poses))
+            scene=self.scene, camera=self.renderer, keyframes=self.keyframes, poses=dict(enumerate(self.poses))
         )
 
 
-def predict_drive(scene: "Scene", camera: Renderer, predictor: Predictor, poses: Pose) -> PredictedDrive:
+def predict_drive(scene: "Scene", renderer: Renderer, predictor: Predictor, poses: Pose) -> PredictedDrive:
     """Look from the poses (N, 3) of a drive, and label and predict all ordered pairs."""
     images = len(poses)
-    seen = tuple(_observe(camera, pose, frame) for frame, pose in enumerate(poses))
+    seen = tuple(_observe(renderer, pose, frame) for frame, pose in enumerate(poses))
     keyframes = KeyframeStore(predictor)
     keyframes.add(seen)
     first, second = np.divmod(np.arange(images**2), images)
-    depth_mm = np.rint(np.stack([each.depth for each in seen]) * 1000).astype(np.uint16)
+    depth_mm = np.rint(np.stack([each.require_depth("the evaluation") for each in seen]) * 1000).astype(np.uint16)
     labels = label_image_pairs(
-        DatasetScene(scene.name, scene.clearance, camera), poses, depth_mm, first, second, ReachabilityLimits()
+        DatasetScene(scene.name, scene.clearance, renderer), poses, depth_mm, first, second, ReachabilityLimits()
     )
     predicted = predict_pairs(predictor, keyframes.features(range(images)), first, second)
     square = (images, images)
     return PredictedDrive(
         scene=scene,
-        camera=camera,
+        renderer=renderer,
         observations=seen,
         keyframes=keyframes,
         poses=poses,
@@ -78,6 +79,6 @@ def predict_drive(scene: "Scene", camera: Renderer, predictor: Predictor, poses:
     )
 
 
-def _observe(camera: Renderer, pose: Pose, frame: int) -> Observation:
-    rgb, depth = camera.render(pose, Intrinsics())
+def _observe(renderer: Renderer, pose: Pose, frame: int) -> Observation:
+    rgb, depth = renderer.render(pose, LOCOBOT.camera)
     return Observation(rgb=rgb, depth=depth, odometry=pose, stamp=frame * CONTROL_STEP_S, step=frame, exact_pose=pose)

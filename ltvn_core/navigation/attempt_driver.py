@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, relative
 from ltvn_core.navigation.controller import drives_backwards, steer
@@ -17,7 +18,7 @@ from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points, transform_points
 from ltvn_core.navigation.perception import Perception
-from ltvn_core.types import Intrinsics, NodeId, Pose, Twist, Waypoint
+from ltvn_core.types import NodeId, Pose, Twist, Waypoint
 
 _MAX_WAYPOINT_M = 2.5
 """No waypoint is believed beyond the range in which the network learned."""
@@ -43,13 +44,13 @@ class AttemptDriver:
     """Drives one leg."""
 
     def __init__(
-        self, motion: MotionExecutor, perception: Perception, config: DrivingConfig, intrinsics: Intrinsics
+        self, motion: MotionExecutor, perception: Perception, config: DrivingConfig, camera: CameraModel
     ) -> None:
         """Drive with `motion`, looking through `perception`."""
         self._motion = motion
         self._perception = perception
         self._config, self._detour_config = config, replace(config, position_tolerance_m=_DETOUR_TOLERANCE_M)
-        self._intrinsics, self._obstacles = intrinsics, ObstacleMemory(intrinsics)
+        self._camera, self._obstacles = camera, ObstacleMemory(camera)
         self._backwards = self._turned_round = False
         self._detour: Pose | None = None
         self._detours_left = 0
@@ -95,7 +96,7 @@ class AttemptDriver:
         if not self._config.back_up_clearance_m:
             return False
         seen = [
-            transform_points(obstacle_points(image.depth, self._intrinsics), compose(waypoint, pose))
+            transform_points(obstacle_points(image.depth, self._camera), compose(waypoint, pose))
             for image, pose in self._perception.observations_around(target, _FRAMES_AROUND_NODE)
         ]
         return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -18,7 +19,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
-from ltvn_core.types import Intrinsics, Predictor
+from ltvn_core.types import Predictor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +31,7 @@ class NavigationContext:
     predictor: Predictor
     system: NavigationSystem
     rng: np.random.Generator
-    intrinsics: Intrinsics
+    camera: CameraModel
     matcher: Matcher
     planner: Planner
     loop_closures: LoopClosureVerifier
@@ -50,12 +51,12 @@ class NavigationContext:
         predictor: Predictor,
         system: NavigationSystem,
         rng: np.random.Generator,
-        intrinsics: Intrinsics,
+        camera: CameraModel,
     ) -> "NavigationContext":
         """Put the parts together."""
         matcher = Matcher(predictor, keyframes, system.method.matching)
         planner = Planner(graph, system.method.planning, weight=system.edge_weight)
-        return cls(graph, keyframes, predictor, system, rng, intrinsics, matcher, planner, LoopClosureVerifier(matcher))
+        return cls(graph, keyframes, predictor, system, rng, camera, matcher, planner, LoopClosureVerifier(matcher))
 
     def apply_deltas(
         self, deltas: Iterable[GraphDelta], query: int, attempt: int | None = None

@@ -11,7 +11,8 @@ import numpy as np
 from ltvn_core.config import RecoveryConfig
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.navigation.events import Collided, Event, Outcome, Tick
-from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Robot, Twist
+from ltvn_core.robots.robot import Robot
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Twist
 
 _T = TypeVar("_T")
 EventGenerator: TypeAlias = Generator[Event | Tick, None, _T]

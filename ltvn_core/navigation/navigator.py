@@ -20,7 +20,8 @@ from ltvn_core.navigation.events import Event, NavigatorState, QueryEnded, Query
 from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.query_runner import QueryRunner
-from ltvn_core.types import Intrinsics, NodeId, Observation, Predictor, Robot
+from ltvn_core.robots.robot import Robot
+from ltvn_core.types import NodeId, Observation, Predictor
 
 
 class Navigator:
@@ -35,7 +36,6 @@ class Navigator:
         method: Method,
         rng: np.random.Generator,
         *,
-        intrinsics: Intrinsics | None = None,
         system: NavigationSystem | None = None,
     ) -> None:
         """Navigate in `graph`, whose images `keyframes` holds; both change on the way if the system maintains.
@@ -44,7 +44,7 @@ class Navigator:
         """
         self._robot = robot
         self._context = NavigationContext.create(
-            graph, keyframes, predictor, system or ltvn_system(method), rng, intrinsics or Intrinsics()
+            graph, keyframes, predictor, system or ltvn_system(method), rng, robot.spec.camera
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None

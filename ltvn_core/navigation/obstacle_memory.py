@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative, rotation
-from ltvn_core.types import Depth, FrameId, Intrinsics, Observation, Pose
+from ltvn_core.types import Depth, FrameId, Observation, Pose
 
 _MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
 """Between these heights above the floor things stop the robot."""
@@ -29,15 +30,19 @@ _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
 
 
-def obstacle_points(depth: Depth, intrinsics: Intrinsics) -> NDArray[np.float64]:
-    """Return (M, 2) x forward, y left of what a robot could touch nearby, from every second pixel."""
+def obstacle_points(depth: Depth | None, camera: CameraModel) -> NDArray[np.float64]:
+    """Return (M, 2) x forward, y left of what a robot could touch nearby, from every second pixel.
+
+    Without depth that is nothing: only the bumper then knows of obstacles.
+    """
+    if depth is None:
+        return np.empty((0, 2))
     sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     rows, columns = np.nonzero((sparse > 0) & (sparse < _RELEVANT_RANGE_M))
     metres = sparse[rows, columns].astype(np.float64)
-    left = -(columns * _EVERY_PIXEL + 0.5 - intrinsics.width / 2) / intrinsics.focal_px * metres
-    up = -(rows * _EVERY_PIXEL + 0.5 - intrinsics.height / 2) / intrinsics.focal_px * metres + intrinsics.height_m
-    solid = (up > _MIN_HEIGHT_M) & (up < _MAX_HEIGHT_M)
-    return np.stack([metres[solid], left[solid]], axis=-1)
+    points = camera.unproject(np.stack([columns, rows], axis=-1) * _EVERY_PIXEL, metres)
+    solid = (points[:, 2] > _MIN_HEIGHT_M) & (points[:, 2] < _MAX_HEIGHT_M)
+    return points[solid, :2]
 
 
 def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
@@ -55,9 +60,9 @@ class _Collision(NamedTuple):
 class ObstacleMemory:
     """Solid points of the last images, kept where odometry puts them."""
 
-    def __init__(self, intrinsics: Intrinsics) -> None:
+    def __init__(self, camera: CameraModel) -> None:
         """Know nothing yet."""
-        self._intrinsics = intrinsics
+        self._camera = camera
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()
         self._last_step = -1
@@ -77,7 +82,7 @@ class ObstacleMemory:
         while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
             self._collisions.popleft()
         self._last_step, self._last_pose = observation.step, observation.odometry
-        here = obstacle_points(observation.depth, self._intrinsics)
+        here = obstacle_points(observation.depth, self._camera)
         pose = observation.odometry
         self._seen.append(transform_points(here, pose))
 

@@ -4,8 +4,12 @@ Owns the numbers that must match between training and use. Knows nothing of trai
 """
 
 from dataclasses import dataclass
+from math import radians
 
-from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH
+from ltvn_core.cameras.camera_model import CameraModel
+
+NETWORK_CAMERA = CameraModel.from_fov(96, 72, radians(69.4), height_m=0.6)
+"""The level camera whose images the networks of this package learn from and take."""
 
 STRIDE = 8
 """Pixels per token along each axis: the encoder halves the image three times."""
@@ -40,7 +44,7 @@ class PairArchitecture:
     @property
     def grid(self) -> tuple[int, int]:
         """Rows and columns of tokens."""
-        return IMAGE_HEIGHT // STRIDE, IMAGE_WIDTH // STRIDE
+        return NETWORK_CAMERA.height // STRIDE, NETWORK_CAMERA.width // STRIDE
 
     @property
     def token_count(self) -> int:
@@ -50,7 +54,7 @@ class PairArchitecture:
     @property
     def depth_grid(self) -> tuple[int, int]:
         """Rows and columns of the kept depth."""
-        return IMAGE_HEIGHT // DEPTH_STRIDE, IMAGE_WIDTH // DEPTH_STRIDE
+        return NETWORK_CAMERA.height // DEPTH_STRIDE, NETWORK_CAMERA.width // DEPTH_STRIDE
 
     @property
     def depth_count(self) -> int:

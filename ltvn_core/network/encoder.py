@@ -7,9 +7,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ltvn_core.network.architecture import DEPTH_STRIDE, STRIDE, PairArchitecture
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.network.architecture import DEPTH_STRIDE, NETWORK_CAMERA, STRIDE, PairArchitecture
 from ltvn_core.network.image_features import ImageFeatures
-from ltvn_core.types import Intrinsics
 
 KEYPOINT_STEP = 2
 """A token chooses its surface point among every second pixel of its 8 x 8 cell."""
@@ -89,7 +89,7 @@ class Encoder(nn.Module):
         self.value = nn.Linear(size.tokens, size.value)
         self.trust = nn.Linear(size.tokens, 2)
         self.place = nn.Sequential(nn.Linear(size.tokens * 6, 128), nn.ReLU(), nn.Linear(128, 2 * size.place))
-        self.register_buffer("rays", pixel_rays(Intrinsics()), persistent=False)
+        self.register_buffer("rays", pixel_rays(NETWORK_CAMERA), persistent=False)
 
     def forward(self, rgb: Tensor, depth: Tensor) -> ImageFeatures:
         """Encode rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres, 0 where missing."""
@@ -140,10 +140,9 @@ class Encoder(nn.Module):
         return torch.einsum("btk,bckt->btc", weights, cells)
 
 
-def pixel_rays(camera: Intrinsics) -> Tensor:
+def pixel_rays(camera: CameraModel) -> Tensor:
     """Return (3, H, W): x forward, y left, z up of every pixel's centre at one metre of depth."""
-    rows, columns = torch.arange(camera.height) + 0.5, torch.arange(camera.width) + 0.5
-    left = (camera.width / 2 - columns) / camera.focal_px
-    above = (camera.height / 2 - rows) / camera.focal_px
+    left = (camera.cx - torch.arange(camera.width)) / camera.fx
+    above = (camera.cy - torch.arange(camera.height)) / camera.fy
     shape = (camera.height, camera.width)
     return torch.stack([torch.ones(shape), left.expand(shape), above[:, None].expand(shape)])

@@ -8,9 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from ltvn_core.network.alignment import PlanarMotion
-from ltvn_core.network.architecture import DEPTH_STRIDE, PairArchitecture
+from ltvn_core.network.architecture import DEPTH_STRIDE, NETWORK_CAMERA, PairArchitecture
 from ltvn_core.network.encoder import pixel_rays
-from ltvn_core.types import Intrinsics
 
 MEASURE_COUNT = 12
 """Numbers that `GeometricVerification` returns per pair."""
@@ -29,7 +28,7 @@ class GeometricVerification(nn.Module):
     def __init__(self, size: PairArchitecture) -> None:
         super().__init__()
         self.rows, self.columns = size.depth_grid
-        self.camera = Intrinsics()
+        self.camera = NETWORK_CAMERA
         half = DEPTH_STRIDE // 2
         rays = pixel_rays(self.camera)[:, half::DEPTH_STRIDE, half::DEPTH_STRIDE]
         self.register_buffer("rays", rays.reshape(3, -1), persistent=False)
@@ -73,7 +72,7 @@ class GeometricVerification(nn.Module):
         """Return the coarse pixel (P, G) in which each point appears and whether it does."""
         ahead = points[..., 0] > 0.05
         distance = torch.where(ahead, points[..., 0], torch.ones_like(points[..., 0]))
-        focal = self.camera.focal_px / DEPTH_STRIDE
+        focal = self.camera.fx / DEPTH_STRIDE
         column = torch.floor(self.columns / 2 - focal * points[..., 1] / distance)
         row = torch.floor(self.rows / 2 - focal * points[..., 2] / distance)
         inside = ahead & (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)

@@ -12,15 +12,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import ImageError
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_core.network.architecture import AnyArchitecture
+from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.device import CPU, device_of, to_tensor
 from ltvn_core.network.image_features import pack as pack_features
 from ltvn_core.network.prefilter import PrefilterScores
 from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, load_weights, weights_fingerprint
-from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Features, Observation, Prediction
+from ltvn_core.types import Features, Observation, Prediction
 
 PREFILTER_FROM = 200
 """A single source with at least this many targets is compared in full with the most similar ones alone."""
@@ -51,12 +52,20 @@ class NetworkPredictor:
         return self._fingerprint
 
     @property
+    def camera(self) -> CameraModel:
+        """The camera whose images it takes: 96 x 72, 69.4 degrees wide, level."""
+        return NETWORK_CAMERA
+
+    @property
     def architecture(self) -> AnyArchitecture:
         """Return the sizes of the network."""
         return self._network.size
 
     def encode(self, observations: Sequence[Observation]) -> Features:
-        """Return (N, F) float16 features. Raises ImageError for observations of another size than 96 x 72."""
+        """Return (N, F) float16 features.
+
+        Raises ImageError for observations of another size than the camera's, and for observations without depth.
+        """
         parts = [np.empty((0, self._network.row_length), np.float16)]
         for first in range(0, len(observations), _IMAGES_AT_ONCE):
             parts.append(self._encode(observations[first : first + _IMAGES_AT_ONCE]))
@@ -84,7 +93,7 @@ class NetworkPredictor:
     def _encode(self, observations: Sequence[Observation]) -> NDArray[np.float16]:
         rgb, depth = images_to_tensors(
             np.stack([_checked(each).rgb for each in observations]),
-            np.stack([each.depth for each in observations]),
+            np.stack([each.require_depth("the network") for each in observations]),
             self._device,
         )
         return pack_features(self._network.encode(rgb, depth)).cpu().numpy()
@@ -152,10 +161,12 @@ def pose_to_waypoints(pose: Tensor) -> NDArray[np.float64]:
 
 
 def _checked(observation: Observation) -> Observation:
-    expected = (IMAGE_HEIGHT, IMAGE_WIDTH)
-    if observation.rgb.shape != (*expected, 3) or observation.depth.shape != expected:
+    expected = (NETWORK_CAMERA.height, NETWORK_CAMERA.width)
+    depth = observation.require_depth("the network")
+    if observation.rgb.shape != (*expected, 3) or depth.shape != expected:
         raise ImageError(
-            f"Image {observation.step} is {observation.rgb.shape[:2]} with depth {observation.depth.shape}; the "
-            f"network takes {expected} (rows, columns). Let it in through ltvn_core.intake.observation, which resizes."
+            f"Image {observation.step} is {observation.rgb.shape[:2]} with depth {depth.shape}; the network takes "
+            f"{expected} (rows, columns). Let it in through ltvn_core.preprocessing.preprocess_observation, which "
+            "rectifies images of any camera."
         )
     return observation

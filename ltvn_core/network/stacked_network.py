@@ -10,13 +10,12 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from ltvn_core.network.architecture import StackedArchitecture
+from ltvn_core.network.architecture import NETWORK_CAMERA, StackedArchitecture
 from ltvn_core.network.base_network import BaseNetwork
 from ltvn_core.network.encoder import FARTHEST_DEPTH_M, ResidualBlock, conv_block
 from ltvn_core.network.pair_head import PairOutput
-from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH
 
-_PIXELS = IMAGE_HEIGHT * IMAGE_WIDTH
+_PIXELS = NETWORK_CAMERA.height * NETWORK_CAMERA.width
 
 
 class StackedFeatures(NamedTuple):
@@ -65,7 +64,7 @@ class StackedNetwork(BaseNetwork[StackedFeatures]):
     def unpack(self, rows: Tensor) -> StackedFeatures:
         """Return the images held in (B, F) rows, as float32."""
         rgb, depth = rows.float().split([3 * _PIXELS, _PIXELS], dim=1)
-        shape = (IMAGE_HEIGHT, IMAGE_WIDTH)
+        shape = (NETWORK_CAMERA.height, NETWORK_CAMERA.width)
         return StackedFeatures(rgb.reshape(-1, 3, *shape), depth.reshape(-1, *shape))
 
     def compare(self, source: StackedFeatures, target: StackedFeatures) -> PairOutput:

@@ -171,7 +171,7 @@ def _write(
         scene=meta.scene,
         config={**meta.config, "excerpt": origin},
         fingerprint=meta.fingerprint,
-        intrinsics=meta.intrinsics,
+        camera=meta.camera,
         scene_glb=recording.scene_glb(),
         recording_id=str(uuid4()),
         started_at=meta.started_at,

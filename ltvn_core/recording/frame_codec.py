@@ -23,8 +23,8 @@ class EncodedFrame:
     exact_pose: Pose | None
     rgb: bytes
     """A JPEG."""
-    depth: bytes
-    """A 16-bit PNG in millimetres."""
+    depth: bytes | None
+    """A 16-bit PNG in millimetres, None where the robot has no depth camera."""
 
     @property
     def drawn_pose(self) -> Pose:
@@ -41,7 +41,7 @@ class EncodedFrame:
     @property
     def depth_checksum(self) -> int:
         """CRC-32 over the depth image and its step."""
-        return zlib.crc32(self.depth, zlib.crc32(np.int64(self.step).tobytes()))
+        return zlib.crc32(self.depth or b"", zlib.crc32(np.int64(self.step).tobytes()))
 
 
 def encode_frame(observation: Observation) -> EncodedFrame:
@@ -53,7 +53,7 @@ def encode_frame(observation: Observation) -> EncodedFrame:
         odometry=np.array(observation.odometry, np.float64),
         exact_pose=None if exact is None else np.array(exact, np.float64),
         rgb=image_codec.encode_rgb(observation.rgb),
-        depth=image_codec.encode_depth(observation.depth),
+        depth=None if observation.depth is None else image_codec.encode_depth(observation.depth),
     )
 
 
@@ -61,7 +61,7 @@ def decode_frame(frame: EncodedFrame, source: str) -> Observation:
     """Decompress a frame and pass it through the door for images; `source` names the file in errors."""
     return preprocessing.preprocess_observation(
         image_codec.decode_rgb(frame.rgb),
-        image_codec.decode_depth(frame.depth),
+        None if frame.depth is None else image_codec.decode_depth(frame.depth),
         frame.odometry,
         stamp=frame.stamp,
         step=frame.step,

@@ -152,7 +152,7 @@ def _rewrite(recording: Recording, output: Path, frames: Sequence[FrameId], even
         scene=meta.scene,
         config=meta.config,
         fingerprint=meta.fingerprint,
-        intrinsics=meta.intrinsics,
+        camera=meta.camera,
         scene_glb=recording.scene_glb(),
         recording_id=meta.recording_id,
         started_at=meta.started_at,

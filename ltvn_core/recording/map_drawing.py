@@ -12,12 +12,13 @@ import numpy as np
 import rerun as rr
 
 from ltvn_core import palette
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.graph.deltas import Edge, Node
 from ltvn_core.recording import schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, number_column
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.image_codec import MILLIMETRES_PER_METRE
-from ltvn_core.types import Intrinsics, Pose
+from ltvn_core.types import Pose
 
 GRAPH_HEIGHT_M = 0.05
 """The graph floats a little above the floor."""
@@ -34,7 +35,7 @@ class DrawnEntity(NamedTuple):
     values: Sequence[rr.AsComponents]
 
 
-def static_entities(intrinsics: Intrinsics, scene_glb: bytes | None) -> list[DrawnEntity]:
+def static_entities(camera: CameraModel, scene_glb: bytes | None) -> list[DrawnEntity]:
     """Draw what holds at all times: axes, scene, robot, camera, and the names of the curves."""
     body = rr.Boxes3D(centers=[[0, 0, 0.2]], half_sizes=[[0.17, 0.17, 0.2]], colors=[[90, 90, 100]], fill_mode="Solid")
     parts = [
@@ -43,7 +44,7 @@ def static_entities(intrinsics: Intrinsics, scene_glb: bytes | None) -> list[Dra
         DrawnEntity(f"{schema.BODY}/nose", [_arrow(0.42, _NOSE_COLOUR)]),
         DrawnEntity(f"{schema.ODOMETRY}/arrow", [_arrow(GRAPH_HEIGHT_M, _ODOMETRY_COLOUR)]),
         DrawnEntity(schema.TRAIL, [rr.Points3D.from_fields(radii=0.015, colors=[_TRAIL_COLOUR])]),
-        DrawnEntity(schema.CAMERA, [_pinhole(intrinsics), rr.Transform3D(translation=[0, 0, intrinsics.height_m])]),
+        DrawnEntity(schema.CAMERA, [_pinhole(camera), rr.Transform3D(translation=[0, 0, camera.height_m])]),
         DrawnEntity(schema.RGB, [rr.EncodedImage.from_fields(media_type="image/jpeg")]),
         DrawnEntity(schema.DEPTH, [_depth_format()]),
         DrawnEntity(schema.GRAPH_SIZE, [rr.SeriesLines(names=["nodes", "edges"], interpolation_mode="StepAfter")]),
@@ -111,11 +112,12 @@ def _transform(pose: Pose) -> rr.Transform3D:
     )
 
 
-def _pinhole(intrinsics: Intrinsics) -> rr.Pinhole:
+def _pinhole(camera: CameraModel) -> rr.Pinhole:
     return rr.Pinhole(
-        focal_length=intrinsics.focal_px,
-        width=intrinsics.width,
-        height=intrinsics.height,
+        focal_length=[camera.fx, camera.fy],
+        principal_point=[camera.cx + 0.5, camera.cy + 0.5],
+        width=camera.width,
+        height=camera.height,
         camera_xyz=rr.ViewCoordinates.FLU,
         image_plane_distance=0.4,
     )

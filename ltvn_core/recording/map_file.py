@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import MapError
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.atomic_files import atomic_output
@@ -15,7 +16,7 @@ from ltvn_core.recording.frame_codec import EncodedFrame
 from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.types import FrameId, Intrinsics, Observation
+from ltvn_core.types import FrameId, Observation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +37,7 @@ def save_map(
     scene: str,
     fingerprint: str,
     config: Mapping[str, Any],
-    intrinsics: Intrinsics | None = None,
+    camera: CameraModel | None = None,
     scene_glb: bytes | None = None,
     origin: Path | None = None,
 ) -> None:
@@ -52,7 +53,7 @@ def save_map(
     with (
         atomic_output(Path(path)) as part,
         RecordingWriter(
-            part, scene=scene, config=config, fingerprint=fingerprint, intrinsics=intrinsics, scene_glb=scene_glb
+            part, scene=scene, config=config, fingerprint=fingerprint, camera=camera, scene_glb=scene_glb
         ) as writer,
     ):
         for frame in _stored_frames(origin, wanted) if origin is not None else ():

@@ -8,9 +8,9 @@ from typing import Any
 
 import pyarrow as pa
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, text_column
-from ltvn_core.types import Intrinsics
 
 METADATA_ARCHETYPE = "ltvn.Recording"
 _PACKAGES = ("ltvn", "rerun-sdk", "numpy", "torch", "opencv-python-headless")
@@ -26,7 +26,7 @@ class RecordingMetadata:
     """The resolved configuration, as JSON holds it."""
     fingerprint: str
     """Names the weights in use."""
-    intrinsics: Intrinsics
+    camera: CameraModel
     """The camera."""
     schema: int
     """Version of the format."""
@@ -47,7 +47,7 @@ def metadata_row(meta: RecordingMetadata) -> ArchetypeColumns:
             "scene": text_column(meta.scene),
             "config": text_column(_json(meta.config)),
             "fingerprint": text_column(meta.fingerprint),
-            "intrinsics": text_column(_json(meta.intrinsics._asdict())),
+            "intrinsics": text_column(_json(meta.camera.to_json())),
             "versions": text_column(_json(meta.versions)),
             "started_at": text_column(meta.started_at),
         },
@@ -61,7 +61,7 @@ def read_metadata(row: pa.RecordBatch, recording_id: str) -> RecordingMetadata:
         scene=value["scene"],
         config=json.loads(value["config"]),
         fingerprint=value["fingerprint"],
-        intrinsics=Intrinsics(**json.loads(value["intrinsics"])),
+        camera=CameraModel.from_json(json.loads(value["intrinsics"])),
         schema=value["schema"],
         versions=json.loads(value["versions"]),
         started_at=value["started_at"],

@@ -70,6 +70,12 @@ class _BatchRow(NamedTuple):
     def numbers(self, column: str) -> NDArray:
         return read_cell(self.batch.column(column), self.row)
 
+    def blob(self, column: str) -> bytes | None:
+        """Return the bytes of a column that may be missing or empty."""
+        if column not in self.batch.schema.names:
+            return None
+        return self.numbers(column).tobytes() or None
+
 
 class Recording:
     """A recording that lies on disk, opened for reading."""
@@ -116,7 +122,7 @@ class Recording:
             odometry=rgb.numbers(f"{schema.FRAME_ROW}:odometry").copy(),
             exact_pose=exact.copy() if exact.size else None,
             rgb=rgb.numbers("EncodedImage:blob").tobytes(),
-            depth=depth.numbers("EncodedDepthImage:blob").tobytes(),
+            depth=depth.blob("EncodedDepthImage:blob"),
         )
         sums = rgb.numbers(f"{schema.FRAME_ROW}:crc32"), depth.numbers(f"{schema.DEPTH_ROW}:crc32")
         return StoredFrame(encoded, int(sums[0][0]), int(sums[1][0]))

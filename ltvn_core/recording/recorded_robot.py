@@ -1,15 +1,27 @@
 """A robot whose every look is written down. Owns nothing but that."""
 
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.types import Observation, Robot, RobotState, Twist
+from ltvn_core.robots.robot import Clock, Robot
+from ltvn_core.robots.robot_spec import RobotSpec
+from ltvn_core.types import Observation, RobotState, Twist
 
 
 class RecordedRobot:
-    """Passes everything on to a robot and records what it sees. Implements `ltvn_core.types.Robot`."""
+    """Passes everything on to a robot and records what it sees. Implements `ltvn_core.robots.robot.Robot`."""
 
     def __init__(self, robot: Robot, writer: RecordingWriter) -> None:
         self._robot = robot
         self._writer = writer
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The robot's."""
+        return self._robot.spec
+
+    @property
+    def clock(self) -> Clock:
+        """The robot's."""
+        return self._robot.clock
 
     def drive(self, twist: Twist) -> None:
         """Pass the command on."""

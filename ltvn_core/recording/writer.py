@@ -13,6 +13,7 @@ from uuid import uuid4
 
 import rerun as rr
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
@@ -25,7 +26,8 @@ from ltvn_core.recording.event_codec import EncodedEvent
 from ltvn_core.recording.frame_codec import EncodedFrame, encode_frame
 from ltvn_core.recording.map_drawing import DrawnEntity
 from ltvn_core.recording.metadata import RecordingMetadata, metadata_row, package_versions
-from ltvn_core.types import FrameId, Intrinsics, Observation
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import FrameId, Observation
 
 _SNAPSHOT_S = 0.5
 _SNAPSHOT_S_PER_EDGE = 0.002
@@ -51,7 +53,7 @@ class RecordingWriter:
         scene: str,
         config: Mapping[str, Any],
         fingerprint: str,
-        intrinsics: Intrinsics | None = None,
+        camera: CameraModel | None = None,
         scene_glb: bytes | None = None,
         recording_id: str = "",
         started_at: str = "",
@@ -64,11 +66,11 @@ class RecordingWriter:
         `started_at` are for rewriting an older recording. Recording stops when the disk has less than `min_free_bytes`.
         Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken.
         """
-        intrinsics, recording_id = intrinsics or Intrinsics(), recording_id or str(uuid4())
+        camera, recording_id = camera or LOCOBOT.camera, recording_id or str(uuid4())
         started_at = started_at or datetime.now(UTC).isoformat(timespec="seconds")
         versions = package_versions()
         meta = RecordingMetadata(
-            scene, config, fingerprint, intrinsics, schema.SCHEMA_VERSION, versions, started_at, recording_id
+            scene, config, fingerprint, camera, schema.SCHEMA_VERSION, versions, started_at, recording_id
         )
         description = metadata_row(meta)
         self._stream = DurableStream(
@@ -80,7 +82,7 @@ class RecordingWriter:
         self._curves = event_drawing.BeliefCurves()
         self._draw_schedule = _DrawSchedule()
         self._stream.begin(f"{scene} {started_at}", description, blueprint())
-        for part in map_drawing.static_entities(intrinsics, scene_glb):
+        for part in map_drawing.static_entities(camera, scene_glb):
             self._stream.log_static(part.entity, *part.values)
         self._stream.flush()
 
@@ -207,7 +209,8 @@ def _rgb_row(frame: EncodedFrame) -> tuple[rr.AsComponents, ...]:
 
 def _depth_row(frame: EncodedFrame) -> tuple[rr.AsComponents, ...]:
     columns = {"crc32": integer_column(frame.depth_checksum)}
-    return rr.EncodedDepthImage.from_fields(blob=frame.depth), ArchetypeColumns(schema.DEPTH_ROW, columns)
+    row = ArchetypeColumns(schema.DEPTH_ROW, columns)
+    return (row,) if frame.depth is None else (rr.EncodedDepthImage.from_fields(blob=frame.depth), row)
 
 
 def _event_row(event: EncodedEvent) -> ArchetypeColumns:

@@ -3,23 +3,8 @@
 Knows neither the drive lease, which decides what is commanded, nor the physics, which decides how the body moves.
 """
 
-from dataclasses import dataclass
-
+from ltvn_core.robots.robot_spec import AccelerationLimits
 from ltvn_core.types import ZERO_TWIST, Twist
-
-
-@dataclass(frozen=True, slots=True)
-class AccelerationLimits:
-    """How fast the speeds may change, for speeding up and for braking.
-
-    Braking is firm on purpose: from full speed the robot stops within 42 ms, so that a lease of 250 ms plus braking
-    takes less than 300 ms.
-    """
-
-    linear_m_s2: float = 1.5
-    angular_rad_s2: float = 6.0
-    linear_braking_m_s2: float = 12.0
-    angular_braking_rad_s2: float = 24.0
 
 
 class Drivetrain:

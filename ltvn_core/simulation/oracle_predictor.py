@@ -9,10 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
 from ltvn_core.geometry import relative
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.types import Features, Intrinsics, Observation, Pose, Prediction, Waypoint
+from ltvn_core.types import Features, Observation, Pose, Prediction, Waypoint
 
 REACHABLE = 0.97
 UNREACHABLE = 0.03
@@ -46,9 +48,10 @@ class OraclePredictor:
 
     fingerprint = "oracle"
 
-    def __init__(self, clearance: ClearanceMap, intrinsics: Intrinsics | None = None) -> None:
+    def __init__(self, clearance: ClearanceMap, camera: CameraModel = LOCOBOT.camera) -> None:
         self._clearance = clearance
-        self._half_fov_rad = (intrinsics or Intrinsics()).horizontal_fov_rad / 2
+        self.camera = camera
+        self._half_fov_rad = camera.horizontal_fov_rad / 2
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return the exact poses (N, 3) of the observations.

@@ -14,14 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.errors import SceneError
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Pose
 
 TICKS_PER_SECOND = 240
 TICK_S = 1 / TICKS_PER_SECOND
-
-BODY_RADIUS_M = 0.178
-BODY_BOTTOM_M = 0.05
-BODY_TOP_M = 0.8
 
 _FRICTION = 0.3
 """Between body and walls: the robot slides along a wall that it meets at a flat angle, and stops at one that it meets
@@ -35,19 +32,24 @@ _FACES_PER_BODY = 40_000
 class PhysicsWorld:
     """Moves the robot's body through a scene and detects contacts."""
 
-    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer], start: Pose) -> None:
+    def __init__(
+        self, vertices: NDArray[np.floating], faces: NDArray[np.integer], start: Pose, spec: RobotSpec
+    ) -> None:
         """Create the body at `start` (3,) among the triangles of a scene.
 
         Args:
             vertices: (V, 3) in metres, z up, the floor at z = 0.
             faces: (F, 3) indices of vertices.
             start: (3,) x, y and yaw of the body.
+            spec: The size of the body.
         """
         self._bullet = _bullet()
+        self._spec = spec
+        self._middle_m = (spec.height_m + spec.ground_clearance_m) / 2
         self._client = self._bullet.connect(self._bullet.DIRECT)
         self._bullet.setTimeStep(TICK_S, physicsClientId=self._client)
         self._bullet.setGravity(0, 0, 0, physicsClientId=self._client)
-        for part in _parts(faces[_within_reach(vertices, faces)]):
+        for part in _parts(faces[_within_reach(vertices, faces, spec)]):
             self._add_obstacle(vertices, part)
         self._body = self._add_body()
         self.place(start)
@@ -82,7 +84,7 @@ class PhysicsWorld:
             self._body, physicsClientId=self._client
         )
         self.yaw_rad += turn  # Nothing stops a round body from turning on the spot, so its heading needs no physics.
-        if abs(z_m - _BODY_MIDDLE_M) > 1e-5:
+        if abs(z_m - self._middle_m) > 1e-5:
             self._set_position()
 
     def close(self) -> None:
@@ -93,7 +95,7 @@ class PhysicsWorld:
 
     def _set_position(self) -> None:
         self._bullet.resetBasePositionAndOrientation(
-            self._body, (self.x_m, self.y_m, _BODY_MIDDLE_M), (0, 0, 0, 1), physicsClientId=self._client
+            self._body, (self.x_m, self.y_m, self._middle_m), (0, 0, 0, 1), physicsClientId=self._client
         )
 
     def _add_obstacle(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
@@ -111,8 +113,8 @@ class PhysicsWorld:
     def _add_body(self) -> int:
         shape = self._bullet.createCollisionShape(
             self._bullet.GEOM_CYLINDER,
-            radius=BODY_RADIUS_M,
-            height=BODY_TOP_M - BODY_BOTTOM_M,
+            radius=self._spec.radius_m,
+            height=self._spec.height_m - self._spec.ground_clearance_m,
             physicsClientId=self._client,
         )
         body = self._bullet.createMultiBody(1.0, shape, physicsClientId=self._client)
@@ -129,9 +131,6 @@ class PhysicsWorld:
         return body
 
 
-_BODY_MIDDLE_M = (BODY_TOP_M + BODY_BOTTOM_M) / 2
-
-
 def _bullet() -> Any:
     try:
         return importlib.import_module("pybullet")
@@ -142,10 +141,10 @@ def _bullet() -> Any:
         ) from missing
 
 
-def _within_reach(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+def _within_reach(vertices: NDArray[np.floating], faces: NDArray[np.integer], spec: RobotSpec) -> NDArray[np.bool_]:
     """Return (F,): which triangles overlap the body in height. Floors and ceilings would only cost time."""
     heights = vertices[faces, 2]
-    return (heights.max(axis=1) > BODY_BOTTOM_M) & (heights.min(axis=1) < BODY_TOP_M)
+    return (heights.max(axis=1) > spec.ground_clearance_m) & (heights.min(axis=1) < spec.height_m)
 
 
 def _parts(faces: NDArray[np.integer]) -> list[NDArray[np.integer]]:

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
+from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.drive_lease import LEASE_S, DriveLease
 from ltvn_core.simulation.drivetrain import Drivetrain
-from ltvn_core.simulation.physics import BODY_RADIUS_M, TICK_S, TICKS_PER_SECOND, PhysicsWorld
+from ltvn_core.simulation.physics import TICK_S, TICKS_PER_SECOND, PhysicsWorld
 from ltvn_core.simulation.wheel_odometry import Odometer, OdometryNoise
 from ltvn_core.types import (
     CONTROL_STEP_S,
     Depth,
     FrameId,
-    Intrinsics,
     Observation,
     Pose,
     Renderer,
@@ -38,45 +39,60 @@ _GRID_TOLERANCE_M = 0.05
 
 
 class SimulatedRobot:
-    """A LoCoBot in a scene. Implements `ltvn_core.types.Robot`."""
+    """A LoCoBot in a scene. Implements `ltvn_core.robots.robot.Robot`."""
 
     def __init__(
         self,
         scene: "Scene",
-        camera: Renderer,
+        renderer: Renderer,
         *,
         start: Pose,
         rng: np.random.Generator,
         odometry_noise: OdometryNoise | None = None,
         first_step: FrameId = 0,
         lease_s: float = LEASE_S,
+        spec: RobotSpec = LOCOBOT,
     ) -> None:
         """Create a robot at `start` (3,), where its odometry is exact.
 
         Args:
             scene: Where it drives.
-            camera: What renders its images.
+            renderer: What renders its images.
             start: Pose (3,) in the world frame.
             rng: Draws the errors of the odometry.
             odometry_noise: Standard deviations of these errors.
             first_step: Number of the first control step, to continue the count of another run.
             lease_s: Seconds for which a drive command is valid.
+            spec: The size, speeds and camera of the robot.
 
         Raises:
             SceneError: `start` lies inside an obstacle.
         """
         self._clearance = scene.clearance
-        self._camera = camera
-        self._world = PhysicsWorld(*scene.collision_triangles(), _checked_free_pose(start, self._clearance))
+        self._renderer = renderer
+        self._spec = spec
+        self._clock = SimulatorClock(self)
+        start = _checked_free_pose(start, self._clearance, spec.radius_m)
+        self._world = PhysicsWorld(*scene.collision_triangles(), start, spec)
         self._odometer = Odometer(start, odometry_noise or OdometryNoise(), rng)
-        self._drivetrain = Drivetrain()
-        self._lease = DriveLease(lambda: self.stamp, valid_s=lease_s)
+        self._drivetrain = Drivetrain(spec.accelerations)
+        self._lease = DriveLease(lambda: self.stamp, valid_s=lease_s, limits=spec.speeds)
         self._collision_counter = _CollisionCounter()
         self._ticks = first_step * _TICKS_PER_STEP
         self._owed_ticks = 0.0
         self._step = first_step
         self._ticks_in_step = 0
         self._observation: Observation | None = None
+
+    @property
+    def spec(self) -> RobotSpec:
+        """What kind of robot is simulated."""
+        return self._spec
+
+    @property
+    def clock(self) -> "SimulatorClock":
+        """The robot's time, which moves only when it is told to."""
+        return self._clock
 
     @property
     def step(self) -> FrameId:
@@ -131,7 +147,7 @@ class SimulatedRobot:
     def observe(self) -> Observation:
         """Take an observation, or return the one already taken in this control step."""
         if self._observation is None or self._observation.step != self._step:
-            rgb, depth = self.render(Intrinsics())
+            rgb, depth = self.render(self._spec.camera)
             self._observation = Observation(
                 rgb=rgb,
                 depth=depth,
@@ -142,9 +158,9 @@ class SimulatedRobot:
             )
         return self._observation
 
-    def render(self, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
+    def render(self, camera: CameraModel) -> tuple[Rgb, Depth]:
         """Render another camera at the robot's pose, for display; neither recorded nor used by the method."""
-        return self._camera.render(self.exact_pose, intrinsics)
+        return self._renderer.render(self.exact_pose, camera)
 
     def advance(self, duration_s: float) -> None:
         """Let `duration_s` seconds of robot time pass, in ticks of 1/240 s; a rest is carried over to the next call.
@@ -167,7 +183,7 @@ class SimulatedRobot:
         Raises:
             SceneError: `pose` lies inside an obstacle.
         """
-        pose = _checked_free_pose(pose, self._clearance)
+        pose = _checked_free_pose(pose, self._clearance, self._spec.radius_m)
         self._lease.cancel()
         self._drivetrain.halt()
         self._world.place(pose)
@@ -198,6 +214,23 @@ class SimulatedRobot:
             self._ticks_in_step = 0
 
 
+class SimulatorClock:
+    """A simulated robot's time. Implements `ltvn_core.robots.robot.Clock`."""
+
+    is_simulated = True
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot = robot
+
+    def now(self) -> float:
+        """Return the seconds on the robot's clock."""
+        return self._robot.stamp
+
+    def advance(self, duration_s: float) -> None:
+        """Let robot time pass, see `SimulatedRobot.advance`."""
+        self._robot.advance(duration_s)
+
+
 class _CollisionCounter:
     """Counts collisions; contact that comes and goes, as when sliding along a wall, counts once."""
 
@@ -221,15 +254,15 @@ class _CollisionCounter:
         self._free_ticks = 0
 
 
-def _checked_free_pose(pose: Pose, clearance: ClearanceMap) -> Pose:
+def _checked_free_pose(pose: Pose, clearance: ClearanceMap, radius_m: float) -> Pose:
     pose = np.asarray(pose, np.float64)
     if pose.shape != (3,) or not np.all(np.isfinite(pose)):
         raise ValueError(f"A pose is three finite numbers (x, y in metres, yaw in radians), got {pose}.")
     clearance_m = float(clearance.at(pose[:2]))
-    if clearance_m < BODY_RADIUS_M - _GRID_TOLERANCE_M:
+    if clearance_m < radius_m - _GRID_TOLERANCE_M:
         raise SceneError(
             f"The robot cannot stand at x {pose[0]:.2f} m, y {pose[1]:.2f} m: the nearest obstacle is "
-            f"{clearance_m:.2f} m away and its radius is {BODY_RADIUS_M} m. Choose a free place, for instance from "
+            f"{clearance_m:.2f} m away and its radius is {radius_m} m. Choose a free place, for instance from "
             "clearance.sample_poses."
         )
     return pose

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
+    from ltvn_core.cameras.camera_model import CameraModel
     from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
     from ltvn_core.training_data.trajectory_pairs import LabelRule, TrajectoryPairs
-    from ltvn_core.types import Intrinsics, Observation
+    from ltvn_core.types import Observation
 
 ProgressReporter: TypeAlias = Callable[[float, str], None]
 """Takes the share that is done, in [0, 1], and what is being done, for a person."""
@@ -34,11 +35,11 @@ def read_labelled_drive(path: Path, *, horizon: int, gated: bool) -> "Trajectory
     recording = Recording.open(path)
     observations = [recording.observation(frame) for frame in recording.frames]
     rule = OdometryLabelRule(horizon=horizon, gated=gated)
-    return label_drive(observations, path.name, camera=recording.meta.intrinsics, rule=rule)
+    return label_drive(observations, path.name, camera=recording.meta.camera, rule=rule)
 
 
 def label_drive(
-    observations: "Sequence[Observation]", name: str, *, camera: "Intrinsics", rule: "LabelRule"
+    observations: "Sequence[Observation]", name: str, *, camera: "CameraModel", rule: "LabelRule"
 ) -> "TrajectoryPairs":
     """Label the pairs of images at hand by a rule. Raises RecordingError if they are no drive."""
     import numpy as np

@@ -10,8 +10,10 @@ from pathlib import Path
 from shutil import rmtree
 from typing import TYPE_CHECKING
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.composition import SystemName
 from ltvn_core.errors import WeightsError
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training.fine_tuning_data import (
     CALIBRATION_SCENES,
     REHEARSAL_SCENES,
@@ -21,7 +23,7 @@ from ltvn_core.training.fine_tuning_data import (
 )
 from ltvn_core.training.fine_tuning_provenance import FineTuningProvenance
 from ltvn_core.training.labelled_walks import labelled_walks
-from ltvn_core.types import Intrinsics, Observation
+from ltvn_core.types import Observation
 
 if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData, FineTuningPlan
@@ -36,7 +38,7 @@ def fine_tune_for_system(
     folder: Path,
     output: Path,
     *,
-    camera: Intrinsics | None = None,
+    camera: CameraModel | None = None,
     data: Path | None = None,
 ) -> Path:
     """Fine-tune weights on a drive by a system's own labels, and return where they lie.
@@ -51,7 +53,7 @@ def fine_tune_for_system(
     from ltvn_core.network.optimization.fine_tuning_loop import run_fine_tuning
     from ltvn_core.network.weights_file import read_card
 
-    drive = label_drive(observations, output.stem, camera=camera or Intrinsics(), rule=_label_rule(system))
+    drive = label_drive(observations, output.stem, camera=camera or LOCOBOT.camera, rule=_label_rule(system))
     lessons = _add_training_data(system, drive, data, with_validation_drives=plan.judge)
     plan = plan if system == "ltvn" else baseline_fine_tuning_plan(system, plan)
     run = _run_identity(system, lessons, start, plan)

@@ -8,7 +8,8 @@ from math import radians
 
 import numpy as np
 
-from ltvn_core.types import Intrinsics
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.robots.robot_spec import LOCOBOT
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,15 +25,17 @@ class CameraVariation:
     fov: float = 0.05
     """and its field of view by up to this share."""
 
-    def draw(self, rng: np.random.Generator, count: int) -> list[Intrinsics]:
+    def draw(self, rng: np.random.Generator, count: int) -> list[CameraModel]:
         """Return a camera for each of `count` clusters."""
-        nominal = Intrinsics()
+        nominal = LOCOBOT.camera
         off = rng.uniform(-1, 1, (count, 3)) * (rng.random((count, 1)) < self.share)
         return [
-            nominal._replace(
+            CameraModel.from_fov(
+                nominal.width,
+                nominal.height,
+                nominal.horizontal_fov_rad * (1 + self.fov * fov),
                 height_m=nominal.height_m + self.height_m * height,
                 pitch_rad=self.pitch_rad * pitch,
-                horizontal_fov_rad=nominal.horizontal_fov_rad * (1 + self.fov * fov),
             )
             for height, pitch, fov in off.tolist()
         ]

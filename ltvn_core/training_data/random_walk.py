@@ -66,9 +66,7 @@ class WalkRecipe:
         rng = np.random.default_rng([self.seed, zlib.crc32(world.name.encode())])
         walks = [random_walk(world.floor, rng, self.images, self.policy) for _ in range(self.walks)]
         cameras = self.cameras.draw(rng, self.walks)
-        images = [
-            render_poses(world.camera, poses, intrinsics) for poses, intrinsics in zip(walks, cameras, strict=True)
-        ]
+        images = [render_poses(world.camera, poses, camera) for poses, camera in zip(walks, cameras, strict=True)]
         return Shard(
             name=world.name,
             recipe=self.text(),

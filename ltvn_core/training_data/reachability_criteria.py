@@ -7,8 +7,9 @@ The limits, and how the criteria combine to a label, are in
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.training_data.scene_protocols import FreeSpace
-from ltvn_core.types import Intrinsics, Pose, Waypoint
+from ltvn_core.types import Pose, Waypoint
 
 POINT_STEP = 3
 """Every third pixel of a row and of a column is sampled."""
@@ -32,22 +33,24 @@ def bearing_rad(waypoints: Waypoint) -> NDArray[np.float64]:
     return np.arctan2(waypoints[:, 1], waypoints[:, 0])
 
 
-def in_view(waypoints: Waypoint, camera: Intrinsics) -> NDArray[np.bool_]:
-    """Return whether the target's position is within the horizontal field of view, (N,)."""
-    return (waypoints[:, 0] > 0) & (np.abs(bearing_rad(waypoints)) < camera.horizontal_fov_rad / 2)
+def in_view(waypoints: Waypoint, camera: CameraModel, *, beside_rad: float = 0.0) -> NDArray[np.bool_]:
+    """Return whether the target's position is at most `beside_rad` outside the horizontal field of view, (N,)."""
+    fov_rad = camera.horizontal_fov_rad + 2 * beside_rad
+    return (waypoints[:, 0] > 0) & (np.abs(bearing_rad(waypoints)) < fov_rad / 2)
 
 
 def unobstructed(
-    waypoints: Waypoint, source_depth: NDArray[np.floating], camera: Intrinsics, *, tolerance_m: float
+    waypoints: Waypoint, source_depth: NDArray[np.floating], camera: CameraModel, *, tolerance_m: float
 ) -> NDArray[np.bool_]:
     """Return whether the source's depth (N, H, W) reaches the target's position up to `tolerance_m`, (N,).
 
     Only valid where the position is in view.
     """
     ahead = np.maximum(waypoints[:, 0], 0.01)
-    column = np.floor(camera.width / 2 - camera.focal_px * waypoints[:, 1] / ahead)
+    column = np.floor(camera.cx + 0.5 - camera.fx * waypoints[:, 1] / ahead)
     column = np.clip(column, 0, camera.width - 1).astype(np.intp)
-    rows = np.arange(camera.height // 2 - _HORIZON_ABOVE_PX, camera.height // 2 + _HORIZON_BELOW_PX)
+    horizon = int(camera.cy + 0.5)
+    rows = np.arange(max(horizon - _HORIZON_ABOVE_PX, 0), min(horizon + _HORIZON_BELOW_PX, camera.height))
     seen = source_depth[np.arange(len(waypoints))[:, None], rows, column[:, None]]
     return _far_if_missing(seen).min(1) > waypoints[:, 0] - tolerance_m
 
@@ -56,7 +59,7 @@ def overlap(
     waypoints: Waypoint,
     source_depth: NDArray[np.floating],
     target_depth: NDArray[np.floating],
-    camera: Intrinsics,
+    camera: CameraModel,
 ) -> NDArray[np.float64]:
     """Return the share (N,) of the target's surface points that the source sees, from depths (N, H, W) in metres.
 
@@ -77,7 +80,7 @@ def overlap(
 
 
 def clearance_from_depth(
-    waypoints: Waypoint, source_depth: NDArray[np.floating], camera: Intrinsics
+    waypoints: Waypoint, source_depth: NDArray[np.floating], camera: CameraModel
 ) -> NDArray[np.float64]:
     """Return the distance in metres (P,) from the straight line to each waypoint to the nearest visible obstacle.
 
@@ -92,11 +95,11 @@ def clearance_from_depth(
         (P,) distances; infinity where nothing is seen at the height of the robot.
     """
     half = POINT_STEP // 2
-    rows = np.arange(half, camera.height, POINT_STEP) + 0.5
-    columns = np.arange(half, camera.width, POINT_STEP) + 0.5
+    rows = np.arange(half, camera.height, POINT_STEP)
+    columns = np.arange(half, camera.width, POINT_STEP)
     depth = source_depth[:, half::POINT_STEP, half::POINT_STEP].astype(np.float32)
-    left = ((camera.width / 2 - columns) / camera.focal_px).astype(np.float32) * depth
-    height = ((camera.height / 2 - rows) / camera.focal_px)[:, None].astype(np.float32) * depth + camera.height_m
+    left = ((camera.cx - columns) / camera.fx).astype(np.float32) * depth
+    height = ((camera.cy - rows) / camera.fy)[:, None].astype(np.float32) * depth + camera.height_m
     ends = waypoints[:, :2].astype(np.float32)
     length = np.maximum((ends**2).sum(1), 1e-6)
     ahead_x = ends[:, 0, None, None]
@@ -123,23 +126,23 @@ def path_ratio(sources: Pose, targets: Pose, floor: FreeSpace, *, limit: float) 
     return np.maximum(ratio, 1.0)
 
 
-def _rays(camera: Intrinsics) -> NDArray[np.float32]:
+def _rays(camera: CameraModel) -> NDArray[np.float32]:
     """Return the left and up coordinates (2, M) of the sampled pixels at one metre of depth."""
     half = POINT_STEP // 2
-    rows = np.arange(half, camera.height, POINT_STEP) + 0.5
-    columns = np.arange(half, camera.width, POINT_STEP) + 0.5
-    up, left = np.meshgrid(camera.height / 2 - rows, camera.width / 2 - columns, indexing="ij")
-    return (np.stack([left.ravel(), up.ravel()]) / camera.focal_px).astype(np.float32)
+    rows = np.arange(half, camera.height, POINT_STEP)
+    columns = np.arange(half, camera.width, POINT_STEP)
+    up, left = np.meshgrid((camera.cy - rows) / camera.fy, (camera.cx - columns) / camera.fx, indexing="ij")
+    return np.stack([left.ravel(), up.ravel()]).astype(np.float32)
 
 
 def _sample_depth(
-    points: NDArray[np.float32], depth: NDArray[np.floating], camera: Intrinsics
+    points: NDArray[np.float32], depth: NDArray[np.floating], camera: CameraModel
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
     """Return whether points (3, N, M) project into images (N, H, W), and the depth at those pixels (N, M)."""
     ahead = points[0] > 0.05
     safe = np.where(ahead, points[0], 1)
-    column = camera.width / 2 - camera.focal_px * points[1] / safe
-    row = camera.height / 2 - camera.focal_px * points[2] / safe
+    column = camera.cx + 0.5 - camera.fx * points[1] / safe
+    row = camera.cy + 0.5 - camera.fy * points[2] / safe
     inside = ahead & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
     column = np.clip(column, 0, camera.width - 1).astype(np.intp)
     row = np.clip(row, 0, camera.height - 1).astype(np.intp)

@@ -11,10 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data import reachability_criteria
 from ltvn_core.training_data.scene_protocols import FreeSpace
-from ltvn_core.types import Intrinsics, Pose, Waypoint
+from ltvn_core.types import Pose, Waypoint
 
 
 class FailedCriteria(IntFlag):
@@ -75,7 +77,7 @@ def label_poses(
     floor: FreeSpace,
     *,
     limits: ReachabilityLimits | None = None,
-    camera: Intrinsics | None = None,
+    camera: CameraModel | None = None,
 ) -> PairLabels:
     """Label N pairs of poses by all criteria.
 
@@ -92,7 +94,7 @@ def label_poses(
         camera: The camera of the depth images.
     """
     limits = limits or ReachabilityLimits()
-    camera = camera or Intrinsics()
+    camera = camera or LOCOBOT.camera
     waypoints = relative(sources, targets)
     failed = _failures_without_overlap(waypoints, source_depth, limits, camera)
     shared = np.full(len(waypoints), np.nan)
@@ -116,7 +118,7 @@ def label_poses(
 
 
 def _failures_without_overlap(
-    waypoints: Waypoint, source_depth: NDArray[np.floating], limits: ReachabilityLimits, camera: Intrinsics
+    waypoints: Waypoint, source_depth: NDArray[np.floating], limits: ReachabilityLimits, camera: CameraModel
 ) -> NDArray[np.uint8]:
     straight = reachability_criteria.straight_m(waypoints)
     visible = reachability_criteria.in_view(waypoints, camera) & reachability_criteria.unobstructed(

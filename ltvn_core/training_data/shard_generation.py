@@ -17,13 +17,15 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.camera_variation import CameraVariation
 from ltvn_core.training_data.hard_negatives import hard_negative_pairs
 from ltvn_core.training_data.pose_sampling import ClusterSampling, cluster_pairs, cluster_poses
 from ltvn_core.training_data.reachability_labels import PairLabels, ReachabilityLimits, label_poses
 from ltvn_core.training_data.scene_protocols import DatasetScene, OpenDatasetScene
 from ltvn_core.training_data.shards import Shard, read_recipe, shard_path, write_shard
-from ltvn_core.types import Intrinsics, Pose, Renderer
+from ltvn_core.types import Pose, Renderer
 
 log = logging.getLogger(__name__)
 
@@ -134,7 +136,7 @@ def make_shard(world: DatasetScene, recipe: DatasetRecipe) -> Shard:
     sources, targets = (np.concatenate(ends) for ends in zip(near, negatives, strict=True))
     labels = label_image_pairs(world, poses, depth_mm, sources, targets, recipe.limits)
     cameras = recipe.cameras.draw(rng, len(clusters))
-    for row in np.flatnonzero([cameras[each] != Intrinsics() for each in group]):
+    for row in np.flatnonzero([cameras[each] != LOCOBOT.camera for each in group]):
         rgb[row], depth_mm[row] = _render(world.camera, poses[row], cameras[group[row]])
     return Shard(
         name=world.name,
@@ -153,19 +155,19 @@ def make_shard(world: DatasetScene, recipe: DatasetRecipe) -> Shard:
 
 
 def render_poses(
-    camera: Renderer, poses: Pose, intrinsics: Intrinsics | None = None
+    renderer: Renderer, poses: Pose, camera: CameraModel | None = None
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
     """Return rgb (N, H, W, 3) and depth in millimetres (N, H, W) rendered at poses (N, 3)."""
-    size = intrinsics or Intrinsics()
+    size = camera or LOCOBOT.camera
     rgb = np.empty((len(poses), size.height, size.width, 3), np.uint8)
     depth_mm = np.empty((len(poses), size.height, size.width), np.uint16)
     for row, pose in enumerate(poses):
-        rgb[row], depth_mm[row] = _render(camera, pose, size)
+        rgb[row], depth_mm[row] = _render(renderer, pose, size)
     return rgb, depth_mm
 
 
-def _render(camera: Renderer, pose: Pose, intrinsics: Intrinsics) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
-    rgb, depth = camera.render(pose, intrinsics)
+def _render(renderer: Renderer, pose: Pose, camera: CameraModel) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+    rgb, depth = renderer.render(pose, camera)
     return rgb, np.rint(depth * 1000).astype(np.uint16)
 
 

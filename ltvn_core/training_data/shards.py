@@ -16,7 +16,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from ltvn_core.errors import DatasetError
-from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Pose
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Pose
 
 SCHEMA = "ltvn-pairs-1"
 """Name of the file format; files of another format are refused."""
@@ -115,7 +116,7 @@ def _check_arrays(shard: Shard, path: Path) -> None:
     """Refuse arrays that do not belong together, as another program might write them."""
     count = len(shard.poses)
     pairs = len(shard.sources)
-    size = (IMAGE_HEIGHT, IMAGE_WIDTH)
+    size = (LOCOBOT.camera.height, LOCOBOT.camera.width)
     if shard.rgb.shape != (count, *size, 3) or shard.depth_mm.shape != (count, *size):
         raise DatasetError(
             f"{path}: {count} poses with images {shard.rgb.shape} and depths {shard.depth_mm.shape}; each pose has one "

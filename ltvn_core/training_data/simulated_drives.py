@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.scene_protocols import FreeSpace
-from ltvn_core.types import Intrinsics, Pose
+from ltvn_core.types import Pose
 
 ROBOT_RADIUS_M = 0.18
 """A straight line is free if its clearance is larger than this."""
@@ -86,7 +87,7 @@ def _classify_targets(
     waypoints = relative(np.broadcast_to(poses[i], poses.shape), poses)
     distance = np.hypot(waypoints[:, 0], waypoints[:, 1])
     turn = np.abs(waypoints[:, 2])
-    ahead = np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < Intrinsics().horizontal_fov_rad / 2
+    ahead = np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < LOCOBOT.camera.horizontal_fov_rad / 2
     far = (distance > classes.far_m) | (turn > classes.far_rad)
     rows = np.flatnonzero(~far)
     clearance = np.full(len(poses), np.inf)

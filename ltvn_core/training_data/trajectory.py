@@ -10,9 +10,11 @@ from math import degrees, radians
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.types import Intrinsics, Observation, Pose
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Observation, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class Trajectory:
     """(N,) metres driven so far."""
     turned_rad: NDArray[np.float64]
     """(N,) radians turned so far, to either side."""
-    camera: Intrinsics
+    camera: CameraModel
     """The camera that took them."""
 
     @property
@@ -61,7 +63,7 @@ def select_keyframes(
     observations: Sequence[Observation],
     name: str,
     *,
-    camera: Intrinsics | None = None,
+    camera: CameraModel | None = None,
     selection: KeyframeSelection | None = None,
 ) -> Trajectory:
     """Select the keyframes of a drive and split it where its odometry jumps.
@@ -96,7 +98,7 @@ def select_keyframes(
         piece=piece[rows].astype(np.int32) - piece[rows[0]],
         travelled_m=np.concatenate([[0], np.cumsum(driven * ~jumped)])[rows],
         turned_rad=np.concatenate([[0], np.cumsum(turned * ~jumped)])[rows],
-        camera=camera or Intrinsics(),
+        camera=camera or LOCOBOT.camera,
     )
 
 
@@ -142,4 +144,4 @@ def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer], selection: Keyfra
 
 def _millimetres(observation: Observation) -> NDArray[np.uint16]:
     # 65 m is the most that 16 bits hold in millimetres.
-    return np.rint(np.clip(observation.depth, 0, 65) * 1000).astype(np.uint16)
+    return np.rint(np.clip(observation.require_depth("fine-tuning"), 0, 65) * 1000).astype(np.uint16)

@@ -234,6 +234,5 @@ def _visible(
 ) -> NDArray[np.bool_]:
     """Return whether the target's position is unobstructed and in view, or up to `beside_rad` beside the view."""
     camera = trajectory.camera
-    wider = camera._replace(horizontal_fov_rad=camera.horizontal_fov_rad + 2 * beside_rad)
     clear = reachability_criteria.unobstructed(waypoints, depth, camera, tolerance_m=tolerance_m)
-    return reachability_criteria.in_view(waypoints, wider) & clear
+    return reachability_criteria.in_view(waypoints, camera, beside_rad=beside_rad) & clear

@@ -11,8 +11,9 @@ from threading import Event
 from typing import TYPE_CHECKING, TypeAlias
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training.fine_tuning_data import ProgressReporter, add_simulated_pairs, label_drive, read_labelled_drive
-from ltvn_core.types import Intrinsics, Observation
+from ltvn_core.types import Observation
 from ltvn_core.verbs.finetune import FineTunedWeights, FinetuneVerb
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class DriveSource:
             return read_labelled_drive(self.images, horizon=horizon, gated=True)
         from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
 
-        return label_drive(self.images, self.name, camera=Intrinsics(), rule=OdometryLabelRule(horizon=horizon))
+        return label_drive(self.images, self.name, camera=LOCOBOT.camera, rule=OdometryLabelRule(horizon=horizon))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ import numpy as np
 from ltvn_core import palette
 from ltvn_core.analysis.waypoint_projection import pole_in_image
 from ltvn_core.palette import Rgb8
-from ltvn_core.types import Intrinsics, Observation, Rgb, Waypoint
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Observation, Rgb, Waypoint
 
 _SCALE = 3
 _CURVE_PX = (340, 90)
@@ -90,7 +91,7 @@ def calibration_svg(cells: Sequence[tuple[float, float, int]], colour: Rgb8) -> 
 
 
 def _draw_pole(rgb: Rgb, waypoint: Waypoint) -> None:
-    pole = pole_in_image(waypoint, Intrinsics())
+    pole = pole_in_image(waypoint, LOCOBOT.camera)
     if pole is None:
         return
     top, foot = (tuple(round(_SCALE * value) for value in end) for end in pole)

@@ -1,10 +1,9 @@
 """The LoCoBot and the pyramid of what its camera sees."""
 
-import numpy as np
 import viser
 
 from ltvn_core import palette
-from ltvn_core.types import Intrinsics
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_viz.layers.pose_geometry import points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 
@@ -19,8 +18,8 @@ class RobotLayer:
         """Add the robot's body (GLB, x forward, z up) and camera, hidden until there is a pose."""
         self._body = scene.add_frame("/robot", show_axes=False, visible=False)
         scene.add_glb("/robot/body", glb, cast_shadow=False, receive_shadow=False)
-        lens = Intrinsics()
-        fov = 2 * np.arctan(lens.height / 2 / lens.focal_px)
+        lens = LOCOBOT.camera
+        fov = lens.vertical_fov_rad
         scene.add_camera_frustum(
             "/robot/view",
             fov=float(fov),

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ltvn_core import palette
 from ltvn_core.palette import Rgb8
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.camera_projection import WaypointOutline, waypoint_outline
 from ltvn_core.training_data.pair_table import LabelledPair
-from ltvn_core.types import Intrinsics, Rgb, Waypoint
+from ltvn_core.types import Rgb, Waypoint
 from ltvn_viz.panels.camera_panel import depth_colours
 
 SCALE = 5
@@ -39,7 +40,7 @@ def pair_image(pair: LabelledPair, predicted: Waypoint) -> Rgb:
 
 def blank_pair_image() -> Rgb:
     """Return an empty picture of the same size."""
-    size = Intrinsics()
+    size = LOCOBOT.camera
     return np.full((2 * size.height * SCALE + GAP, 2 * size.width * SCALE + GAP, 3), palette.BACKGROUND, np.uint8)
 
 

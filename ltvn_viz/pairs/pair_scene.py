@@ -10,8 +10,9 @@ import viser.transforms as vt
 
 from ltvn_core import palette
 from ltvn_core.palette import Rgb8
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.camera_projection import unproject
-from ltvn_core.types import Depth, Intrinsics, Waypoint
+from ltvn_core.types import Depth, Waypoint
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
 from ltvn_viz.pairs.pair_browser import ShownPair
@@ -21,7 +22,7 @@ CUT_M = 1.9
 POINT_STEP = 3
 """Every third point shows as much, and a page without a GPU keeps up."""
 _RULED_M = 6
-_INTRINSICS = Intrinsics()
+_CAMERA = LOCOBOT.camera
 _CAMERA_TO_ROBOT = vt.SO3.from_matrix(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]))
 """From the camera's axes (right, down, ahead) to the robot's (ahead, left, up)."""
 
@@ -61,16 +62,16 @@ class _Camera:
 
     def __init__(self, scene: viser.SceneApi, name: str, colour: Rgb8) -> None:
         self._arrow = _arrow(scene, name, colour, length_m=0.3, height_m=0.66)
-        fov = 2 * np.arctan(_INTRINSICS.height / 2 / _INTRINSICS.focal_px)
+        fov = _CAMERA.vertical_fov_rad
         scene.add_camera_frustum(
             f"{name}/camera",
             float(fov),
-            _INTRINSICS.width / _INTRINSICS.height,
+            _CAMERA.width / _CAMERA.height,
             scale=0.5,
             thickness=0.02,
             color=colour,
             wxyz=_CAMERA_TO_ROBOT.wxyz,
-            position=(0.0, 0.0, _INTRINSICS.height_m),
+            position=(0.0, 0.0, _CAMERA.height_m),
             cast_shadow=False,
             receive_shadow=False,
         )

@@ -41,6 +41,7 @@ def colour_beside_depth(view: CameraImage | None) -> Rgb:
     canvas = np.full((HEIGHT, 2 * WIDTH + GAP, 3), palette.BACKGROUND, np.uint8)
     if view is not None:
         canvas[:, :WIDTH] = cv2.resize(view.rgb, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
+    if view is not None and view.depth is not None:
         depth = cv2.resize(view.depth, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST).astype(np.float32)
         canvas[:, WIDTH + GAP :] = depth_colours(depth)
     return canvas

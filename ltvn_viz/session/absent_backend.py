@@ -9,6 +9,8 @@ from typing import NoReturn
 import numpy as np
 
 from ltvn_core.errors import LtvnError, SceneError
+from ltvn_core.robots.robot import WallClock
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, FrameId, Observation, Pose, Prediction, RobotState, Twist
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.camera_feed import FeedImage
@@ -19,6 +21,8 @@ class AbsentRobot:
 
     step: FrameId = 0
     stamp: float = 0.0
+    spec = LOCOBOT
+    clock = WallClock()
 
     def __init__(self, why: LtvnError) -> None:
         """Remember why there is no robot."""
@@ -52,6 +56,7 @@ class AbsentPredictor:
     """A network that can compare nothing. Implements `ltvn_core.types.Predictor`."""
 
     fingerprint = "none"
+    camera = LOCOBOT.camera
 
     def __init__(self, why: LtvnError) -> None:
         """Remember why there is no network."""

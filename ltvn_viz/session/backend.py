@@ -8,17 +8,18 @@ import numpy as np
 from ltvn_core.composition import START_CLEARANCE_M, Simulation, open_predictor, open_simulation
 from ltvn_core.errors import SceneError, WeightsError
 from ltvn_core.recording.map_file import LoadedMap
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.types import Intrinsics, Pose, Predictor
+from ltvn_core.types import Pose, Predictor
 from ltvn_viz.session.absent_backend import AbsentFeed, AbsentPredictor, AbsentRobot
 from ltvn_viz.session.app_state import ImageFeed
 from ltvn_viz.session.camera_feed import CameraFeed
 from ltvn_viz.session.live_run import LiveRobot
 from ltvn_viz.session.options import AppOptions
 
-DISPLAY_INTRINSICS = Intrinsics(width=320, height=240)
+DISPLAY_CAMERA = LOCOBOT.camera.scaled(320, 240)
 START_CANDIDATES = 16
 
 
@@ -46,8 +47,8 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
     """Open scene, robot and camera, to be closed by `stack`; replaced likewise where missing. Raises SceneError."""
     try:
         scene = load_scene(options.scene)
-        camera = EmbreeRenderer(scene.surfaces, supersampling=1)
-        start = _start(scene, camera, known, np.random.default_rng(options.seed))
+        renderer = EmbreeRenderer(scene.surfaces, supersampling=1)
+        start = _start(scene, renderer, known, np.random.default_rng(options.seed))
         first_step = 0 if known is None else max(known.observations) + 1
         simulation = open_simulation(options.scene, seed=options.seed, first_step=first_step, start=start)
     except SceneError as missing:
@@ -55,12 +56,12 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
             raise
         return Backend(AbsentRobot(missing), AbsentFeed(), None)
     stack.callback(simulation.robot.close)
-    feed = CameraFeed(lambda pose: camera.render(pose, DISPLAY_INTRINSICS))
+    feed = CameraFeed(lambda pose: renderer.render(pose, DISPLAY_CAMERA))
     stack.callback(feed.close)
     return Backend(simulation.robot, feed, simulation)
 
 
-def _start(scene: Scene, camera: EmbreeRenderer, known: LoadedMap | None, rng: np.random.Generator) -> Pose:
+def _start(scene: Scene, renderer: EmbreeRenderer, known: LoadedMap | None, rng: np.random.Generator) -> Pose:
     """Draw a place, on the map if there is one, from which there is something to see: nobody likes to face a wall."""
     candidates = scene.clearance.sample_poses(rng, START_CANDIDATES, min_clearance_m=START_CLEARANCE_M)
     if known is not None:
@@ -68,5 +69,5 @@ def _start(scene: Scene, camera: EmbreeRenderer, known: LoadedMap | None, rng: n
         mapped = np.array([pose for pose in poses if pose is not None]).reshape(-1, 3)
         mapped = mapped[scene.clearance.at(mapped[:, :2]) >= START_CLEARANCE_M]
         candidates = rng.permutation(mapped)[:START_CANDIDATES] if len(mapped) else candidates
-    depths = [float(np.median(camera.render(pose, Intrinsics())[1])) for pose in candidates]
+    depths = [float(np.median(renderer.render(pose, LOCOBOT.camera)[1])) for pose in candidates]
     return candidates[int(np.argmax(depths))]

@@ -18,7 +18,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.types import FrameId, Intrinsics, NodeId, Observation, Predictor, Rgb
+from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Rgb
 from ltvn_viz.session.live_run import LiveRobot
 
 IMAGES_AT_ONCE = 64
@@ -105,9 +105,7 @@ class LiveMap:
     def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
         if self._navigator is None:
-            self._navigator = Navigator(
-                robot, self.graph, self.keyframes, self._predictor, self.method, self._rng, intrinsics=Intrinsics()
-            )
+            self._navigator = Navigator(robot, self.graph, self.keyframes, self._predictor, self.method, self._rng)
         return self._judged(robot, self._navigator.query(goal, query), goal)
 
     def cancel(self) -> None:

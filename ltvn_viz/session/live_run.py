@@ -7,7 +7,8 @@ from typing import Protocol
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.navigation.events import Event, StampedEvent
-from ltvn_core.types import FrameId, Observation, Pose, Robot
+from ltvn_core.robots.robot import Robot
+from ltvn_core.types import FrameId, Observation, Pose
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor

@@ -20,8 +20,8 @@ class CameraImage:
 
     rgb: Rgb
     """(H, W, 3)."""
-    depth: Depth
-    """(H, W) metres."""
+    depth: Depth | None
+    """(H, W) metres; None where the robot has no depth camera."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import compose, relative, wrap_angle
+from ltvn_core.robots.robot import Clock
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import (
     CONTROL_STEP_S,
     ZERO_TWIST,
@@ -22,7 +25,7 @@ from ltvn_core.types import (
     Waypoint,
 )
 
-RADIUS_M = 0.18
+RADIUS_M = LOCOBOT.clear_radius_m
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,26 @@ def two_rooms() -> FlatWorld:
     return FlatWorld(np.array([*box(6.0, 4.0), *wall]))
 
 
+class FlatClock:
+    """The clock of a `FlatRobot`: whole control steps."""
+
+    is_simulated = True
+
+    def __init__(self, robot: "FlatRobot") -> None:
+        self._robot = robot
+
+    def now(self) -> float:
+        return self._robot.state().stamp
+
+    def advance(self, duration_s: float) -> None:
+        for _ in range(round(duration_s / CONTROL_STEP_S)):
+            self._robot.advance()
+
+
 class FlatRobot:
     """Obeys at once, slides nowhere, and drifts if told to."""
+
+    spec = LOCOBOT
 
     def __init__(self, world: FlatWorld, pose: Sequence[float], *, first_step: int = 0, drift: float = 0.0) -> None:
         self.world = world
@@ -74,6 +95,7 @@ class FlatRobot:
         self._bumped = False
         self._odometry = np.zeros(3)
         self._drift = drift
+        self.clock: Clock = FlatClock(self)
 
     def observe(self) -> Observation:
         """Take a blank picture that carries the exact pose."""
@@ -128,6 +150,7 @@ class FlatPredictor:
     lies: dict[tuple[FrameId, FrameId], Waypoint] = field(default_factory=dict)
     """Pairs of frames it calls reachable, with the waypoint it claims."""
     fingerprint: str = "flat"
+    camera: CameraModel = LOCOBOT.camera
     encoded: int = 0
     compared: int = 0
 

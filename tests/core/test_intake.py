@@ -24,7 +24,7 @@ def test_a_good_image_comes_in_unchanged() -> None:
     image, metres = rgb(), depth()
     seen = taken(image, metres)
     assert np.array_equal(seen.rgb, image)
-    assert np.array_equal(seen.depth, metres)
+    assert np.array_equal(seen.require_depth("the test"), metres)
     assert seen.step == 7
 
 
@@ -32,15 +32,15 @@ def test_a_good_image_comes_in_unchanged() -> None:
 def test_any_size_becomes_the_size_of_the_method(size: tuple[int, int]) -> None:
     seen = taken(rgb(*size), depth(*size))
     assert seen.rgb.shape == (72, 96, 3)
-    assert seen.depth.shape == (72, 96)
-    assert seen.depth.dtype == np.float32
+    assert seen.require_depth("the test").shape == (72, 96)
+    assert seen.require_depth("the test").dtype == np.float32
 
 
 def test_resized_depth_never_invents_a_distance_between_near_and_far() -> None:
     metres = depth(144, 192, 1.0)
     metres[:, 96:] = 5.0
     metres[:10] = 0.0
-    assert set(np.unique(taken(rgb(144, 192), metres).depth)) <= {0.0, 1.0, 5.0}
+    assert set(np.unique(taken(rgb(144, 192), metres).require_depth("the test"))) <= {0.0, 1.0, 5.0}
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, -0.5], ids=["NaN", "infinite", "minus infinite", "negative"])

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ltvn_core.network.architecture import NETWORK_CAMERA
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.types import IMAGE_HEIGHT, IMAGE_WIDTH, Observation
+from ltvn_core.types import Observation
 
 _FARTHEST_M = 5.0
 
@@ -43,7 +44,7 @@ def measure_speed(network: AnyNetwork, *, images: int = 64, repeats: int = 3) ->
 def _noise(images: int) -> list[Observation]:
     rng = np.random.default_rng(0)
     nowhere = np.zeros(3)
-    shape = (IMAGE_HEIGHT, IMAGE_WIDTH)
+    shape = (NETWORK_CAMERA.height, NETWORK_CAMERA.width)
     return [
         Observation(
             rgb=rng.integers(0, 256, (*shape, 3), dtype=np.uint8),

@@ -5,18 +5,21 @@ Knows surfaces, but neither rooms nor robots.
 
 import logging
 import time
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.ray_casting import RayCaster, RayHits
 from ltvn_core.simulation.rendering.shading import Shader
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_core.types import Depth, Intrinsics, Pose, Renderer, Rgb
+from ltvn_core.types import Depth, Pose, Renderer, Rgb
 
 MAX_DEPTH_M = 10.0
 """Range of the depth camera; depth is 0 beyond it."""
@@ -55,29 +58,32 @@ class EmbreeRenderer:
         self._shader = Shader(surfaces)
         self._supersampling = supersampling
 
-    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
+    def render(self, pose: Pose, camera: CameraModel) -> tuple[Rgb, Depth]:
         """Return rgb (H, W, 3) and depth (H, W) in metres along the optical axis, 0 beyond 10 m."""
-        rays = _pixel_rays(intrinsics.width, intrinsics.height, intrinsics.focal_px)
-        hits, colours = self._trace(pose, intrinsics, rays, 1 / intrinsics.focal_px)
+        rays = _pixel_rays(camera)
+        hits, colours = self._trace(pose, camera, rays, 1 / camera.fx)
         if self._supersampling > 1:
-            surface = self._shader.surface_of(hits.face).reshape(intrinsics.height, intrinsics.width)
-            self._antialias(colours, np.flatnonzero(_surface_boundaries(surface)), pose, intrinsics)
-        shape = (intrinsics.height, intrinsics.width)
+            surface = self._shader.surface_of(hits.face).reshape(camera.height, camera.width)
+            self._antialias(colours, np.flatnonzero(_surface_boundaries(surface)), pose, camera)
+        shape = (camera.height, camera.width)
         rgb = np.rint(colours).astype(np.uint8).reshape(*shape, 3)
         return rgb, np.where((hits.face >= 0) & (hits.t <= MAX_DEPTH_M), hits.t, np.float32(0)).reshape(shape)
 
-    def _antialias(self, colours: NDArray[np.float32], pixels: NDArray[np.intp], pose: Pose, lens: Intrinsics) -> None:
+    def _antialias(self, colours: NDArray[np.float32], pixels: NDArray[np.intp], pose: Pose, lens: CameraModel) -> None:
         """Replace the colours of `pixels` by the mean over a regular grid of rays within each."""
-        centre = _pixel_rays(lens.width, lens.height, lens.focal_px)
+        centre = _pixel_rays(lens)
         n = self._supersampling
-        steps = ((np.arange(n, dtype=np.float32) + 0.5) / n - 0.5) / np.float32(lens.focal_px)
-        left = (centre.left[pixels] + steps[:, None, None] + np.zeros((1, n, 1), np.float32)).reshape(-1)
-        up = (centre.up[pixels] + steps[None, :, None] + np.zeros((n, 1, 1), np.float32)).reshape(-1)
+        steps = (np.arange(n, dtype=np.float32) + 0.5) / n - 0.5
+        across, down = steps / np.float32(lens.fx), steps / np.float32(lens.fy)
+        left = (centre.left[pixels] + across[:, None, None] + np.zeros((1, n, 1), np.float32)).reshape(-1)
+        up = (centre.up[pixels] + down[None, :, None] + np.zeros((n, 1, 1), np.float32)).reshape(-1)
         rays = _Rays(left.astype(np.float32, copy=False), up.astype(np.float32, copy=False))
-        _, fine = self._trace(pose, lens, rays, 1 / (n * lens.focal_px))
+        _, fine = self._trace(pose, lens, rays, 1 / (n * lens.fx))
         colours[pixels] = fine.reshape(n * n, -1, 3).mean(0)
 
-    def _trace(self, pose: Pose, lens: Intrinsics, rays: _Rays, spread: float) -> tuple[RayHits, NDArray[np.float32]]:
+    def _trace(self, pose: Pose, lens: CameraModel, rays: _Rays, spread: float) -> tuple[RayHits, NDArray[np.float32]]:
+        if lens.roll_rad or lens.quarter_turns:
+            rays = _rolled(rays, replace(lens, pitch_rad=0.0).rotation)
         directions = _turned(rays, float(pose[2]), lens.pitch_rad)
         origins = np.empty_like(directions)
         origins[:] = (pose[0], pose[1], lens.height_m)
@@ -86,14 +92,26 @@ class EmbreeRenderer:
 
 
 @lru_cache(maxsize=8)
-def _pixel_rays(width: int, height: int, focal_px: float) -> _Rays:
-    left, up = _offsets(width, focal_px), _offsets(height, focal_px)
-    return _Rays(np.tile(left, height), np.repeat(up, width))
+def _pixel_rays(camera: CameraModel) -> _Rays:
+    """Return where the pixels (H * W) look before the camera is rolled and tilted."""
+    columns, rows = np.arange(camera.width), np.arange(camera.height)
+    if camera.distortion or camera.fisheye:
+        pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+        right_down = np.nan_to_num(camera.pixels_to_rays(pixels)).astype(np.float32)
+        return _Rays(-right_down[:, 0], -right_down[:, 1])
+    left, up = _offsets(columns, camera.cx, camera.fx), _offsets(rows, camera.cy, camera.fy)
+    return _Rays(np.tile(left, camera.height), np.repeat(up, camera.width))
 
 
-def _offsets(pixels: int, focal_px: float) -> NDArray[np.float32]:
-    offsets = (pixels / 2 - 0.5 - np.arange(pixels, dtype=np.float32)) / np.float32(focal_px)
+def _offsets(pixels: NDArray[np.integer], centre_px: float, focal_px: float) -> NDArray[np.float32]:
+    offsets = (centre_px - pixels.astype(np.float32)) / np.float32(focal_px)
     return offsets.astype(np.float32, copy=False)
+
+
+def _rolled(rays: _Rays, rotation: NDArray[np.float64]) -> _Rays:
+    """Return the rays of a camera that is turned about its axis."""
+    turn = rotation.astype(np.float32)
+    return _Rays(turn[1, 1] * rays.left + turn[1, 2] * rays.up, turn[2, 1] * rays.left + turn[2, 2] * rays.up)
 
 
 def _turned(rays: _Rays, yaw_rad: float, pitch_rad: float) -> NDArray[np.float32]:
@@ -141,22 +159,22 @@ class RenderableScene(Protocol):
         ...
 
 
-def open_renderer(scene: RenderableScene) -> Renderer:
+def open_renderer(scene: RenderableScene, camera: CameraModel = LOCOBOT.camera) -> Renderer:
     """Return the best renderer that is installed: Embree, else PyBullet's TinyRenderer.
 
-    Logs which one it is and how fast it renders.
+    Logs which one it is and how fast it renders for `camera`.
 
     Raises:
         SceneError: The first image is blank, or no renderer is installed.
     """
     renderer = _installed_renderer(scene)
     pose = scene.clearance.sample_poses(np.random.default_rng(0), 1)[0]
-    _check_first_image(renderer, pose, scene.name)
+    _check_first_image(renderer, camera, pose, scene.name)
     start = time.perf_counter()
     for _ in range(_TIMED_IMAGES):
-        renderer.render(pose, Intrinsics())
+        renderer.render(pose, camera)
     rate = _TIMED_IMAGES / (time.perf_counter() - start)
-    log.info("Camera: %s, %.0f frames of 96 x 72 per second.", renderer.name, rate)
+    log.info("Camera: %s, %.0f frames of %d x %d per second.", renderer.name, rate, camera.width, camera.height)
     return renderer
 
 
@@ -181,8 +199,8 @@ def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
     return PyBulletRenderer(scene.surfaces)
 
 
-def _check_first_image(renderer: _NamedRenderer, pose: Pose, name: str) -> None:
-    rgb, depth = renderer.render(pose, Intrinsics())
+def _check_first_image(renderer: _NamedRenderer, camera: CameraModel, pose: Pose, name: str) -> None:
+    rgb, depth = renderer.render(pose, camera)
     if not depth.any() or rgb.std() < _BLANK_SPREAD:
         raise SceneError(
             f"The first image of scene {name} by {renderer.name} is blank. Check that the scene has surfaces around "

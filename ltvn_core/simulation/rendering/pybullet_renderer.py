@@ -8,9 +8,11 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import SceneError
 from ltvn_core.simulation.rendering.embree_renderer import MAX_DEPTH_M
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_core.types import Depth, Intrinsics, Pose, Rgb
+from ltvn_core.types import Depth, Pose, Rgb
 
 _NEAR_M = 0.02
 _CORNERS_AT_ONCE = 30_000
@@ -37,18 +39,27 @@ class PyBulletRenderer:
             pybullet.disconnect(self._client)
         self._client = -1
 
-    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
-        """Return rgb (H, W, 3) and depth (H, W) in metres along the optical axis, 0 beyond 10 m."""
-        eye = (pose[0], pose[1], intrinsics.height_m)
-        rise = intrinsics.height_m + np.tan(intrinsics.pitch_rad)
+    def render(self, pose: Pose, camera: CameraModel) -> tuple[Rgb, Depth]:
+        """Return rgb (H, W, 3) and depth (H, W) in metres along the optical axis, 0 beyond 10 m.
+
+        Raises:
+            SceneError: The camera's lens distorts, or it is rolled or turned.
+        """
+        if not camera.is_ideal:
+            raise SceneError(
+                "PyBullet's TinyRenderer renders level or tilted cameras without distortion only; install embreex for "
+                "any other camera."
+            )
+        eye = (pose[0], pose[1], camera.height_m)
+        rise = camera.height_m + np.tan(camera.pitch_rad)
         ahead = (pose[0] + np.cos(pose[2]), pose[1] + np.sin(pose[2]), rise)
         view = pybullet.computeViewMatrix(eye, ahead, (0, 0, 1))
-        lens = _projection(intrinsics)
-        size = intrinsics.width, intrinsics.height
+        lens = _projection(camera)
+        size = camera.width, camera.height
         *_, rgba, buffer, _ = pybullet.getCameraImage(
             *size, view, lens, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self._client
         )
-        shape = intrinsics.height, intrinsics.width
+        shape = camera.height, camera.width
         rgb = np.asarray(rgba, np.uint8).reshape(*shape, 4)[..., :3].copy()
         # TinyRenderer returns OpenGL's depth buffer, which is not linear in depth.
         depth = _FAR_M * _NEAR_M / (_FAR_M - (_FAR_M - _NEAR_M) * np.asarray(buffer, np.float32).reshape(shape))
@@ -68,9 +79,10 @@ class PyBulletRenderer:
         pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)
 
 
-def _projection(intrinsics: Intrinsics) -> list[float]:
+def _projection(camera: CameraModel) -> list[float]:
     """Return the projection matrix, shifted by half a pixel, because TinyRenderer samples at the corners of pixels."""
-    pixel = _NEAR_M / intrinsics.focal_px
-    right, top = intrinsics.width / 2 * pixel, intrinsics.height / 2 * pixel
-    edges = (-right + pixel / 2, right + pixel / 2, -top + pixel / 2, top + pixel / 2)
+    across, down = _NEAR_M / camera.fx, _NEAR_M / camera.fy
+    left, right = -camera.cx * across, (camera.width - camera.cx) * across
+    bottom, top = (camera.cy + 1 - camera.height) * down, (camera.cy + 1) * down
+    edges = (left, right, bottom, top)
     return pybullet.computeProjectionMatrix(*edges, _NEAR_M, _FAR_M)

@@ -1,5 +1,6 @@
 """The edge microscope: the life of an edge, and where its waypoint lies in the picture."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,11 @@ from ltvn_core.analysis.waypoint_projection import pole_in_image
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.navigation.events import AttemptEnd, GraphChanged
 from ltvn_core.recording.reader import Recording
-from ltvn_core.types import Intrinsics
+from ltvn_core.robots.robot_spec import LOCOBOT
 from tests.core.analysis import example_runs
 
 DRIVE = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
-LENS = Intrinsics()
+LENS = LOCOBOT.camera
 
 
 def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
@@ -110,7 +111,7 @@ def test_the_waypoint_lies_where_the_camera_sees_the_floor_at_that_depth() -> No
     pole = pole_in_image(np.array([ahead, left, 0.5]), LENS)
     assert pole is not None
     pixel = pole[1]
-    looks = (recording.observation(frame).depth for frame in recording.frames[::20])
+    looks = (recording.observation(frame).require_depth("the test") for frame in recording.frames[::20])
     depths = np.array([depth[int(pixel.v), int(pixel.u)] for depth in looks])
     # Nothing lies below the floor, and often nothing stands on it; half a row of pixels is 5 cm there.
     assert max(depths) < ahead + 0.06
@@ -136,7 +137,7 @@ def test_a_point_at_the_height_of_a_level_camera_is_on_the_horizon() -> None:
 
 def test_a_camera_that_looks_up_sees_the_floor_lower() -> None:
     level = pole_in_image(np.array([3.0, 0.0, 0.0]), LENS)
-    up = pole_in_image(np.array([3.0, 0.0, 0.0]), LENS._replace(pitch_rad=0.1))
+    up = pole_in_image(np.array([3.0, 0.0, 0.0]), replace(LENS, pitch_rad=0.1))
     assert level is not None
     assert up is not None
     assert up[1].v > level[1].v

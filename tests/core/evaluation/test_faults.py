@@ -15,6 +15,7 @@ from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.navigation.events import AttemptEnded, Judged, Outcome, Planned, QueryEnded, QueryStarted
 from ltvn_core.recording.reader import Recording
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, Observation, Prediction
 from tests.core.evaluation.ground_truth_map import PLACES, map_with_edges, observation_of, truth
 
@@ -27,6 +28,7 @@ class BlindedPredictor:
     """Takes every image for its neighbour straight ahead. Implements `ltvn_core.types.Predictor`."""
 
     fingerprint = "dazzled"
+    camera = LOCOBOT.camera
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         return np.array([[seen.step] for seen in observations])

@@ -12,7 +12,8 @@ from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.events import AttemptEnd
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
-from ltvn_core.types import Intrinsics, Twist, Waypoint
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Twist, Waypoint
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, observation_at, one_room
 
 NODE = 0
@@ -29,7 +30,7 @@ class Drive:
         self.robot = FlatRobot(world, start, first_step=100)
         motion = MotionExecutor(self.robot, 0, ROBUST.recovering)
         perception = Perception(motion, predictor, Matcher(predictor, keyframes, ROBUST.matching), lambda seen: None)
-        self._attempt_driver = AttemptDriver(motion, perception, ROBUST.driving, Intrinsics())
+        self._attempt_driver = AttemptDriver(motion, perception, ROBUST.driving, LOCOBOT.camera)
         self.commands: list[Twist] = []
 
     def go(self, waypoint: Waypoint) -> AttemptResult:

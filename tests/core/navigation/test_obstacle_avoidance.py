@@ -8,10 +8,11 @@ import pytest
 from ltvn_core.config import ROBUST
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points
-from ltvn_core.types import Intrinsics, Twist
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Twist
 from tests.core.flat_world import observation_at
 
-LENS = Intrinsics()
+LENS = LOCOBOT.camera
 AHEAD = Twist(0.5, 0.0)
 STRAIGHT = replace(ROBUST.driving, swerve=False)
 
@@ -19,8 +20,8 @@ STRAIGHT = replace(ROBUST.driving, swerve=False)
 def scene(*boxes: tuple[float, float, float, float]) -> np.ndarray:
     """Return the depth of a floor and upright posts (distance, left edge, right edge, height)."""
     rows, columns = np.mgrid[0:72, 0:96]
-    left = -(columns + 0.5 - 48) / LENS.focal_px
-    up = -(rows + 0.5 - 36) / LENS.focal_px
+    left = -(columns + 0.5 - 48) / LENS.fx
+    up = -(rows + 0.5 - 36) / LENS.fx
     depth = np.where(up < 0, LENS.height_m / np.maximum(-up, 1e-6), 8.0)
     for away, left_edge, right_edge, height in boxes:
         hit = (left * away < left_edge) & (left * away > right_edge) & (up * away + LENS.height_m < height)

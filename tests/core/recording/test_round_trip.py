@@ -87,7 +87,7 @@ def test_events_and_poses_return_exactly_and_images_nearly(path: Path) -> None:
         assert after.exact_pose is not None
         assert np.array_equal(before.exact_pose, after.exact_pose)
         assert (before.stamp, before.step) == (after.stamp, after.step)
-        assert np.abs(before.depth - after.depth).max() <= 0.0005 + 1e-6
+        assert np.abs(before.require_depth("the test") - after.require_depth("the test")).max() <= 0.0005 + 1e-6
         assert np.abs(before.rgb.astype(int) - after.rgb).mean() < 3
 
 
@@ -123,23 +123,25 @@ def test_folding_the_deltas_gives_the_map_at_any_step(path: Path) -> None:
 
 def test_arrays_may_be_changed_after_they_were_written(path: Path) -> None:
     reused = example_recording.observation(0)
+    depth = reused.require_depth("the test")
     with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
         for step in range(20):
             fresh = example_recording.observation(step)
             for mine, theirs in (
                 (reused.rgb, fresh.rgb),
-                (reused.depth, fresh.depth),
+                (depth, fresh.require_depth("the test")),
                 (reused.odometry, fresh.odometry),
             ):
                 mine[...] = theirs
             writer.write_frame(
                 type(reused)(reused.rgb, reused.depth, reused.odometry, fresh.stamp, step, fresh.exact_pose)
             )
-            reused.depth[...], reused.odometry[...] = 9.0, 9.0
+            depth[...], reused.odometry[...] = 9.0, 9.0
     recording = Recording.open(path)
     for step in recording.frames:
         assert np.array_equal(recording.observation(step).odometry, example_recording.observation(step).odometry)
-        assert np.abs(recording.observation(step).depth - example_recording.observation(step).depth).max() < 0.001
+        read, written = (each.observation(step).require_depth("the test") for each in (recording, example_recording))
+        assert np.abs(read - written).max() < 0.001
 
 
 def test_an_existing_file_is_never_overwritten(path: Path) -> None:

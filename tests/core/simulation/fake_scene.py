@@ -6,8 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.types import Depth, Intrinsics, Pose, Rgb
+from ltvn_core.types import Depth, Pose, Rgb
 
 BOX_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
 BOX_FACES = np.array(
@@ -76,7 +77,7 @@ class GreyCamera:
     def __init__(self) -> None:
         self.renders = 0
 
-    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
+    def render(self, pose: Pose, camera: CameraModel) -> tuple[Rgb, Depth]:
         self.renders += 1
-        shape = (intrinsics.height, intrinsics.width)
+        shape = (camera.height, camera.width)
         return np.full((*shape, 3), 127, np.uint8), np.ones(shape, np.float32)

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer, open_renderer
 from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_core.types import Depth, Intrinsics, Pose
+from ltvn_core.types import Depth, Pose
 
 RED, GREEN, GREY = (220, 30, 30), (30, 200, 30), (128, 128, 128)
-LENS = Intrinsics()
+LENS = LOCOBOT.camera
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,11 @@ def test_the_other_renderer_measures_the_depths_of_a_box_room() -> None:
     assert depth == pytest.approx(_depth_in_box(pose, 6.0, 4.0, 2.5), abs=0.01)
 
 
-@pytest.mark.parametrize("lens", [Intrinsics(width=320, height=180), Intrinsics(17, 31, 1.0, 1.2)])
-def test_another_lens_shows_the_same_world(lens: Intrinsics) -> None:
+@pytest.mark.parametrize(
+    "lens",
+    [CameraModel.from_fov(320, 180, np.deg2rad(69.4), height_m=0.6), CameraModel.from_fov(17, 31, 1.0, height_m=1.2)],
+)
+def test_another_lens_shows_the_same_world(lens: CameraModel) -> None:
     pose = np.array([1.5, 2.5, 0.4])
     rgb, depth = EmbreeRenderer(_box_room(6.0, 4.0, 2.5)).render(pose, lens)
     assert rgb.shape == (lens.height, lens.width, 3)
@@ -112,7 +117,7 @@ def test_another_lens_shows_the_same_world(lens: Intrinsics) -> None:
 
 @pytest.mark.parametrize("camera", [EmbreeRenderer, PyBulletRenderer])
 def test_a_camera_tilted_down_sees_the_floor_where_it_points(camera: type[EmbreeRenderer | PyBulletRenderer]) -> None:
-    lens = Intrinsics(width=97, height=73, pitch_rad=-0.5)
+    lens = CameraModel.from_fov(97, 73, np.deg2rad(69.4), height_m=0.6, pitch_rad=-0.5)
     _, depth = camera(_box_room(6.0, 4.0, 2.5)).render(np.array([1.0, 2.0, 0.0]), lens)
     assert depth[36, 48] == pytest.approx(lens.height_m / np.sin(0.5), abs=0.02)
 
@@ -181,10 +186,10 @@ def _box_room(width: float, depth: float, height: float) -> Surfaces:
     return builder.build()
 
 
-def _depth_in_box(pose: Pose, width: float, depth: float, height: float, lens: Intrinsics = LENS) -> Depth:
+def _depth_in_box(pose: Pose, width: float, depth: float, height: float, lens: CameraModel = LENS) -> Depth:
     """Return the depth (H, W) that a pinhole camera measures inside a box."""
-    left = (lens.width / 2 - 0.5 - np.arange(lens.width)) / lens.focal_px
-    up = (lens.height / 2 - 0.5 - np.arange(lens.height)) / lens.focal_px
+    left = (lens.width / 2 - 0.5 - np.arange(lens.width)) / lens.fx
+    up = (lens.height / 2 - 0.5 - np.arange(lens.height)) / lens.fx
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     rays = np.stack(np.broadcast_arrays(cos - sin * left[None], sin + cos * left[None], up[:, None]), -1)
     eye = np.array([pose[0], pose[1], lens.height_m])

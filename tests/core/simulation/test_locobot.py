@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.locobot_model import locobot_glb
-from ltvn_core.simulation.physics import BODY_RADIUS_M
-from ltvn_core.types import Intrinsics
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +18,7 @@ def drawing() -> trimesh.Scene:
 def test_the_robot_is_as_wide_as_its_base_and_as_high_as_its_camera(drawing: trimesh.Scene) -> None:
     low, high = np.asarray(drawing.bounds)
     assert (high - low)[:2] == pytest.approx([0.36, 0.36], abs=0.01)
-    assert high[2] == pytest.approx(Intrinsics().height_m, abs=0.03)
+    assert high[2] == pytest.approx(LOCOBOT.camera.height_m, abs=0.03)
 
 
 def test_the_robot_stands_on_the_floor_around_its_own_origin(drawing: trimesh.Scene) -> None:
@@ -32,14 +31,14 @@ def test_nothing_reaches_beyond_the_body_that_physics_knows(drawing: trimesh.Sce
     vertices = np.concatenate(
         [part.vertices for part in drawing.geometry.values() if isinstance(part, trimesh.Trimesh)]
     )
-    assert np.hypot(vertices[:, 0], vertices[:, 1]).max() <= BODY_RADIUS_M + 0.005
+    assert np.hypot(vertices[:, 0], vertices[:, 1]).max() <= LOCOBOT.radius_m + 0.005
 
 
 def test_the_camera_looks_forward(drawing: trimesh.Scene) -> None:
     lens = drawing.geometry["lens"]
     assert isinstance(lens, trimesh.Trimesh)
     assert lens.bounds[0][0] > 0
-    assert lens.centroid[2] == pytest.approx(Intrinsics().height_m, abs=0.01)
+    assert lens.centroid[2] == pytest.approx(LOCOBOT.camera.height_m, abs=0.01)
 
 
 def test_the_drawing_is_light_enough_for_a_page() -> None:

@@ -10,16 +10,17 @@ import trimesh
 from ltvn_core.composition import open_simulation
 from ltvn_core.errors import SceneError
 from ltvn_core.recording.reader import Recording
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.meshes.mesh_textures import TextureCollector
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.types import Intrinsics, Twist
+from ltvn_core.types import Twist
 from ltvn_core.verbs.collect import CollectSummary, CollectVerb
 from ltvn_viz.layers.cutaway import CUT_HEIGHT_M, cut_away
 from tests.core.simulation.two_room_mesh import BLUE, HEIGHT, RED, box_house, save
 
-LENS = Intrinsics()
+LENS = LOCOBOT.camera
 KINDS = [
     ("house.glb", "texture", "y"),
     ("house.glb", "vertex", "y"),

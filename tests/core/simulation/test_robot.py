@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.physics import BODY_RADIUS_M, TICK_S
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.physics import TICK_S
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
-from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Intrinsics, Pose, Twist
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Pose, Twist
 from tests.core.simulation.fake_scene import GreyCamera
 
 FULL_SPEED = Twist(0.5, 0.0)
@@ -79,7 +80,7 @@ def test_a_robot_driven_at_random_never_enters_an_obstacle(launch: Launch, scene
             for _ in range(int(rng.integers(5, 40))):
                 robot.drive(twist)
                 robot.advance(CONTROL_STEP_S)
-                assert scene.clearance.at(robot.exact_pose[:2]) >= BODY_RADIUS_M - 0.03
+                assert scene.clearance.at(robot.exact_pose[:2]) >= LOCOBOT.radius_m - 0.03
         collisions += robot.collisions
         # Nobody gets out of the piece of floor on which he began.
         assert scene.clearance.path(start[:2], robot.exact_pose[:2]) is not None
@@ -278,7 +279,7 @@ def test_a_pose_is_three_finite_numbers(robot: SimulatedRobot, pose: list[float]
 
 def test_a_person_may_look_through_another_lens(robot: SimulatedRobot) -> None:
     seen = robot.observe()
-    rgb, depth = robot.render(Intrinsics(width=320, height=240))
+    rgb, depth = robot.render(LOCOBOT.camera.scaled(320, 240))
     assert rgb.shape == (240, 320, 3)
     assert depth.shape == (240, 320)
     assert robot.observe() is seen

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.training_data.scene_protocols import DatasetScene
-from ltvn_core.types import Depth, Intrinsics, Pose, Rgb
+from ltvn_core.types import Depth, Pose, Rgb
 
 Walls = NDArray[np.float64]
 """(S, 4): x0, y0, x1, y1 of each wall, 2.4 m high."""
@@ -57,8 +58,8 @@ class WallCamera:
     def __init__(self, walls: Walls) -> None:
         self.walls = walls
 
-    def render(self, pose: Pose, intrinsics: Intrinsics) -> tuple[Rgb, Depth]:
-        width, height, focal = intrinsics.width, intrinsics.height, intrinsics.focal_px
+    def render(self, pose: Pose, camera: CameraModel) -> tuple[Rgb, Depth]:
+        width, height, focal = camera.width, camera.height, camera.fx
         left = (width / 2 - np.arange(width) - 0.5) / focal
         up = (height / 2 - np.arange(height) - 0.5) / focal
         wall, metres, place = self._columns(pose, left)

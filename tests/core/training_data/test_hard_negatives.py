@@ -3,11 +3,11 @@
 import numpy as np
 
 from ltvn_core.geometry import wrap_angle
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.camera_variation import CameraVariation
 from ltvn_core.training_data.pose_sampling import ClusterSampling
 from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
 from ltvn_core.training_data.shards import Shard
-from ltvn_core.types import Intrinsics
 from tests.core.training_data.box_world import two_rooms
 
 RECIPE = DatasetRecipe(clusters=40, sampling=ClusterSampling(size=4), strangers=40)
@@ -45,7 +45,7 @@ def test_a_share_of_the_clusters_is_seen_by_another_camera_and_labelled_by_the_n
 
 
 def test_cameras_stay_near_the_nominal_one() -> None:
-    variation, nominal = CameraVariation(share=1.0), Intrinsics()
+    variation, nominal = CameraVariation(share=1.0), LOCOBOT.camera
     drawn = variation.draw(np.random.default_rng(0), 200)
     heights = np.array([camera.height_m for camera in drawn]) - nominal.height_m
     assert 0.5 * variation.height_m < np.abs(heights).max() <= variation.height_m

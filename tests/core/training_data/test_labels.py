@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from ltvn_core.geometry import relative
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data import reachability_criteria
 from ltvn_core.training_data.reachability_labels import FailedCriteria, PairLabels, label_poses
 from ltvn_core.training_data.shard_generation import render_poses
-from ltvn_core.types import Intrinsics
 from tests.core.training_data.box_world import two_rooms
 
 WORLD = two_rooms()
@@ -64,7 +64,7 @@ def test_a_target_too_near_to_a_wall_is_not_reachable() -> None:
 def test_overlap_is_the_share_of_the_targets_points_that_the_source_sees() -> None:
     poses = np.array([[0.5, 2, 0], [2.5, 2, 0]])  # Driving ahead narrows the view.
     _, depth_mm = render_poses(WORLD.camera, poses)
-    depth, camera = depth_mm / np.float32(1000), Intrinsics()
+    depth, camera = depth_mm / np.float32(1000), LOCOBOT.camera
     ahead = reachability_criteria.overlap(relative(poses[:1], poses[1:]), depth[:1], depth[1:], camera)[0]
     back = reachability_criteria.overlap(relative(poses[1:], poses[:1]), depth[1:], depth[:1], camera)[0]
     assert ahead > 0.9
@@ -74,7 +74,7 @@ def test_overlap_is_the_share_of_the_targets_points_that_the_source_sees() -> No
 def test_overlap_is_full_with_itself_and_empty_when_turned_away() -> None:
     poses = np.array([[2, 2, 0], [2, 2, np.pi]])
     _, depth_mm = render_poses(WORLD.camera, poses)
-    depth, camera = depth_mm / np.float32(1000), Intrinsics()
+    depth, camera = depth_mm / np.float32(1000), LOCOBOT.camera
     assert reachability_criteria.overlap(np.zeros((1, 3)), depth[:1], depth[:1], camera)[0] == pytest.approx(1)
     assert reachability_criteria.overlap(relative(poses[:1], poses[1:]), depth[:1], depth[1:], camera)[0] == 0
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.camera_projection import project, unproject, waypoint_outline
 from ltvn_core.training_data.failure_explanations import limits_from_recipe, reasons, single_criteria
 from ltvn_core.training_data.pair_table import PairFilter, PairTable
 from ltvn_core.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
-from ltvn_core.types import Intrinsics
 from tests.core.network.tiny_data import tiny_shard
 
 
@@ -57,7 +57,7 @@ def test_a_depth_pixel_is_projected_back_to_where_it_was() -> None:
 
 
 def test_a_waypoint_ahead_stands_upright_in_the_image_and_one_behind_is_not_drawn() -> None:
-    camera = Intrinsics()
+    camera = LOCOBOT.camera
     mast = waypoint_outline(np.array([2.0, 0.0, 0.3])).mast
     assert mast[:, 0] == pytest.approx([camera.width / 2] * 2)
     assert mast[1, 1] == pytest.approx(camera.height / 2)

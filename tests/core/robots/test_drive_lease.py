@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ltvn_core.simulation.drive_lease import LEASE_S, DriveLease, SpeedLimits
+from ltvn_core.robots.drive_lease import LEASE_S, DriveLease, SpeedLimits
 from ltvn_core.types import ZERO_TWIST, Twist
 
 AHEAD = Twist(0.3, 0.0)

@@ -8,35 +8,12 @@ reads `command` in each of its steps.
 import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from ltvn_core.robots.robot_spec import SpeedLimits
 from ltvn_core.types import ZERO_TWIST, Twist
 
 LEASE_S = 0.25
 """How long one drive command is valid, in seconds of the robot's clock."""
-
-
-@dataclass(frozen=True, slots=True)
-class SpeedLimits:
-    """The largest speeds that a drive command may ask for."""
-
-    linear_m_s: float = 0.5
-    angular_rad_s: float = 1.0
-
-    def bounded(self, twist: Twist) -> Twist:
-        """Return `twist` scaled down to the limits; both speeds by the same factor, so that the arc stays the same.
-
-        Raises:
-            ValueError: A speed is NaN or infinite.
-        """
-        if not (math.isfinite(twist.linear_m_s) and math.isfinite(twist.angular_rad_s)):
-            raise ValueError(
-                f"A drive command must be two finite speeds, got linear {twist.linear_m_s} m/s and angular "
-                f"{twist.angular_rad_s} rad/s; the robot stops. Send speeds within +-{self.linear_m_s} m/s and "
-                f"+-{self.angular_rad_s} rad/s."
-            )
-        excess = max(abs(twist.linear_m_s) / self.linear_m_s, abs(twist.angular_rad_s) / self.angular_rad_s, 1.0)
-        return Twist(twist.linear_m_s / excess, twist.angular_rad_s / excess)
 
 
 class DriveLease:

@@ -1,0 +1,226 @@
+"""A camera: its size, its lens, and how it is mounted on the robot.
+
+Owns projection and its inverse between pixels and points in the robot's frame: x forward, y left, z up, in metres, with
+the origin on the floor below the camera. Pixels are counted as in OpenCV and ROS: the centre of the left upper pixel is
+(0, 0). Owns no pictures; `ltvn_core.cameras.rectification` turns one camera's picture into another's.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ltvn_core.cameras.lens_distortion import (
+    FISHEYE_COUNT,
+    PLUMB_BOB_COUNTS,
+    distort,
+    distort_fisheye,
+    undistort,
+    undistort_fisheye,
+)
+from ltvn_core.errors import CameraError
+
+MILLIMETRES = 0.001
+"""`depth_scale` of depth images in whole millimetres, as ROS's 16UC1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraModel:
+    """The size, lens and mounting of a camera. Raises CameraError when a field cannot be right."""
+
+    width: int
+    """Columns of its picture."""
+    height: int
+    """Rows of its picture."""
+    fx: float
+    """Focal length in pixels along a row,"""
+    fy: float
+    """and along a column."""
+    cx: float
+    """Where the optical axis meets the picture, in pixels from the centre of the left upper pixel: to the right,"""
+    cy: float
+    """and down."""
+    distortion: tuple[float, ...] = ()
+    """OpenCV's coefficients: none, k1 k2 p1 p2, with k3, with k4 k5 k6; for a fisheye k1 k2 k3 k4."""
+    fisheye: bool = False
+    """The lens is a fisheye (OpenCV's `fisheye`, ROS's `equidistant`)."""
+    height_m: float = 0.0
+    """Height of the optical centre above the floor."""
+    pitch_rad: float = 0.0
+    """Tilt of the optical axis, upwards positive; 0 is level."""
+    roll_rad: float = 0.0
+    """Turn about the optical axis; positive lowers the camera's right side."""
+    quarter_turns: int = 0
+    """How often its picture must be turned by 90 degrees counter-clockwise (`numpy.rot90`) to stand upright."""
+    depth_scale: float = 1.0
+    """Metres per unit of its depth image: 1 for metres, 0.001 for millimetres."""
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        self._check_size_and_lens()
+        self._check_mounting()
+
+    @classmethod
+    def from_fov(
+        cls,
+        width: int,
+        height: int,
+        horizontal_fov_rad: float,
+        *,
+        height_m: float = 0.0,
+        pitch_rad: float = 0.0,
+    ) -> Self:
+        """Return a camera with square pixels and a centred, undistorted lens that sees so wide an angle."""
+        if not 0 < horizontal_fov_rad < math.pi:
+            raise CameraError(
+                f"A horizontal field of view must lie between 0 and 180 degrees, got "
+                f"{math.degrees(horizontal_fov_rad):g}; name a wider lens by its distortion with `fisheye`."
+            )
+        focal_px = width / 2 / float(np.tan(horizontal_fov_rad / 2))
+        return cls(
+            width=width,
+            height=height,
+            fx=focal_px,
+            fy=focal_px,
+            cx=width / 2 - 0.5,
+            cy=height / 2 - 0.5,
+            height_m=height_m,
+            pitch_rad=pitch_rad,
+        )
+
+    @classmethod
+    def from_json(cls, fields: Mapping[str, Any]) -> Self:
+        """Read what `to_json` wrote, or the five keys of recordings made before cameras had a lens of their own.
+
+        Raises TypeError, KeyError or CameraError for anything else.
+        """
+        if "horizontal_fov_rad" in fields:
+            return cls.from_fov(**fields)
+        return cls(**{**fields, "distortion": tuple(fields["distortion"])})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all fields as JSON takes them."""
+        return {**asdict(self), "distortion": list(self.distortion)}
+
+    @property
+    def horizontal_fov_rad(self) -> float:
+        """Angle between the left and the right border of the middle row, without distortion."""
+        return float(np.arctan((self.cx + 0.5) / self.fx) + np.arctan((self.width - 0.5 - self.cx) / self.fx))
+
+    @property
+    def vertical_fov_rad(self) -> float:
+        """Angle between the upper and the lower border of the middle column, without distortion."""
+        return float(np.arctan((self.cy + 0.5) / self.fy) + np.arctan((self.height - 0.5 - self.cy) / self.fy))
+
+    @property
+    def aspect(self) -> float:
+        """Width over height of its picture."""
+        return self.width / self.height
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether its picture stands upright and is free of distortion, as all pictures are behind the door."""
+        return not (self.distortion or self.fisheye or self.quarter_turns or self.roll_rad)
+
+    def scaled(self, width: int, height: int) -> "CameraModel":
+        """Return the same camera with its picture resized; its lens and mounting stay."""
+        across, down = width / self.width, height / self.height
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * across,
+            fy=self.fy * down,
+            cx=(self.cx + 0.5) * across - 0.5,
+            cy=(self.cy + 0.5) * down - 0.5,
+        )
+
+    def project(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return columns and rows (..., 2) of points (..., 3) in the robot's frame; NaN for points behind the lens.
+
+        A point outside the picture has a pixel outside it.
+        """
+        points = np.asarray(points, np.float64)
+        ray = (points - np.array([0.0, 0.0, self.height_m])) @ self.rotation
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = np.where(ray[..., 0] > 0, ray[..., 0], np.nan)
+            return self.rays_to_pixels(np.stack([-ray[..., 1] / ahead, -ray[..., 2] / ahead], axis=-1))
+
+    def unproject(self, pixels: ArrayLike, depth_m: ArrayLike) -> NDArray[np.float64]:
+        """Return the points (..., 3) in the robot's frame seen at pixels (..., 2), `depth_m` (...) along the axis."""
+        right_down = self.pixels_to_rays(np.asarray(pixels, np.float64))
+        ahead = np.asarray(depth_m, np.float64)
+        left, up = -right_down[..., 0] * ahead, -right_down[..., 1] * ahead
+        if not (self.pitch_rad or self.roll_rad or self.quarter_turns):
+            # Nothing to rotate; so that a level camera's points are exact.
+            return np.stack([ahead, left, up + self.height_m], axis=-1)
+        return np.stack([ahead, left, up], axis=-1) @ self.rotation.T + np.array([0.0, 0.0, self.height_m])
+
+    def unproject_image(self, depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Return the points (M, 3) in the robot's frame of a depth image (H, W) in metres; 0 has no point."""
+        rows, columns = np.nonzero(depth_m > 0)
+        return self.unproject(np.stack([columns, rows], axis=-1), depth_m[rows, columns])
+
+    def pixels_to_rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far right and down (..., 2) of its axis the lens sees pixels (..., 2), at one metre of depth."""
+        plane = (pixels - np.array([self.cx, self.cy])) / np.array([self.fx, self.fy])
+        return (undistort_fisheye if self.fisheye else undistort)(plane, self.distortion)
+
+    def rays_to_pixels(self, rays: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the pixels (..., 2) at which the lens sees rays (..., 2); the inverse of `pixels_to_rays`."""
+        plane = (distort_fisheye if self.fisheye else distort)(rays, self.distortion)
+        return plane * np.array([self.fx, self.fy]) + np.array([self.cx, self.cy])
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """(3, 3): takes a direction (forward, left, up) as the camera delivers it to the robot's frame."""
+        sin, cos = _sin_cos(self.pitch_rad)
+        pitch = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
+        sin, cos = _sin_cos(self.roll_rad)
+        roll = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+        # Turning a picture counter-clockwise moves what is on its right (minus left) to its top.
+        quarter = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+        return pitch @ roll @ np.linalg.matrix_power(quarter, self.quarter_turns).astype(np.float64)
+
+    def _check_size_and_lens(self) -> None:
+        if not (isinstance(self.width, int) and isinstance(self.height, int) and min(self.width, self.height) > 0):
+            raise CameraError(
+                f"A camera's width and height must be whole numbers of pixels, at least 1, got {self.width} x "
+                f"{self.height}."
+            )
+        if not (_finite(self.fx, self.fy, self.cx, self.cy) and min(self.fx, self.fy) > 0):
+            raise CameraError(
+                f"A camera's fx, fy must be positive and cx, cy finite, in pixels, got {self.fx}, {self.fy}, {self.cx} "
+                f"and {self.cy}. They are items 0, 4, 2 and 5 of ROS's CameraInfo.k; `from_fov` takes an angle."
+            )
+        counts = (FISHEYE_COUNT,) if self.fisheye else PLUMB_BOB_COUNTS
+        if len(self.distortion) not in counts or not _finite(*self.distortion):
+            raise CameraError(
+                f"A {'fisheye' if self.fisheye else 'camera'} takes {' or '.join(map(str, counts))} finite distortion "
+                f"coefficients in OpenCV's order, got {self.distortion}."
+            )
+
+    def _check_mounting(self) -> None:
+        if not (_finite(self.height_m, self.pitch_rad, self.roll_rad) and abs(self.pitch_rad) < math.pi / 2):
+            raise CameraError(
+                f"A camera's height must be finite metres and its pitch and roll finite radians, the pitch less than a "
+                f"right angle, got {self.height_m}, {self.pitch_rad}, {self.roll_rad}."
+            )
+        if self.quarter_turns not in (0, 1, 2, 3):
+            raise CameraError(f"quarter_turns must be 0, 1, 2 or 3, got {self.quarter_turns}.")
+        if not (_finite(self.depth_scale) and self.depth_scale > 0):
+            raise CameraError(
+                f"depth_scale is the metres per unit of the depth image and positive, got {self.depth_scale}; use 1 "
+                f"for metres and {MILLIMETRES} for millimetres."
+            )
+
+
+def _finite(*values: float) -> bool:
+    return all(math.isfinite(value) for value in values)
+
+
+def _sin_cos(angle_rad: float) -> tuple[float, float]:
+    return math.sin(angle_rad), math.cos(angle_rad)

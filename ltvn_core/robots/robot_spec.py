@@ -1,0 +1,92 @@
+"""What kind of robot it is: its size, how fast it may move, and its camera. The LoCoBot of the paper is `LOCOBOT`.
+
+Owns the only place where a robot's radius, speeds and camera are written down. Drives nothing.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import OptionError
+from ltvn_core.types import Twist
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedLimits:
+    """The largest speeds that a drive command may ask for."""
+
+    linear_m_s: float = 0.5
+    angular_rad_s: float = 1.0
+
+    def bounded(self, twist: Twist) -> Twist:
+        """Return `twist` scaled down to the limits; both speeds by the same factor, so that the arc stays the same.
+
+        Raises:
+            ValueError: A speed is NaN or infinite.
+        """
+        if not (math.isfinite(twist.linear_m_s) and math.isfinite(twist.angular_rad_s)):
+            raise ValueError(
+                f"A drive command must be two finite speeds, got linear {twist.linear_m_s} m/s and angular "
+                f"{twist.angular_rad_s} rad/s; the robot stops. Send speeds within +-{self.linear_m_s} m/s and "
+                f"+-{self.angular_rad_s} rad/s."
+            )
+        excess = max(abs(twist.linear_m_s) / self.linear_m_s, abs(twist.angular_rad_s) / self.angular_rad_s, 1.0)
+        return Twist(twist.linear_m_s / excess, twist.angular_rad_s / excess)
+
+
+@dataclass(frozen=True, slots=True)
+class AccelerationLimits:
+    """How fast the speeds may change, for speeding up and for braking.
+
+    Braking is firm on purpose: from full speed the robot stops within 42 ms, so that a lease of 250 ms plus braking
+    takes less than 300 ms.
+    """
+
+    linear_m_s2: float = 1.5
+    angular_rad_s2: float = 6.0
+    linear_braking_m_s2: float = 12.0
+    angular_braking_rad_s2: float = 24.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotSpec:
+    """The size, speeds and camera of a robot. Raises OptionError when a length is not positive."""
+
+    name: str
+    """What people call it."""
+    radius_m: float
+    """Radius of the circle that its body fits into, about the point it turns on."""
+    height_m: float
+    """Height of its body: what hangs lower stops it."""
+    ground_clearance_m: float
+    """What is lower than this, such as a rug, it drives over."""
+    camera: CameraModel
+    """Its camera and how it is mounted."""
+    speeds: SpeedLimits = field(default_factory=SpeedLimits)
+    """How fast it may be told to go."""
+    accelerations: AccelerationLimits = field(default_factory=AccelerationLimits)
+    """How fast its speeds change."""
+
+    def __post_init__(self) -> None:
+        """Check the lengths."""
+        if not (0 < self.radius_m < math.inf and 0 <= self.ground_clearance_m < self.height_m < math.inf):
+            raise OptionError(
+                f"{self.name}: a robot needs a radius above 0 m and a body higher than its ground clearance, got "
+                f"radius_m {self.radius_m}, height_m {self.height_m}, ground_clearance_m {self.ground_clearance_m}."
+            )
+
+    @property
+    def clear_radius_m(self) -> float:
+        """Radius rounded up to whole centimetres: what obstacle avoidance and labels keep free around its centre."""
+        return math.ceil(self.radius_m * 100 - 1e-6) / 100
+
+
+LOCOBOT = RobotSpec(
+    name="LoCoBot",
+    radius_m=0.178,
+    height_m=0.8,
+    ground_clearance_m=0.05,
+    camera=CameraModel.from_fov(96, 72, math.radians(69.4), height_m=0.6),
+)
+"""The robot of the paper, as it is simulated. Its body counts up to a table's height, so that it does not drive under
+one with its camera up."""

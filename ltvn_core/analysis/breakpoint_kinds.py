@@ -1,6 +1,7 @@
 """Moments worth stopping at, as data.
 
-Owns the kinds of breakpoints. How one is typed is `analysis.breakpoint_text`, when one is met `analysis.breakpoints`.
+Owns the kinds of breakpoints. How one is typed is `analysis.breakpoint_parser`, when one is met
+`analysis.breakpoint_rules`.
 """
 
 from dataclasses import dataclass
@@ -46,6 +47,8 @@ class BeliefCrossingBreakpoint:
     """Stop when the p of any edge crosses a level, either way."""
 
     level: float
+    is_prune_threshold: bool = False
+    """The level was asked for as R_p, below which edges are pruned, and is shown by that name."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ Owns the short text form, both ways.
 """
 
 import re
+from typing import assert_never
 
 from ltvn_core.analysis.breakpoint_kinds import (
     BeliefCrossingBreakpoint,
@@ -64,12 +65,17 @@ def parse_breakpoint(text: str, config: BeliefConfig = ROBUST.believing) -> Brea
     if found := _AT_NODE.fullmatch(words):
         return NodeBreakpoint(int(found[1]))
     if found := _CROSSING.fullmatch(words):
-        return BeliefCrossingBreakpoint(
-            config.prune_below if found[1].lower() == "r_p" else parse_number(found[1], text, "no breakpoint")
-        )
+        if found[1].lower() == "r_p":
+            return prune_threshold_breakpoint(config)
+        return BeliefCrossingBreakpoint(parse_number(found[1], text, "no breakpoint"))
     if words.lower() in _TRIGGERS:
         return EventBreakpoint(BreakpointTrigger(words.lower()))
     raise OptionError(f"{text[:60]!r} is no breakpoint; write one of: {', '.join(BREAKPOINT_EXAMPLES)}.")
+
+
+def prune_threshold_breakpoint(config: BeliefConfig) -> BeliefCrossingBreakpoint:
+    """Return the breakpoint that stops where p crosses R_p, the threshold of `config`."""
+    return BeliefCrossingBreakpoint(config.prune_below, is_prune_threshold=True)
 
 
 def format_breakpoint(breakpoint_: Breakpoint) -> str:
@@ -77,8 +83,8 @@ def format_breakpoint(breakpoint_: Breakpoint) -> str:
     match breakpoint_:
         case EventBreakpoint(trigger):
             return trigger.value
-        case BeliefCrossingBreakpoint(level):
-            return f"p crosses {level!r}"
+        case BeliefCrossingBreakpoint(level, is_prune_threshold):
+            return f"p crosses {'R_p' if is_prune_threshold else repr(level)}"
         case LocalisationBreakpoint(quantity, less, value):
             return f"{quantity} {'<' if less else '>'} {value!r}"
         case EdgeBeliefBreakpoint(quantity, edge, less, value):
@@ -87,3 +93,4 @@ def format_breakpoint(breakpoint_: Breakpoint) -> str:
             return f"edge {edge[0]}->{edge[1]}"
         case NodeBreakpoint(node):
             return f"node {node}"
+    assert_never(breakpoint_)

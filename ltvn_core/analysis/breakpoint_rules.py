@@ -87,7 +87,7 @@ def breakpoint_reason(breakpoint_: Breakpoint, occurrence: EventContext) -> str 
     match breakpoint_:
         case EventBreakpoint(trigger):
             return _event_reason(occurrence) if _is_triggered(trigger, occurrence) else None
-        case BeliefCrossingBreakpoint(level):
+        case BeliefCrossingBreakpoint(level=level):
             return _crossed(occurrence, level)
         case LocalisationBreakpoint():
             return _event_reason(occurrence) if _is_localised_so(breakpoint_, occurrence.event) else None

@@ -28,11 +28,12 @@ class WhatIfThreshold(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class WithEdge:
-    """The map has this edge, with this belief."""
+    """The map has this edge."""
 
     source: NodeId
     target: NodeId
-    belief: Belief
+    belief: Belief | None = None
+    """None means what the map at hand believes of it, or as firmly as the method allows where it lacks the edge."""
 
 
 @dataclass(frozen=True, slots=True)

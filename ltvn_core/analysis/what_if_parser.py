@@ -1,11 +1,11 @@
 """Imagined changes as a person types them: "without 12->40", "p(12->40) = 0.1", "goal 120", "D_c = 1.3".
 
-Owns the short text form, both ways. What a change does is `analysis.imagined`.
+Owns the short text form, both ways. What a change does is `analysis.what_if_scenario`.
 """
 
 import re
+from typing import assert_never
 
-from ltvn_core.analysis.manual_edits import add_edge
 from ltvn_core.analysis.number_parser import parse_number
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
@@ -17,9 +17,7 @@ from ltvn_core.analysis.what_if_changes import (
     WithStart,
     WithThreshold,
 )
-from ltvn_core.config import ROBUST, BeliefConfig
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 WHAT_IF_EXAMPLES = (
     "without 12->40",
@@ -40,15 +38,12 @@ _THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
 _THRESHOLDS = {threshold.value.lower(): threshold for threshold in WhatIfThreshold}
 
 
-def parse_what_if_change(text: str, graph: TopologicalGraph, config: BeliefConfig = ROBUST.believing) -> WhatIfChange:
-    """Read a change of the map `graph`; an edge that is not in it is believed in as firmly as `config` allows.
-
-    Raises OptionError, which lists the valid forms, for anything else; MapError for an edge that cannot be.
-    """
+def parse_what_if_change(text: str) -> WhatIfChange:
+    """Read a change. Raises OptionError, which lists the valid forms, for anything else."""
     words = " ".join(text.split())
     if found := _PRESENCE.fullmatch(words):
         edge = int(found[2]), int(found[3])
-        return _forced(edge, graph, config) if found[1].lower() == "with" else WithoutEdge(*edge)
+        return WithEdge(*edge) if found[1].lower() == "with" else WithoutEdge(*edge)
     if found := _BELIEF.fullmatch(words):
         edge, value = (int(found[2]), int(found[3])), parse_number(found[4], text, "nothing to imagine")
         return WithBelief(*edge, p=value) if found[1].lower() == "p" else WithBelief(*edge, mu=value)
@@ -61,7 +56,7 @@ def parse_what_if_change(text: str, graph: TopologicalGraph, config: BeliefConfi
 
 
 def format_what_if_change(change: WhatIfChange) -> str:
-    """Return what one types for a change; parsing it gives the same change, but for the belief of a forced edge."""
+    """Return what one types for a change; parsing it gives the same change, if an edge has no belief of its own."""
     match change:
         case WithEdge(source, target):
             return f"with {source}->{target}"
@@ -77,8 +72,4 @@ def format_what_if_change(change: WhatIfChange) -> str:
             return f"from {source}"
         case WithThreshold(threshold, value):
             return f"{threshold.value} = {value!r}"
-
-
-def _forced(edge: EdgeKey, graph: TopologicalGraph, config: BeliefConfig) -> WithEdge:
-    known = graph.edges.get(edge)
-    return WithEdge(*edge, add_edge(graph, *edge, config).edge.belief if known is None else known.belief)
+    assert_never(change)

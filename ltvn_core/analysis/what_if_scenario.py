@@ -6,10 +6,11 @@ Owns what each imagined change does to a copy. Does not plan (`analysis.what_if_
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeAlias
+from typing import TypeAlias, assert_never
 
 import numpy as np
 
+from ltvn_core.analysis.manual_edits import add_edge
 from ltvn_core.analysis.planner_state import PlannerState
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
@@ -76,7 +77,7 @@ def apply_what_if_changes(scenario: WhatIfScenario, changes: Sequence[WhatIfChan
 def _apply_change(scenario: WhatIfScenario, change: WhatIfChange) -> None:
     match change:
         case WithEdge(source, target, belief):
-            _force(scenario.graph, (source, target), belief)
+            _force(scenario, (source, target), belief)
         case WithoutEdge(source, target):
             _cut(scenario.graph, [(source, target)])
         case WithBelief(source, target, p, mu):
@@ -88,11 +89,17 @@ def _apply_change(scenario: WhatIfScenario, change: WhatIfChange) -> None:
             scenario.situation = replace(scenario.situation, source=_node(scenario.graph, source))
         case WithThreshold(threshold, value):
             _set_threshold(scenario, threshold, value)
+        case _:
+            assert_never(change)
 
 
-def _force(graph: TopologicalGraph, key: EdgeKey, belief: Belief) -> None:
+def _force(scenario: WhatIfScenario, key: EdgeKey, belief: Belief | None) -> None:
+    graph = scenario.graph
     if key in graph.edges:
-        _believe(graph, key, belief)
+        if belief is not None:
+            _believe(graph, key, belief)
+    elif belief is None:
+        graph.apply(add_edge(graph, *key, scenario.method.believing))
     else:  # The plan looks at beliefs alone, so the waypoint does not matter.
         graph.apply(EdgeAdded(Edge(*key, PoseRow(belief.mu, 0.0, 0.0), belief), Cause.HAND))
 

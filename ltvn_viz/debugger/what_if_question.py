@@ -67,7 +67,7 @@ class WhatIfQuestion:
         if words.startswith(_FORGET):
             self._forget(words.removeprefix(_FORGET))
         else:
-            change = parse_what_if_change(words, context.graph, context.method.believing)
+            change = parse_what_if_change(words)
             self._changes.pop(_about(change), None)
             self._changes[_about(change)] = change
         self._told += 1

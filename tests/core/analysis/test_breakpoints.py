@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from ltvn_core.analysis.breakpoint_kinds import BeliefCrossingBreakpoint, BreakpointTrigger
 from ltvn_core.analysis.breakpoint_parser import BREAKPOINT_EXAMPLES, format_breakpoint, parse_breakpoint
 from ltvn_core.analysis.breakpoint_watcher import BreakpointHit, BreakpointWatcher, find_breakpoint_hits
+from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import (
     Belief,
@@ -146,6 +147,13 @@ def test_fifty_thousand_events_hit_as_often_as_they_should() -> None:
 def test_what_is_shown_can_be_typed(example: str, value: float) -> None:
     typed = parse_breakpoint(example.replace("0.5", repr(value)))
     assert parse_breakpoint(format_breakpoint(typed)) == typed
+
+
+def test_the_prune_threshold_is_shown_by_the_name_it_was_asked_for_by() -> None:
+    typed = parse_breakpoint("p crosses R_p", BeliefConfig(prune_below=0.4))
+
+    assert typed == BeliefCrossingBreakpoint(0.4, is_prune_threshold=True)
+    assert format_breakpoint(typed) == "p crosses R_p"
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ class ComparisonQuestion:
             builder.add_text(str(error))
             return builder.build()
         if there is None:
-            builder.add_text(f"Opening {self._other} …")
+            builder.add_pending(f"Opening {self._other}")
             return builder.build()
         here = (
             context.name,
@@ -84,7 +84,7 @@ class ComparisonQuestion:
         question = ("compare", context.name, context.revision(QueryEnded, Judged), there.name)
         found = self._latest(context.in_background, question, lambda: _compared(ComparedMap(*here, poses), there))
         if found is None:
-            builder.add_text("Comparing …")
+            builder.add_pending("Comparing")
             return builder.build()
         _metrics_table(builder, found)
         return _difference(builder, found, selection)

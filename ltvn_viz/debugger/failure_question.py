@@ -72,7 +72,7 @@ class FailureQuestion:
         """Show the failures of the whole run, and the one at the moment."""
         builder, findings = AnswerBuilder(), self._findings(context)
         if findings is None:
-            builder.add_text("Looking through the queries …")
+            builder.add_pending("Looking through the queries")
             return builder.build()
         if not len(findings.strip.queries):
             builder.add_text("No query has ended yet: choose a goal under “Go”, or open a recording with queries.")

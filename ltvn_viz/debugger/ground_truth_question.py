@@ -64,7 +64,7 @@ class GroundTruthQuestion:
         question = ("truth", context.name, scene, context.revision(AttemptEnded, QueryEnded))
         judged = self._latest(context.in_background, question, lambda: _judged_map(scene, graph, poses, events, near))
         if judged is None:
-            builder.add_text("Asking the simulator …")
+            builder.add_pending("Asking the simulator")
             return builder.build()
         return _show(builder, judged, selection)
 

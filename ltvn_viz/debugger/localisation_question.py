@@ -94,13 +94,13 @@ class LocalisationQuestion:
             return None
         keyframes, missing = self._node_images.load(context)
         if missing:
-            builder.add_text(f"Reading the images of {len(nodes)} nodes, {missing} to go …")
+            builder.add_pending(f"Reading the images of {len(nodes)} nodes, {missing} to go")
         question = "where", context.name, frame, len(nodes), missing, context.predictor.fingerprint
         found = self._heat(
             context.in_background, question, _heat(seen, nodes, keyframes, context.predictor, context.method)
         )
         if found is None:
-            builder.add_text("Comparing …")
+            builder.add_pending("Comparing")
         elif isinstance(found, str):
             builder.add_text(found)
         else:
@@ -144,8 +144,11 @@ class LocalisationQuestion:
         found = context.in_background(
             self._asked, _alias_search(context.graph, keyframes, context.predictor, context.method)
         )
-        if found is None or isinstance(found, str):
-            builder.add_text(found or "Searching for places that look alike, which takes its time …")
+        if found is None:
+            builder.add_pending("Searching for places that look alike, which takes its time")
+            return ()
+        if isinstance(found, str):
+            builder.add_text(found)
             return ()
         return _pairs(context, found, builder)
 

@@ -53,7 +53,7 @@ class NextDriveQuestion:
             _advise(context.live_map, context.graph, seen, context.predictor, context.method),
         )
         if found is None:
-            builder.add_text("Looking at what you drove …")
+            builder.add_pending("Looking at what you drove")
             return builder.build()
         _say(found, builder)
         return builder.build(_overlay(context, found, seen))

@@ -63,6 +63,8 @@ class QuestionAnswer:
     """What the links in `html` ask for, by number."""
     input_hint: str = ""
     """What a person may type, as a hint in the empty field; empty hides the field."""
+    is_pending: bool = False
+    """More is being computed in the background, and will be shown when it is there."""
 
 
 NOTHING_SELECTED = Selection()
@@ -75,10 +77,16 @@ class AnswerBuilder:
 
     parts: list[str] = field(default_factory=list)
     links: list[Command] = field(default_factory=list)
+    is_pending: bool = False
 
     def add_text(self, text: str) -> None:
         """Add a line of plain text."""
         self.parts.append(f"<div>{escape(text)}</div>")
+
+    def add_pending(self, text: str, *, title: str = "") -> None:
+        """Say what is being computed in the background, after a title in bold if there is one."""
+        self.is_pending = True
+        self.parts.append(f"<div>{f'<b>{escape(title)}</b> ' if title else ''}{escape(text)} …</div>")
 
     def add_html(self, markup: str) -> None:
         """Add markup whose foreign parts are escaped."""
@@ -103,7 +111,11 @@ class AnswerBuilder:
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:
         """Return what was collected."""
         return QuestionAnswer(
-            f'<div class="lt lt-why">{"".join(self.parts)}</div>', overlay, tuple(self.links), input_hint
+            html=f'<div class="lt lt-why">{"".join(self.parts)}</div>',
+            overlay=overlay,
+            links=tuple(self.links),
+            input_hint=input_hint,
+            is_pending=self.is_pending,
         )
 
 

@@ -94,7 +94,7 @@ class ShareQuestion:
             builder.add_text(f"Could not {self._request.words}: {error}")
             return
         if found is None:
-            builder.add_text(f"{self._request.words.capitalize()} …")
+            builder.add_pending(self._request.words.capitalize())
         elif isinstance(found, str):
             builder.add_html(
                 f'<div><a href="{escape(found)}" target="_blank" rel="noreferrer" class="lt-link">Rerun is open here'

@@ -115,7 +115,7 @@ class WhatIfQuestion:
         plan = partial(plan_both_ways, graph, situation, context.method, changes, how.edge_weight_of)
         outcome: WhatIfOutcome | None = context.in_background(question, plan)
         if outcome is None:
-            builder.add_text("Planning both ways …")
+            builder.add_pending("Planning both ways")
             return EMPTY_OVERLAY
         if isinstance(outcome, str):
             builder.add_text(outcome)
@@ -139,8 +139,8 @@ class WhatIfQuestion:
         question = "dry run", self._told
         counted = context.in_background(question, count_rebuilt_nodes(context, changed))
         if counted is None:
-            builder.add_text(
-                "Building two maps to compare, without using either: takes tens of seconds, and tasks wait."
+            builder.add_pending(
+                "Building two maps to compare, without using either, which takes tens of seconds while tasks wait"
             )
         else:
             builder.add_html(f"<div>Rebuilt so: <b>{escape(counted)}</b></div>")

@@ -136,7 +136,7 @@ class WhyQuestion:
         )
         title = "Why was it chosen?"
         if reasons is None:
-            builder.add_html(f"<div><b>{title}</b> Planning once more without it …</div>")
+            builder.add_pending("Planning once more without it", title=title)
         else:
             self._chain(context, title, reasons, builder)
             if how.note:

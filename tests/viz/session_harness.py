@@ -42,8 +42,6 @@ from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, one_room,
 PATIENCE_S = 30.0
 """So long may other threads need, on a busy machine."""
 
-_A_FEW_MORE, _AT_WORK = 20, " …</div>"
-
 WAY = ((1.0, 1.0), (4.0, 1.0), (4.0, 3.0))
 """A tour through the single room."""
 
@@ -185,13 +183,12 @@ class SessionHarness:
     def wait(self, ticks: int = 1) -> Snapshot:
         """Let ticks pass and return what the page shows then.
 
-        Whoever lets several pass waits for an answer; on a slow machine that takes a few more.
+        Whoever lets several pass waits for an answer of the debugger too, which on a slow machine takes a few more.
         """
         for _ in range(ticks):
             self.session.tick()
-        for _ in range(_A_FEW_MORE):
-            if ticks == 1 or _AT_WORK not in self.now.inspection.html:
-                break
+        deadline = time.monotonic() + PATIENCE_S
+        while ticks > 1 and self.now.inspection.answer.is_pending and time.monotonic() < deadline:
             self.session.tick()
         return self.now
 

@@ -23,8 +23,8 @@ from ltvn_viz.session.commands import ChooseQuestion, Command, PointAt
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.viewpoint import Point
 from tests.browser.running_app import running_app
+from tests.repository import RECORDINGS
 
-RECORDINGS = Path(__file__).parents[2] / "recordings"
 PATIENCE_S = 240.0
 WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
@@ -121,7 +121,7 @@ class DebuggerPage:
 
     def says(self, *words: str) -> str:
         """Wait until the answer has all these words in it and is at work no more, and return it as text."""
-        self.until(lambda: all(word in self.shown.html for word in words) and "…</div>" not in self.shown.html)
+        self.until(lambda: all(word in self.shown.html for word in words) and not self.shown.answer.is_pending)
         return self.settled().inner_text()
 
     def until(self, holds: Callable[[], bool]) -> None:

@@ -20,8 +20,9 @@ from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.debugger_page import WINDOW, DebuggerPage, open_debugger
 from tests.browser.screenshots import save, shown
+from tests.repository import ROOT
 
-FOLDER = Path(__file__).parents[2] / "docs" / "images" / "debugging"
+FOLDER = ROOT / "docs" / "images" / "debugging"
 MOST_BYTES = 150_000
 _CAMERA_PX = 520
 _RERUN_S = 240.0

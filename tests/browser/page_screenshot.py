@@ -24,8 +24,9 @@ from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.running_app import running_app
 from tests.browser.screenshots import save
+from tests.repository import ROOT
 
-OUTPUT = Path(__file__).parents[2] / "docs" / "images" / "page.png"
+OUTPUT = ROOT / "docs" / "images" / "page.png"
 WINDOW: ViewportSize = {"width": 1400, "height": 900}
 MOST_BYTES = 300_000
 PATIENCE_S = 240.0

@@ -14,7 +14,8 @@ from playwright.sync_api import Browser
 
 from ltvn_core.recording.reader import Recording
 from ltvn_viz.debugger.question import QuestionName
-from tests.browser.debugger_page import RECORDINGS, DebuggerPage, open_debugger
+from tests.browser.debugger_page import DebuggerPage, open_debugger
+from tests.repository import DEMO_FAULT
 
 Faults: TypeAlias = dict[str, set[tuple[int, int]]]
 """Planted edges by kind."""
@@ -33,7 +34,7 @@ def fault(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
 def planted() -> Faults:
     """Return the planted edges by kind, as the recording's own settings tell them."""
     found: Faults = {}
-    for each in Recording.open(RECORDINGS / "demo-fault.rrd").meta.config["faults"]:
+    for each in Recording.open(DEMO_FAULT).meta.config["faults"]:
         found.setdefault(each["kind"], set()).update((source, target) for source, target in each["edges"])
     return found
 

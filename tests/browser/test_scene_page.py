@@ -12,10 +12,10 @@ from playwright.sync_api import Browser, Page, Request
 from ltvn_core.evaluation.map_layout import map_layout
 from ltvn_core.recording.reader import Recording
 from ltvn_viz.layers.scene_html import scene_html
+from tests.repository import DEMO_MAP
 
 pytestmark = pytest.mark.browser
 
-DEMO = Path(__file__).parents[2] / "recordings" / "demo-map.rrd"
 PATIENCE_S = 120.0
 MOST_BYTES = 4_000_000
 
@@ -23,7 +23,7 @@ MOST_BYTES = 4_000_000
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The demo's map, as somebody gets it by mail."""
-    path, recording = tmp_path_factory.mktemp("mail") / "map.html", Recording.open(DEMO)
+    path, recording = tmp_path_factory.mktemp("mail") / "map.html", Recording.open(DEMO_MAP)
     path.write_text(scene_html(recording, map_layout(recording)), encoding="utf-8")
     return path
 

@@ -3,7 +3,6 @@
 import re
 import shutil
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -13,6 +12,7 @@ from ltvn_viz.debugger.question import QuestionName, Selection
 from ltvn_viz.debugger.share_question import SAVE_EXCERPT
 from ltvn_viz.session.share_links import link
 from tests.browser.flat_app import FlatApp, serving, until
+from tests.repository import RECORDINGS
 
 pytestmark = pytest.mark.browser
 
@@ -24,7 +24,7 @@ DRIVE = "demo-drive.rrd"
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
     """The page, with the demo's drive in its folder."""
     folder = tmp_path_factory.mktemp("recordings")
-    shutil.copy(Path(__file__).parents[2] / "recordings" / DRIVE, folder / DRIVE)
+    shutil.copy(RECORDINGS / DRIVE, folder / DRIVE)
     with serving(folder) as app:
         app.harness.state.open_replay = lambda name: open_replay(app.harness.library, name)
         yield app

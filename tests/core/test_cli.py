@@ -13,6 +13,7 @@ from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.verbs.verb import to_text
 from tests.core.recording import example_recording
+from tests.repository import DEMO_MAP
 
 
 def ltvn(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.CompletedProcess[str]":
@@ -106,15 +107,14 @@ def test_an_existing_output_is_never_overwritten(drive: Path) -> None:
 
 
 def test_what_cannot_end_well_is_said_before_anything_is_written(tmp_path: Path) -> None:
-    demo_map = Path(__file__).parents[2] / "recordings" / "demo-map.rrd"
     taken, trip = tmp_path / "taken.rrd", tmp_path / "trip.rrd"
     taken.touch()
-    strange = ltvn("navigate", demo_map, "--recording", trip, "--goal", "5")
+    strange = ltvn("navigate", DEMO_MAP, "--recording", trip, "--goal", "5")
     assert "has no node 5" in strange.stderr
-    assert "exists already" in ltvn("navigate", demo_map, "--recording", trip, "--output", taken).stderr
-    assert "exists already" in ltvn("build", demo_map, "--output", taken).stderr
+    assert "exists already" in ltvn("navigate", DEMO_MAP, "--recording", trip, "--output", taken).stderr
+    assert "exists already" in ltvn("build", DEMO_MAP, "--output", taken).stderr
     assert [*tmp_path.iterdir()] == [taken]
-    assert "no folder" in ltvn("export", demo_map, "--svg", taken / "map.svg").stderr
+    assert "no folder" in ltvn("export", DEMO_MAP, "--svg", taken / "map.svg").stderr
 
 
 def test_a_repaired_recording_is_accepted(drive: Path, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """What a colour means is the same in the page, the Rerun viewer, an exported map and a report."""
 
 import re
-from pathlib import Path
 
 import pytest
 import rerun as rr
@@ -14,8 +13,8 @@ from ltvn_core.recording.map_drawing import draw_graph
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.evaluation_style import probability_colour_map
 from ltvn_core.reports.map_svg import map_svg
+from tests.repository import DEMO_DRIVE, ROOT
 
-ROOT = Path(__file__).parents[2]
 ONE_PLACE = "ltvn_core/palette.py"
 ORANGE, BLUE = (235, 90, 10), (25, 115, 250)
 
@@ -40,7 +39,7 @@ def test_certain_edges_have_one_colour_in_page_rerun_and_report(p: float, colour
 
 
 def test_an_exported_map_draws_edges_in_the_colours_of_the_page() -> None:
-    drawn = map_layout(Recording.open(ROOT / "recordings" / "demo-drive.rrd"))
+    drawn = map_layout(Recording.open(DEMO_DRIVE))
     page = {tuple(palette.probability_colours([edge.belief.p])[0].tolist()) for edge in drawn.graph.edges.values()}
 
     figure = {tuple(map(int, rgb.split(","))) for rgb in re.findall(r'stroke="rgb\(([\d,]+)\)"', map_svg(drawn))}

@@ -17,8 +17,9 @@ from ltvn_core.network.metrics.reachability_metrics import calibration_error
 from ltvn_core.network.weights_file import SHIPPED_BASELINE_WEIGHTS, SHIPPED_WEIGHTS, read_card
 from ltvn_core.reports.figure_style import MAX_BYTES
 from ltvn_core.reports.page_blocks import fill_blocks
+from tests.repository import ROOT
 
-PAGE = Path(__file__).parents[2] / "docs" / "network.md"
+PAGE = ROOT / "docs" / "network.md"
 
 
 def test_all_images_of_the_page_are_drawn_and_small(tmp_path: Path) -> None:

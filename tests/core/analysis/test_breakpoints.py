@@ -1,7 +1,6 @@
 """A recording or a live run stops where a person wanted it to."""
 
 import math
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -27,8 +26,8 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.navigation import events as e
 from ltvn_core.recording.reader import Recording
+from tests.repository import DEMO_DRIVE
 
-DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 HERE = PoseRow(0.0, 0.0, 0.0)
 
 
@@ -123,7 +122,7 @@ def test_live_watching_finds_what_replay_finds_and_may_be_changed_meanwhile() ->
 
 
 def test_every_event_of_the_demo_can_be_watched() -> None:
-    events = Recording.open(DEMO).events
+    events = Recording.open(DEMO_DRIVE).events
     asked = [parse_breakpoint(text) for text in BREAKPOINT_EXAMPLES]
     hits = list(find_breakpoint_hits(events, asked))
     looks = [s.event for s in events if isinstance(s.event, e.Localised)]

@@ -1,7 +1,5 @@
 """While somebody drives, the coach says what the map lacks and where to go next."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,8 +15,8 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.reader import Recording
 from tests.core.flat_world import FlatPredictor, one_room, tour
+from tests.repository import DEMO_DRIVE
 
-DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 STEPS_M = 0.5
 
 
@@ -138,7 +136,7 @@ def test_nodes_from_an_older_drive_are_another_visit() -> None:
 
 
 def test_the_demo_drive_is_judged_as_a_whole() -> None:
-    recording = Recording.open(DEMO)
+    recording = Recording.open(DEMO_DRIVE)
     graph = recording.final_graph()
     advice = advise_mapping(graph, recording.frames, recording.poses.odometry)
     assert sum(map(len, advice.strongly_connected_components)) == len(graph.nodes)

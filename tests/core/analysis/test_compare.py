@@ -1,7 +1,5 @@
 """Two maps are held against each other: what is only in one, what changed, and what matters most."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -23,8 +21,7 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.recording.reader import Recording
-
-RECORDINGS = Path(__file__).parents[3] / "recordings"
+from tests.repository import DEMO_DRIVE
 
 
 def chain(count: int, *more: EdgeKey, shift_m: float = 0.0, first: int = 0) -> TopologicalGraph:
@@ -123,7 +120,7 @@ def test_a_large_map_is_compared_whole() -> None:
 
 
 def test_the_demo_drive_changed_its_map_where_it_drove() -> None:
-    recording = Recording.open(RECORDINGS / "demo-drive.rrd")
+    recording = Recording.open(DEMO_DRIVE)
     start = next(stamped.step for stamped in recording.events if type(stamped.event).__name__ == "QueryStarted")
     before, after = recording.graph_at(start), recording.final_graph()
     difference = compare_maps(before, after)

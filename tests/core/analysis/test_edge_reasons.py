@@ -1,7 +1,5 @@
 """Why is this edge gone, so weak, chosen, missing; why is this node here: chains of sentences with links."""
 
-from pathlib import Path
-
 import pytest
 
 from ltvn_core.analysis import edge_explanation
@@ -15,8 +13,7 @@ from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.navigation.events import GraphChanged, Planned, QueryStarted
 from ltvn_core.recording.reader import Recording
 from tests.core.analysis import example_runs
-
-DRIVE = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
+from tests.repository import DEMO_DRIVE
 
 
 def test_a_pruned_edge_is_gone_because_of_its_failures() -> None:
@@ -105,7 +102,7 @@ def test_an_edge_no_plan_led_through_was_not_chosen() -> None:
 
 
 def test_every_choice_of_a_real_drive_costs_again_what_was_recorded() -> None:
-    timeline = Timeline.of(Recording.open(DRIVE).events)
+    timeline = Timeline.of(Recording.open(DEMO_DRIVE).events)
     edges = list(dict.fromkeys(edge for plan in timeline.plans for edge in plan.edges))[::4]
     for edge in edges:
         made = plan_alternative(timeline, *edge, ROBUST.planning)
@@ -149,7 +146,9 @@ def test_the_way_back_is_named_and_a_pruned_edge_is_gone_rather_than_missing() -
 
 
 def test_a_node_is_here_because_the_map_was_built_and_serves_plans() -> None:
-    texts = [reason.text for reason in edge_explanation.explain_node(Timeline.of(Recording.open(DRIVE).events), 921)]
+    texts = [
+        reason.text for reason in edge_explanation.explain_node(Timeline.of(Recording.open(DEMO_DRIVE).events), 921)
+    ]
     assert texts[0] == "Node 921 came in when the map was built."
     assert texts[1].startswith("It was joined with ")
     assert "plans led through it" in texts[2]

@@ -1,7 +1,6 @@
 """The edge microscope: the life of an edge, and where its waypoint lies in the picture."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,8 @@ from ltvn_core.navigation.events import AttemptEnd, GraphChanged
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
 from tests.core.analysis import example_runs
+from tests.repository import DEMO_DRIVE
 
-DRIVE = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 LENS = LOCOBOT.camera
 
 
@@ -95,7 +94,7 @@ def test_without_the_map_before_it_an_edge_has_attempts_but_no_life() -> None:
 
 
 def test_all_attempts_of_a_real_drive_end_in_the_belief_of_the_final_map() -> None:
-    recording = Recording.open(DRIVE)
+    recording = Recording.open(DEMO_DRIVE)
     timeline, graph = Timeline.of(recording.events), recording.final_graph()
     driven = [edge for edge in graph.edges.values() if edge.attempts]
     assert driven
@@ -106,7 +105,7 @@ def test_all_attempts_of_a_real_drive_end_in_the_belief_of_the_final_map() -> No
 
 
 def test_the_waypoint_lies_where_the_camera_sees_the_floor_at_that_depth() -> None:
-    recording = Recording.open(DRIVE)
+    recording = Recording.open(DEMO_DRIVE)
     ahead, left = 2.0, 0.3
     pole = pole_in_image(np.array([ahead, left, 0.5]), LENS)
     assert pole is not None

@@ -18,9 +18,9 @@ from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.graph.test_topograph import histories
+from tests.repository import ROOT
 
 BELIEVING = ROBUST.believing
-ROOT = Path(__file__).parents[3]
 
 
 def corridor() -> TopologicalGraph:

@@ -1,7 +1,5 @@
 """One pass over the events: what it finds, and what it makes of events that are cut, twice there or in disorder."""
 
-from pathlib import Path
-
 import pytest
 
 from ltvn_core.analysis.timeline import Timeline
@@ -11,13 +9,12 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
 from ltvn_core.recording.reader import Recording
 from tests.core.analysis import example_runs
-
-RECORDINGS = Path(__file__).parents[3] / "recordings"
+from tests.repository import DEMO_DRIVE, DEMO_MAP
 
 
 @pytest.fixture(scope="module")
 def drive() -> Recording:
-    return Recording.open(RECORDINGS / "demo-drive.rrd")
+    return Recording.open(DEMO_DRIVE)
 
 
 def test_a_real_drive_is_told_by_its_queries_attempts_and_changes(drive: Recording) -> None:
@@ -37,7 +34,7 @@ def test_the_map_at_any_step_is_that_of_the_recording(drive: Recording) -> None:
 
 
 def test_a_map_file_has_no_queries_and_one_map() -> None:
-    timeline = Timeline.of(Recording.open(RECORDINGS / "demo-map.rrd").events)
+    timeline = Timeline.of(Recording.open(DEMO_MAP).events)
     assert (timeline.queries, timeline.epochs) == ((), (0,))
     assert [mark.kind for mark in timeline.marks] == [MarkKind.MAP]
 

@@ -1,7 +1,5 @@
 """Failed queries by failure mode and place, the second before, and success over queries with its dips."""
 
-from pathlib import Path
-
 import pytest
 
 from ltvn_core.analysis.failure_triage import FailureMode, failed_queries, group_by_failure_mode, group_by_place
@@ -11,8 +9,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.navigation.events import Collided, Judged, Note, Outcome, Planned, QueryStarted, Severity, StampedEvent
 from ltvn_core.recording.reader import Recording
 from tests.core.analysis import example_runs
-
-DRIVE = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
+from tests.repository import DEMO_DRIVE
 
 
 def query(number: int, begin: int, outcome: Outcome, *, reached: bool, place: int | None = 0) -> list[StampedEvent]:
@@ -33,7 +30,7 @@ def series(verdicts: str) -> Timeline:
 
 
 def test_a_drive_without_failures_has_none() -> None:
-    assert failed_queries(Timeline.of(Recording.open(DRIVE).events)) == ()
+    assert failed_queries(Timeline.of(Recording.open(DEMO_DRIVE).events)) == ()
 
 
 def test_a_failed_query_is_shown_a_second_before_it_went_wrong_for_good() -> None:

@@ -4,7 +4,6 @@ import itertools
 import math
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,8 +39,7 @@ from ltvn_core.navigation.events import (
 )
 from ltvn_core.recording.reader import Recording
 from tests.core.flat_world import FlatPredictor, one_room, tour
-
-DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
+from tests.repository import DEMO_DRIVE
 
 
 def diamond() -> TopologicalGraph:
@@ -110,7 +108,7 @@ def test_a_path_costs_what_its_edges_cost() -> None:
 
 @cache
 def demo() -> tuple[Recording, list[StampedEvent]]:
-    recording = Recording.open(DEMO)
+    recording = Recording.open(DEMO_DRIVE)
     return recording, recording.events
 
 

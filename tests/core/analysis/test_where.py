@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,8 +21,8 @@ from ltvn_core.navigation.events import Localised, StampedEvent
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Observation
 from tests.core.flat_world import FlatPredictor, FlatWorld, box, observation_at
+from tests.repository import DEMO_DRIVE
 
-DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
 SAME = np.array([0.1, 0.0, 0.0])
 LITERAL = replace(ROBUST, matching=replace(ROBUST.matching, temporal_support=False))
 
@@ -89,7 +88,7 @@ def test_an_empty_map_is_neither_warm_nor_cold() -> None:
 
 @cache
 def demo() -> list[StampedEvent]:
-    return Recording.open(DEMO).events
+    return Recording.open(DEMO_DRIVE).events
 
 
 def test_the_margins_of_the_demo_are_those_that_were_recorded() -> None:

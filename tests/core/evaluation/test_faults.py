@@ -1,7 +1,6 @@
 """Faults are planted where the truth says that they are faults, and the shipped recording tells of each."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,8 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, Observation, Prediction
 from tests.core.evaluation.ground_truth_map import PLACES, map_with_edges, observation_of, truth
+from tests.repository import DEMO_FAULT
 
-SHIPPED = Path(__file__).parents[3] / "recordings" / "demo-fault.rrd"
 ROUND = ((5, 1), (1, 5), (1, 2), (2, 1), (2, 3), (3, 2), (3, 6), (6, 3))
 """From one side of the wall through the opening to the other."""
 
@@ -71,11 +70,11 @@ def test_a_small_map_has_no_passage_to_cut() -> None:
 
 @pytest.fixture(scope="module")
 def shipped() -> Recording:
-    return Recording.open(SHIPPED)
+    return Recording.open(DEMO_FAULT)
 
 
 def test_the_shipped_recording_is_small_and_holds_all_three_faults(shipped: Recording) -> None:
-    assert SHIPPED.stat().st_size < 3_000_000
+    assert DEMO_FAULT.stat().st_size < 3_000_000
     before = shipped.graph_at(next(s.step for s in shipped.events if isinstance(s.event, QueryStarted)) - 1)
     known = recorded_ground_truth(shipped, before)
     assert known is not None

@@ -1,7 +1,6 @@
 """The truth is laid over a map: what is spurious, what is missing, and whether p keeps its promise."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,7 @@ from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, GraphChanged, 
 from ltvn_core.recording.reader import Recording
 from tests.core.evaluation.ground_truth_map import map_with_edges, observation_of, truth
 from tests.core.simulation.fake_scene import BoxScene
-
-RECORDINGS = Path(__file__).parents[3] / "recordings"
+from tests.repository import DEMO_DRIVE
 
 
 def test_an_edge_through_the_wall_is_spurious_and_costs_precision() -> None:
@@ -92,7 +90,7 @@ def test_fifty_thousand_events_out_of_order_are_counted_whole() -> None:
 
 
 def test_the_demo_drive_is_calibrated_by_its_own_poses() -> None:
-    recording = Recording.open(RECORDINGS / "demo-drive.rrd")
+    recording = Recording.open(DEMO_DRIVE)
     known = recorded_ground_truth(recording, recording.final_graph())
     assert known is not None
     points = calibration_over_queries(recording.events, known)

@@ -3,7 +3,6 @@
 import itertools
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,6 +36,7 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training_data import temporal_rules
 from ltvn_core.types import Features, Observation, Prediction
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
+from tests.repository import DEMO_DRIVE
 
 ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7), (2.0, 0.7)]
 IMAGES = list(tour(ROUND, spins=False))
@@ -217,5 +217,5 @@ def test_each_system_reaches_goals_in_the_demo_apartment(name: str, images: list
 
 @pytest.fixture(scope="module", name="images")
 def demo_drive() -> list[Observation]:
-    recording = Recording.open(Path(__file__).parents[3] / "recordings" / "demo-drive.rrd")
+    recording = Recording.open(DEMO_DRIVE)
     return [recording.observation(frame) for frame in recording.frames]

@@ -14,8 +14,7 @@ from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 from tests.core.recording import example_recording
 from tests.core.test_cli import ltvn
-
-DEMO = Path(__file__).parents[3] / "recordings" / "demo-drive.rrd"
+from tests.repository import DEMO_DRIVE, ROOT
 
 
 @pytest.fixture
@@ -25,7 +24,7 @@ def drive(tmp_path: Path) -> Recording:
 
 
 def test_a_moment_in_the_middle_of_a_query_stands_alone(tmp_path: Path) -> None:
-    whole, (from_s, to_s) = Recording.open(DEMO), (170.0, 175.0)
+    whole, (from_s, to_s) = Recording.open(DEMO_DRIVE), (170.0, 175.0)
     written = write_excerpt(whole, tmp_path / "moment.rrd", from_s=from_s, to_s=to_s)
     verify(tmp_path / "moment.rrd")
     part = Recording.open(tmp_path / "moment.rrd")
@@ -37,7 +36,7 @@ def test_a_moment_in_the_middle_of_a_query_stands_alone(tmp_path: Path) -> None:
     assert part.events[-len(inside) :] == inside
     assert any(isinstance(stamped.event, QueryStarted) for stamped in part.events)
     assert load_map(tmp_path / "moment.rrd").graph == part.final_graph()
-    assert written.size_bytes < DEMO.stat().st_size
+    assert written.size_bytes < DEMO_DRIVE.stat().st_size
     assert part.stored_frame(part.frames[0]).frame.rgb == whole.stored_frame(part.frames[0]).frame.rgb
 
 
@@ -46,9 +45,9 @@ def _both_ends(events: list[StampedEvent]) -> tuple[list[StampedEvent], list[Sta
 
 
 def test_only_the_named_images_make_a_much_smaller_file(tmp_path: Path) -> None:
-    whole = Recording.open(DEMO)
+    whole = Recording.open(DEMO_DRIVE)
     small = write_excerpt(whole, tmp_path / "small.rrd", from_s=170.0, to_s=172.0, named_only=True)
-    assert small.size_bytes < DEMO.stat().st_size / 4
+    assert small.size_bytes < DEMO_DRIVE.stat().st_size / 4
     verify(small.output)
     held = Recording.open(small.output)
     attempts_ended = [stamped.event for stamped in held.events if isinstance(stamped.event, AttemptEnded)]
@@ -80,19 +79,19 @@ def test_events_out_of_order_keep_their_order_and_their_map(drive: Recording) ->
 
 def test_the_test_that_is_written_passes(tmp_path: Path) -> None:
     files = ["--output", tmp_path / "moment.rrd", "--test", tmp_path / "test_moment.py"]
-    run = ltvn("export", DEMO, "--from", "165", "--to", "175", *files)
+    run = ltvn("export", DEMO_DRIVE, "--from", "165", "--to", "175", *files)
     assert run.returncode == 0, run.stderr
     passed = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path / "test_moment.py"],
         capture_output=True,
         text=True,
-        cwd=Path(__file__).parents[3],
+        cwd=ROOT,
     )
     assert passed.returncode == 0, passed.stdout
 
 
 def test_a_page_and_a_figure_ask_nothing_of_another_machine(tmp_path: Path) -> None:
-    run = ltvn("export", DEMO, "--html", tmp_path / "map.html", "--svg", tmp_path / "map.svg")
+    run = ltvn("export", DEMO_DRIVE, "--html", tmp_path / "map.html", "--svg", tmp_path / "map.svg")
     assert run.returncode == 0, run.stderr
     page, figure = ((tmp_path / name).read_text() for name in ("map.html", "map.svg"))
     assert "180 nodes, 528 edges" in page

@@ -17,8 +17,7 @@ from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
-
-GOLDEN = Path(__file__).parents[2] / "data" / "golden-schema-1.rrd"
+from tests.repository import GOLDEN_RECORDING, ROOT
 
 RECORD_FOR_EVER = """
 import signal, sys, time
@@ -85,7 +84,7 @@ def recording_for_ever(path: Path) -> "subprocess.Popen[str]":
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        cwd=Path(__file__).parents[3],
+        cwd=ROOT,
     )
 
 
@@ -162,10 +161,10 @@ def test_a_recording_of_a_newer_schema_says_what_to_do(tmp_path: Path, monkeypat
 
 
 def test_the_golden_recording_of_schema_1_still_opens() -> None:
-    recording = Recording.open(GOLDEN)
+    recording = Recording.open(GOLDEN_RECORDING)
     assert [stamped.event for stamped in recording.events] == example_recording.events()
     assert list(recording.frames) == list(range(10))
-    verify(GOLDEN)
+    verify(GOLDEN_RECORDING)
 
 
 def test_a_full_disk_is_said_before_anything_is_recorded(tmp_path: Path) -> None:
@@ -214,7 +213,7 @@ def test_a_disk_that_fills_up_is_said_once_and_the_beginning_is_kept(tmp_path: P
         capture_output=True,
         text=True,
         check=True,
-        cwd=Path(__file__).parents[3],
+        cwd=ROOT,
     )
     assert run.stdout.startswith("1 "), run.stdout + run.stderr
     assert "full" in run.stdout

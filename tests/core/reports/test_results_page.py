@@ -15,8 +15,9 @@ from ltvn_core.reports.evaluation_files import find_results
 from ltvn_core.reports.figure_style import MAX_BYTES, FigurePalette
 from ltvn_core.verbs.report import ReportSummary, ReportVerb
 from tests.core.reports.fake_results import make_lifelong_result, make_trial
+from tests.repository import ROOT
 
-PAGE = Path(__file__).parents[3] / "docs" / "results.md"
+PAGE = ROOT / "docs" / "results.md"
 INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
 
 

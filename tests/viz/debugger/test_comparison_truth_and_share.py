@@ -22,9 +22,8 @@ from ltvn_viz.session import commands as c
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.session.snapshot import Snapshot
+from tests.repository import DEMO_MAP, RECORDINGS
 from tests.viz.session_harness import SessionHarness
-
-RECORDINGS = Path(__file__).parents[3] / "recordings"
 
 
 @pytest.fixture
@@ -94,7 +93,7 @@ def test_a_recording_to_compare_with_that_is_not_there_or_broken_is_said_in_word
 
 def test_maps_of_different_scenes_are_compared_by_metrics_alone(tmp_path: Path) -> None:
     harness = SessionHarness(tmp_path)
-    shutil.copy(RECORDINGS / "demo-map.rrd", tmp_path / "demo-map.rrd")
+    shutil.copy(DEMO_MAP, tmp_path / "demo-map.rrd")
     harness.do(c.ChooseQuestion(QuestionName.COMPARE))
     shown = harness.do(c.SubmitText("demo-map.rrd"), ticks=3)
     assert "different scenes" in words(shown)

@@ -21,6 +21,7 @@ from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import command_for
+from tests.repository import RECORDINGS
 from tests.viz.session_harness import SessionHarness
 
 
@@ -216,7 +217,7 @@ def test_a_dip_of_success_leads_to_its_queries_and_to_the_edges_it_touched(past:
 @pytest.fixture(scope="module")
 def faulty() -> Playback:
     """The recording with planted faults: a wall that the map ignores, a look-alike pair, a missing edge."""
-    return open_replay(RecordingLibrary(Path(__file__).parents[3] / "recordings"), "demo-fault.rrd")
+    return open_replay(RecordingLibrary(RECORDINGS), "demo-fault.rrd")
 
 
 def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(past: Past, faulty: Playback) -> None:

@@ -16,10 +16,9 @@ from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
+from tests.repository import RECORDINGS
 from tests.viz.debugger.answer_links import follow
 from tests.viz.session_harness import FakeDriver, SessionHarness
-
-RECORDINGS = Path(__file__).parents[3] / "recordings"
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
 
@@ -13,9 +12,9 @@ from ltvn_viz.session import commands as c
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
+from tests.repository import RECORDINGS
 from tests.viz.session_harness import FakeDriver
 
-RECORDINGS = Path(__file__).parents[3] / "recordings"
 FAULTS = "demo-fault.rrd"
 
 Do = Callable[..., Snapshot]

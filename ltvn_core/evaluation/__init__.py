@@ -1,1 +1,1 @@
-"""Measures the method in simulation, where the truth is known."""
+"""Evaluates navigation systems in simulation, where the ground truth is known."""

@@ -1,6 +1,6 @@
-"""The method with single parts taken out, to measure what each part is worth.
+"""Ablations: the method without single parts, expressed as thresholds that switch them off.
 
-Owns what a part's absence means in thresholds. Fine-tuning is a part too, but of the weights, not of the method.
+Fine-tuning is not among them, because it is a property of the weights.
 """
 
 from collections.abc import Callable, Collection
@@ -20,17 +20,17 @@ def without_parts(method: Method, parts: Collection[str]) -> Method:
 
 
 def _without_merging(method: Method) -> Method:
-    """Let every image that can be connected become a node: D_m = 0."""
+    """Make every image that can be connected a node: D_m = 0."""
     return replace(method, building=replace(method.building, merge_distance=0.0))
 
 
 def _without_pruning(method: Method) -> Method:
-    """Let no edge leave, however low its p: R_p = 0."""
+    """Remove no edge, however low its p: R_p = 0."""
     return replace(method, believing=replace(method.believing, prune_below=0.0, hindered_prune_below=0.0))
 
 
 def _without_expansion(method: Method) -> Method:
-    """Let neither novel images nor left-over ones become nodes while navigating."""
+    """Add no nodes while navigating."""
     return replace(method, expanding=replace(method.expanding, novel_after_looks=0, search_reserve=False))
 
 

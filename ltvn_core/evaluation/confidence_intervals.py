@@ -1,8 +1,8 @@
-"""How sure a mean is whose cases come in groups: Student's interval over groups, pooled within strata. Pure numpy.
+"""Confidence intervals of means over grouped cases: Student's interval over groups, pooled within strata. Numpy only.
 
-Owns the interval; what is averaged is `evaluate.metrics`. In simulated evaluations whose map seeds scattered by 12
-points of success, three seeds a scene, it held the truth in 93 to 95 % of cases; a bootstrap of seeds and then episodes
-held it in 76 to 84 %, because three groups are too few to draw from.
+Chosen by simulation: with three map seeds per scene and a standard deviation of 12 points of success between seeds, its
+95 % interval contained the true mean in 93 to 95 % of cases. A bootstrap of seeds and then episodes reached 76 to 84 %,
+because three groups are too few to resample.
 """
 
 from collections import defaultdict
@@ -18,20 +18,20 @@ CONFIDENCE_LEVEL = 0.95
 
 
 class Estimate(NamedTuple):
-    """A mean and the ends of its 95 % interval."""
+    """A mean with its 95 % confidence interval."""
 
     mean: float
     low: float
     high: float
 
     def within(self, low: float, high: float) -> "Estimate":
-        """Return the same with its interval cut to what is possible."""
+        """Return the estimate with its interval clipped to possible values."""
         return Estimate(self.mean, max(self.low, low), min(self.high, high))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleGroup:
-    """A group of cases that were found together."""
+    """Cases that are not independent of each other, such as the episodes of one map seed."""
 
     stratum: str
     """Groups are compared with others of the same stratum only."""
@@ -58,9 +58,9 @@ class _Spread(NamedTuple):
 
 
 def estimates(samples: Sequence[SampleGroup], minus: Sequence[SampleGroup] | None = None) -> list[Estimate]:
-    """Return the mean over groups of the means over cases, for each quantity; less those of `minus`, if given.
+    """Return the mean over groups of the means over cases, for each quantity; minus those of `minus`, if given.
 
-    The interval is never surer than one over single cases would be. Raises ValueError if there is no group, or one
+    The interval is never narrower than one over single cases would be. Raises ValueError if there is no group, or one
     without cases.
     """
     mean = _mean(samples)
@@ -80,7 +80,7 @@ def _mean(samples: Sequence[SampleGroup]) -> NDArray[np.float64]:
 
 
 def _between(samples: Sequence[SampleGroup]) -> _Spread:
-    """Return what groups of one stratum say of each other."""
+    """Return the variance of the mean from the scatter between groups of one stratum."""
     strata: dict[str, list[NDArray[np.float64]]] = defaultdict(list)
     for sample in samples:
         strata[sample.stratum].append(sample.values.mean(0))
@@ -90,7 +90,7 @@ def _between(samples: Sequence[SampleGroup]) -> _Spread:
 
 
 def _within(samples: Sequence[SampleGroup]) -> _Spread:
-    """Return what cases of one group say of each other."""
+    """Return the variance of the mean from the scatter between cases of one group."""
     variances = [sample.values.var(0) / max(len(sample.values) - 1, 1) for sample in samples]
     variance = np.sum(variances, axis=0) / len(samples) ** 2
     return _Spread(variance, np.full(variance.shape, float(sum(len(sample.values) - 1 for sample in samples))))

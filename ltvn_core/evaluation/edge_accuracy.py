@@ -1,7 +1,6 @@
-"""A map under the simulator's truth: which edges are spurious, and which are missing.
+"""Precision and recall of a map's edges against the ground truth: which are spurious, and which are missing.
 
-Owns precision and recall; works in simulation only. What can be driven is `evaluate.truth`; whether p keeps its promise
-is `evaluate.promises`.
+`ground_truth` decides which edges are drivable; `edge_calibration` measures the calibration of p.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,14 +19,14 @@ from ltvn_core.simulation.oracle_predictor import is_drivable
 from ltvn_core.types import NodeId, Pose
 
 DETOUR_RATIO = 3.0
-"""An edge is missing where the path through the map is longer than this many times the straight way (ours)."""
+"""An edge is missing where the path through the map is longer than this many times the straight line (ours)."""
 _SEARCHES_PER_CALL = 256
-"""So many nodes are searched from at once; bounds the memory."""
+"""Source nodes of one call of the shortest-path search, which limits its memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissingEdge:
-    """Two nodes near each other, with free floor between them, that the map has no short way between."""
+    """Two nodes close to each other, with free floor between them, without a short path through the map."""
 
     source: NodeId
     target: NodeId
@@ -39,18 +38,18 @@ class MissingEdge:
 
 @dataclass(frozen=True, slots=True)
 class EdgeAccuracy:
-    """A map against the truth."""
+    """The spurious and missing edges of a map, with precision and recall."""
 
     spurious: frozenset[EdgeKey]
-    """Edges that nobody can drive."""
+    """Edges that are not drivable."""
     missing: tuple[MissingEdge, ...]
     """The longest detours first."""
     neighbours: int
-    """Directed pairs of nodes near each other that can be driven."""
+    """Directed pairs of close nodes that are drivable."""
     linked: int
     """Of these, pairs with an edge of their own."""
     precision: float | None
-    """Share of edges that can be driven; None without edges."""
+    """Share of edges that are drivable; None without edges."""
     recall: float | None
     """Share of neighbours with an edge or a short path; None without neighbours."""
 
@@ -58,7 +57,7 @@ class EdgeAccuracy:
 def edge_accuracy(
     graph: TopologicalGraph, truth: GroundTruth, *, near: float, detour: float = DETOUR_RATIO
 ) -> EdgeAccuracy:
-    """Hold a map against the truth; neighbours are nearer than `near`, the method's D_c, by exact poses.
+    """Compare a map with the ground truth; neighbours are closer than `near`, the method's D_c, by exact poses.
 
     Raises MapError where a node has no exact pose. Takes O(N) searches of the map around each node.
     """

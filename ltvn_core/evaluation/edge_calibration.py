@@ -1,6 +1,6 @@
-"""Whether p keeps its promise: what was believed of an edge before it was driven, against what came of it.
+"""Calibration of p over queries: the belief of an edge before an attempt against the outcome of the attempt.
 
-Owns the calibration over queries. Calibration of a whole map at one time is in `evaluate.truth`.
+The calibration of a whole map at one time is in `ground_truth`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ from ltvn_core.navigation.events import AttemptEnded, QueryEnded, StampedEvent
 
 
 class CalibrationAttempt(NamedTuple):
-    """One attempt at an edge: what was believed, what the robot found, and what is true."""
+    """One attempt at an edge: its p before, the outcome by the robot's own criterion, and the true outcome."""
 
     instant: Instant
     """Of its end."""
@@ -32,13 +32,13 @@ class CalibrationAttempt(NamedTuple):
 
     @property
     def drivable(self) -> bool:
-        """The edge led to its end, by the best knowledge there is."""
+        """Whether the robot arrived: by exact poses where they are known, else by its own criterion."""
         return self.succeeded if self.arrived is None else self.arrived
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationPoint:
-    """How well p foretold all attempts up to the end of a query."""
+    """Calibration of p over all attempts up to the end of a query."""
 
     query: int
     instant: Instant
@@ -48,7 +48,7 @@ class CalibrationPoint:
     succeeded: float
     """Share that succeeded by the robot's own judgement."""
     arrived: float | None
-    """Share that truly arrived; None where nobody knows."""
+    """Share that truly arrived; None where it is unknown."""
     brier: float
     """Mean square of p minus true arrival (of the robot's judgement where that is unknown); 0 is best."""
 
@@ -75,7 +75,7 @@ def calibration_over_queries(
 
 
 class _RunningSums:
-    """Adds up attempts, so that many queries cost no more than their attempts."""
+    """Running sums over attempts, so that the cost is linear in attempts."""
 
     def __init__(self) -> None:
         self.attempts = self._known = self._arrived = self._succeeded = 0
@@ -93,8 +93,15 @@ class _RunningSums:
         count = self.attempts
         query = end.event.query if isinstance(end.event, QueryEnded) else 0
         arrived = self._arrived / self._known if self._known else None
-        shares = self._p / count, self._succeeded / count, arrived, self._square / count
-        return CalibrationPoint(query, Instant(end.step, end.stamp), count, *shares)
+        return CalibrationPoint(
+            query=query,
+            instant=Instant(end.step, end.stamp),
+            attempts=count,
+            mean_p=self._p / count,
+            succeeded=self._succeeded / count,
+            arrived=arrived,
+            brier=self._square / count,
+        )
 
 
 def _attempts_and_query_ends(

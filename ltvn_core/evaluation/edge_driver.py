@@ -1,7 +1,6 @@
-"""Drives single edges in simulation with the navigator itself: its localisation, controller, veto and judgement.
+"""Drives single edges in simulation with the navigator: its localisation, controller and obstacle avoidance.
 
-Owns the tiny map in which an edge is driven, and where the robot starts. What counts as arrived is
-`ltvn_core.navigation.episode`.
+Each edge is driven in a small map of its own. `ltvn_core.navigation.episode` defines arrival.
 """
 
 from collections.abc import Generator
@@ -30,12 +29,12 @@ _STEP_LIMIT = 240
 _MAX_LOCALISATIONS = 3
 _START_DRAWS = 20
 _START_CLEARANCE_M = 0.2
-"""The robot is put down where it has a little more room than its radius."""
+"""Clearance of the start, a little more than the robot's radius."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredAttempt:
-    """An edge was driven."""
+    """The result of driving one edge."""
 
     edge: EdgeProposal
     succeeded: bool
@@ -44,11 +43,11 @@ class MeasuredAttempt:
     """The robot truly stands within 0.72 m and 0.4 rad of the edge's end."""
     end: AttemptEnd
     reason: str
-    """Of the method's verdict."""
+    """Reason for the method's decision."""
 
 
 class EdgeDriver:
-    """A robot in one scene that drives one edge after the other."""
+    """Drives edges in one scene, one after the other."""
 
     def __init__(
         self,
@@ -60,7 +59,7 @@ class EdgeDriver:
         *,
         noise: OdometryNoise | None = None,
     ) -> None:
-        """Start edges where drives to their source would end: off by one of `errors` (E, 3), in its frame."""
+        """Create a driver that starts near the source of an edge, with one of `errors` (E, 3) in the source's frame."""
         self._imaged_scene = imaged_scene
         self._predictor = predictor
         self._rng = rng
@@ -78,7 +77,7 @@ class EdgeDriver:
         self._robot.close()
 
     def drive(self, edge: EdgeProposal) -> MeasuredAttempt | None:
-        """Drive an edge once; None if the robot never set out, because it did not find itself at the source."""
+        """Drive an edge once; None if the robot did not start, because it did not localise at the source."""
         self._robot.teleport(self._start(edge.source))
         goal = self._imaged_scene.farthest_from(edge.source)
         graph = TopologicalGraph(self._map(edge, goal))
@@ -101,9 +100,9 @@ class EdgeDriver:
         return MeasuredAttempt(edge=edge, succeeded=end.succeeded, arrived=arrived, end=end.end, reason=end.reason)
 
     def _map(self, edge: EdgeProposal, goal: FrameId) -> list[GraphDelta]:
-        """Return a map of the edge and of one that leads on, so that the edge's end is not the goal.
+        """Return a map of the edge and a following one, so that the target of the edge is not the goal.
 
-        At a goal the navigator would look twice and not drive the last edge when it seems to be there already.
+        At a goal the navigator would check its arrival first, and not drive the edge if it seems to be there already.
         """
         believing = self._method.believing
         nodes = (edge.source, edge.target, goal)

@@ -1,8 +1,8 @@
-"""Which edges of a drive are worth driving: those the method would put into a map, true ones and false ones.
+"""Selects edges of a drive for measuring Eq. 3: those that the method would put into a map, true and false ones.
 
-Owns the choice. An edge is true if the pair is reachable in the direction in which the network was asked, or, where the
-method asks both ways and backs up along the same waypoint, in either. It is false if a robot could not drive it either.
-Pairs between the two, drivable but seen too little of to be called reachable, are no evidence for Eq. 3.
+An edge is true if the pair is reachable in the direction of the prediction, or, where the method predicts both
+directions and drives one in reverse, in either. It is false if the robot could not drive it. Pairs in between
+(drivable, but with too little overlap to be labelled reachable) are no evidence for Eq. 3.
 """
 
 from collections.abc import Iterator
@@ -21,12 +21,12 @@ from ltvn_core.simulation.oracle_predictor import is_drivable
 from ltvn_core.types import FrameId, Predictor, Waypoint
 
 _MIN_FRAME_GAP = 2
-"""Of pairs whose images were taken so few frames from each other's, one is enough."""
+"""Of pairs whose images are closer in time than this many frames, only one is used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeProposal:
-    """An edge to drive."""
+    """An edge that may be driven."""
 
     source: FrameId
     target: FrameId
@@ -35,9 +35,9 @@ class EdgeProposal:
     reachability: float
     """The method's r, with temporal support where the method asks for it."""
     true: bool
-    """The edge exists."""
+    """Whether the edge is true."""
     connected: bool
-    """The method would put it into the map."""
+    """Whether the method would put it into the map."""
 
 
 class EdgeProposals:
@@ -57,11 +57,11 @@ class EdgeProposals:
         self._false = ~self._true & ~_drivable(drive)
 
     def edges(self) -> NDArray[np.bool_]:
-        """Tell (N, N) which reachable pairs become edges as far as r and d alone decide."""
+        """Return which reachable pairs (N, N) become edges by r and d alone."""
         return self._near() & (self._reachability > self._thresholds.connect_reachability) & self._drive.reachable
 
     def errors(self) -> Waypoint:
-        """Return (E, 3) where drives along true edges lead, in the frame of where they should."""
+        """Return the errors (E, 3) of waypoints of true edges, in the frame of the true target."""
         i, j = np.nonzero(self._true & self._near() & (self._reachability > self._thresholds.connect_reachability))
         return relative(self._drive.waypoints[i, j], self._waypoints[i, j])
 
@@ -72,10 +72,10 @@ class EdgeProposals:
         return (proposal for proposal in found if proposal.connected)
 
     def false_edges(self, rng: np.random.Generator) -> Iterator[EdgeProposal]:
-        """Yield edges that do not exist, first those the method would make, then the most reachable in its eyes.
+        """Yield false edges: first those that the method would add, then the others in order of r.
 
-        It ends where the method would break off a leg because its target does not look reachable any more: what looks
-        less reachable than that is nothing like an edge of a map.
+        It ends at the r below which the method would stop an attempt: pairs with a lower r are nothing like an edge of
+        a map.
         """
         likely = self._near() & (self._reachability > self._method.driving.lost_reachability)
         pairs = rng.permutation(np.argwhere(self._false & likely))
@@ -84,7 +84,7 @@ class EdgeProposals:
         yield from sorted(certain, key=lambda proposal: not proposal.connected)
 
     def _near(self) -> NDArray[np.bool_]:
-        """Tell (N, N) which pairs seem near enough for an edge; the diagonal is not."""
+        """Return which pairs (N, N) are predicted to be close enough for an edge; the diagonal is not."""
         near = distance(self._waypoints) < self._thresholds.connect_distance
         np.fill_diagonal(near, False)
         return near
@@ -111,7 +111,7 @@ class EdgeProposals:
 
 
 def _drivable(drive: PredictedDrive) -> NDArray[np.bool_]:
-    """Tell (N, N) which pairs a robot could drive, one way or the other along the same line."""
+    """Return which pairs (N, N) a robot could drive, in either direction along the same line."""
     count = len(drive.poses)
     first, second = np.divmod(np.arange(count**2), count)
     one_way = is_drivable(drive.scene.clearance, drive.poses[first], drive.poses[second]).reshape(count, count)
@@ -129,7 +129,7 @@ def _most_reachable_direction(drive: PredictedDrive, method: Method) -> tuple[ND
 
 
 def _scattered(pairs: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
-    """Yield pairs (P, 2), leaving out those that are nearly the same as an earlier one."""
+    """Yield pairs (P, 2) without those that are nearly the same as an earlier one."""
     seen: set[tuple[int, int]] = set()
     for i, j in pairs.tolist():
         if (i // _MIN_FRAME_GAP, j // _MIN_FRAME_GAP) not in seen:

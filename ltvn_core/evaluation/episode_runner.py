@@ -1,7 +1,7 @@
-"""A scene with a map, in which queries are driven and judged by the simulator's truth.
+"""Runs episodes with one map in one scene, and evaluates them with the ground truth.
 
-Owns one scene, one map and one network. Each query gets a robot and dice of its own, so that an episode goes the same
-way whoever runs it, in whatever order, and can be run again for its recording.
+Each query gets a robot and a random generator of its own, so that an episode is the same in every process and order,
+and can be repeated for its recording.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Predictor
 
 EventCallback = Callable[[Event, SimulatedRobot], None]
-"""Hears of an event while the robot still stands where it happened."""
+"""Called with an event while the robot is still where it happened."""
 
 
 def _unwrapped(robot: SimulatedRobot) -> Robot:
@@ -59,7 +59,7 @@ class EpisodeRunner:
 
     @property
     def imaged_scene(self) -> ImagedScene:
-        """Where single edges between the images of the map can be driven."""
+        """The scene with the images of the map, for driving single edges."""
         poses = {frame: self.truth.pose(frame) for frame in self.keyframes.frames}
         return ImagedScene(scene=self.scene, camera=self._camera, keyframes=self.keyframes, poses=poses)
 
@@ -73,9 +73,9 @@ class EpisodeRunner:
         wrap_robot: Callable[[SimulatedRobot], Robot] = _unwrapped,
         first_frame: FrameId | None = None,
     ) -> EpisodeResult:
-        """Drive one query and judge it; `wrap_robot` may put something between the navigator and the robot.
+        """Drive one query and evaluate it; `wrap_robot` may wrap the robot that the navigator gets.
 
-        Images are numbered from `first_frame`; where nobody says, after those that were taken before.
+        Images are numbered from `first_frame`, by default after all earlier ones.
         """
         if plan.goal not in self.graph.nodes:
             return self._without_goal(query, plan)

@@ -1,7 +1,7 @@
-"""What an episode's steps and touches are put down to.
+"""Attributes the steps and collisions of an episode to causes.
 
-Owns the bookkeeping. An episode is cut into turns, each from one localisation to the next; a turn goes wrong in at most
-one way, the first of `CAUSE_ORDER`. What counts as going wrong is `evaluate.causes`.
+An episode is divided into segments, each from one localisation to the next. A segment has at most one cause, the first
+of `CAUSE_ORDER`. `failure_causes` decides which causes apply.
 """
 
 from collections import Counter
@@ -11,37 +11,37 @@ from ltvn_core.evaluation.results import FailureCause
 from ltvn_core.types import FrameId
 
 CAUSE_ORDER = (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.NO_PATH, FailureCause.COLLISION)
-"""What goes wrong in one turn; each leads to those after it."""
+"""Causes in causal order: each may lead to those after it."""
 
 
 @dataclass(slots=True)
 class EpisodeSegment:
-    """From one localisation to the next."""
+    """The part of an episode from one localisation to the next."""
 
     begin: FrameId
     """Step of the image."""
     causes: set[FailureCause] = field(default_factory=set)
-    """All that went wrong in it."""
+    """The causes that apply to it."""
     collisions: int = 0
 
     @property
     def cause(self) -> FailureCause | None:
-        """What went wrong first; None if all was well."""
+        """The first cause in causal order; None if nothing went wrong."""
         return next((cause for cause in CAUSE_ORDER if cause in self.causes), None)
 
 
 class FailureAttribution:
-    """Adds up turns."""
+    """Sums over segments by cause."""
 
     def __init__(self) -> None:
-        """Start with nothing to blame."""
+        """Start with zero steps and collisions for each cause."""
         self._steps: Counter[FailureCause] = Counter()
         self._collisions: Counter[FailureCause] = Counter()
 
     def add(self, segment: EpisodeSegment, end: FrameId) -> None:
-        """Put the steps and touches of a turn that is over at step `end` down to what went wrong in it.
+        """Attribute the steps and collisions of a segment that ended at step `end` to its cause.
 
-        Touches in a turn in which all was well are the controller's own.
+        Collisions in a segment without a cause are attributed to the controller.
         """
         cause = segment.cause
         self._collisions[cause or FailureCause.COLLISION] += segment.collisions
@@ -50,15 +50,15 @@ class FailureAttribution:
 
     @property
     def wasted_steps(self) -> int:
-        """Steps of all turns that went wrong."""
+        """Steps of all segments with a cause."""
         return self._steps.total()
 
     def main_waste_cause(self) -> FailureCause:
-        """Return what wasted most steps; of equals the one that leads to the other."""
+        """Return the cause with most steps; of equal ones the first in causal order."""
         return max(CAUSE_ORDER, key=lambda cause: self._steps[cause])
 
     def main_collision_cause(self) -> FailureCause:
-        """Return what most touches were put down to; COLLISION of none."""
+        """Return the cause with most collisions; COLLISION if there are none."""
         return (
             max(CAUSE_ORDER, key=lambda cause: self._collisions[cause])
             if self._collisions.total()

@@ -1,6 +1,6 @@
-"""Why an episode failed, told from its events and from where the robot truly was.
+"""Classifies why an episode failed, from its events and the exact poses of the robot.
 
-Owns the decision, as a short list in `FailureClassifier.failure`; the sums behind it are `evaluate.blame`.
+The rules are listed in `FailureClassifier.failure`; `failure_attribution` has the sums behind them.
 """
 
 from collections import Counter
@@ -28,30 +28,31 @@ from ltvn_core.types import FrameId, Pose
 
 @dataclass(frozen=True, slots=True)
 class EpisodeStatistics:
-    """What a person wants to know of an episode beside its cause."""
+    """Counts of what happened in an episode."""
 
-    legs: int = 0
-    spurious_legs: int = 0
-    """Legs along edges that nobody can drive."""
-    astray: int = 0
-    """Localisations at a node where the robot was not."""
+    attempts: int = 0
+    spurious_attempts: int = 0
+    """Attempts at edges that are not drivable."""
+    mislocalised: int = 0
+    """Localisations at a node where the robot was not (mislocalised)."""
     unrecognised: int = 0
-    """Looks that found no node although one was right there."""
+    """Localisations that found no node although the robot was at one."""
     off_the_map: int = 0
-    """Looks that found no node, and none was right there."""
+    """Localisations that found no node where there was none."""
     no_path: int = 0
-    """Plans in vain."""
-    blocked_legs: int = 0
-    """Legs that ended at an obstacle, seen or touched."""
+    """Plans that found no path."""
+    blocked_attempts: int = 0
+    """Attempts that ended at an obstacle, seen or hit."""
     trigger: FailureCause | None = None
-    """What went wrong first since all was last well: a spurious edge may lead to where a robot is then astray."""
+    """The first cause since the last correct localisation: a spurious edge may lead to a place where the robot is then
+    mislocalised."""
 
 
 class FailureClassifier:
-    """Follows one episode; cheap enough to follow all."""
+    """Follows the events of one episode; cheap enough for all episodes."""
 
     def __init__(self, truth: GroundTruth, graph: TopologicalGraph) -> None:
-        """Watch a robot in `graph`, which may change on the way."""
+        """Create a classifier for a robot in `graph`, which may change meanwhile."""
         self._truth = truth
         self._graph = graph
         self._attribution = FailureAttribution()
@@ -65,13 +66,13 @@ class FailureClassifier:
 
     @property
     def statistics(self) -> EpisodeStatistics:
-        """What was seen so far."""
+        """The counts so far."""
         return EpisodeStatistics(**self._counts, trigger=self._trigger)
 
     def consume(self, event: Event, exact_pose: Pose | None = None) -> None:
-        """Take in the next event, and where the robot truly is then, (3,).
+        """Add the next event and the exact pose (3,) of the robot at that time.
 
-        The pose counts with `Localised`; without it the robot is held to be where it thinks.
+        Only the pose of `Localised` is used; without one the localisation counts as correct.
         """
         if isinstance(event, Localised):
             self._close(event.frame)
@@ -81,23 +82,23 @@ class FailureClassifier:
             self._in_segment(self._segment, event)
 
     def failure(self, ended: QueryEnded, judged: Judged) -> FailureCause | None:
-        """Return the one cause of a failure, None if the robot arrived and said so. The first that holds:
+        """Return the cause of a failure, None if the robot arrived and decided so. The first rule that applies:
 
-        1. It said that it had arrived: WRONG_ARRIVAL.
-        2. It saw no path: MISLOCALISED if it was astray in at least half of the plans in vain, else NO_PATH.
-        3. It was lost: MISLOCALISED if it did not recognise a node that was right there; else what went wrong when it
-           drove there; else NO_PATH, for the map does not know that place.
-        4. It touched things too often: what most touches were put down to.
-        5. It ran out of steps, or was cut short: what most of the wasted steps were put down to, if they are a third
-           of all; else STEP_LIMIT.
+        1. The robot decided that it had arrived: WRONG_ARRIVAL.
+        2. It found no path: MISLOCALISED if it was mislocalised in at least half of these plans, else NO_PATH.
+        3. It was lost: MISLOCALISED if it did not recognise a node where it was; else the cause of the segment before;
+           else NO_PATH, because the map does not contain that place.
+        4. It collided too often: the cause with most collisions.
+        5. It reached the step limit or was stopped: the cause with most steps, if all causes together have a third of
+           the steps; else STEP_LIMIT.
         """
         self._close(self._latest)
         match ended.outcome:
             case Outcome.ARRIVED:
                 return None if judged.reached else FailureCause.WRONG_ARRIVAL
             case Outcome.NO_PATH:
-                astray = 2 * self._mislocalised_plans >= self._counts["no_path"] > 0
-                return FailureCause.MISLOCALISED if astray else FailureCause.NO_PATH
+                mislocalised = 2 * self._mislocalised_plans >= self._counts["no_path"] > 0
+                return FailureCause.MISLOCALISED if mislocalised else FailureCause.NO_PATH
             case Outcome.LOST:
                 return (self._last.cause if self._last else None) or FailureCause.NO_PATH
             case Outcome.COLLISION_LIMIT:
@@ -111,10 +112,10 @@ class FailureClassifier:
                 )
 
     def _localised(self, segment: EpisodeSegment, event: Localised, exact_pose: Pose | None) -> None:
-        """See whether it is right; a look at nothing it should know belongs to what went wrong before it."""
+        """Check a localisation; a failed one away from all nodes is attributed to the segment before it."""
         if event.node is not None:
             self._is_mislocalised = exact_pose is not None and not self._truth.is_at(exact_pose, event.node)
-            self._counts["astray"] += self._is_mislocalised
+            self._counts["mislocalised"] += self._is_mislocalised
             segment.causes |= {FailureCause.MISLOCALISED} if self._is_mislocalised else set()
         elif exact_pose is not None and self._truth.should_recognise_one(exact_pose, self._graph.nodes):
             self._counts["unrecognised"] += 1
@@ -136,15 +137,15 @@ class FailureClassifier:
             segment.collisions += 1
 
     def _attempt_started(self, segment: EpisodeSegment, event: AttemptStarted) -> None:
-        self._counts["legs"] += 1
+        self._counts["attempts"] += 1
         if event.source is not None and self._truth.is_spurious((event.source, event.target)):
-            self._counts["spurious_legs"] += 1
+            self._counts["spurious_attempts"] += 1
             segment.causes.add(FailureCause.SPURIOUS_EDGE)
 
     def _attempt_ended(self, segment: EpisodeSegment, event: AttemptEnded) -> None:
         self._latest = event.frame
         if event.end in OBSTRUCTED_ENDS:
-            self._counts["blocked_legs"] += 1
+            self._counts["blocked_attempts"] += 1
             segment.causes.add(FailureCause.COLLISION)
 
     def _close(self, end: FrameId) -> None:

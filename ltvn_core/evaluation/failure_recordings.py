@@ -1,6 +1,6 @@
-"""Recordings of episodes that failed: each is driven once more, exactly as before, with everything written down.
+"""Records failed episodes by driving them once more, exactly as before.
 
-Owns these recordings. They begin with the map, so they stand alone in `ltvn replay`.
+A recording begins with the map, so `ltvn replay` needs no other file.
 """
 
 from dataclasses import asdict
@@ -20,9 +20,9 @@ from ltvn_core.simulation.simulated_robot import SimulatedRobot
 
 
 def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, count: int) -> int:
-    """Record the first few failed episodes of a trial; return how many recordings there are.
+    """Record the first failed episodes of a trial; return the number of recordings.
 
-    Raises RecordingError where an episode did not go as it went before.
+    Raises RecordingError if an episode differs from its first run.
     """
     failed = [episode.episode for episode in trial.episodes if not episode.reached][:count]
     missing = [number for number in failed if not files.failure(number).exists()]

@@ -1,6 +1,6 @@
-"""Faults planted into a good map, each where the simulator's truth says that it is one, to be found by a debugger.
+"""Injects faults into a correct map, to test the debugger: spurious edges, perceptual aliases and missing edges.
 
-Owns the choice of where. Planting is deltas like any other; which query meets a fault is part of it.
+The ground truth decides where. A fault is a list of graph deltas together with a query that meets it.
 """
 
 from collections.abc import Sequence
@@ -24,45 +24,45 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
 
 THROUGH_WALL_M = 2.5
-"""A spurious edge is no longer than this, so that nothing but the wall speaks against it."""
+"""A spurious edge is no longer than this, so that only the wall makes it wrong."""
 DETOUR_M = 3.5
-"""The true way around the wall is longer than this,"""
+"""The true path around the wall is longer than this,"""
 ALIAS_DISTANCE_M = 3.0
-"""and look-alike places are farther apart than this."""
+"""and perceptual aliases are farther apart than this."""
 _ENDPOINT_MARGIN_M = 2.0
-"""A cut stays so far away from the query's start and goal."""
+"""Distance that a cut keeps from the start and goal of the query."""
 _BATCH = 4096
 
 
 class FaultKind(StrEnum):
-    """What can be wrong with a map."""
+    """The kind of a fault; its value is stored in recordings."""
 
     SPURIOUS_EDGE = "spurious-edge"
-    """An edge through a wall that the map is sure of."""
+    """An edge through a wall with a high p."""
     PERCEPTUAL_ALIAS = "look-alike"
-    """An edge between two places far apart that the network holds for near."""
+    """An edge between two distant places that the network predicts to be close."""
     MISSING_EDGE = "missing-edge"
     """No edge where there was a passage, so that the map is in two parts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault, and a query that meets it."""
+    """A fault and a query that meets it."""
 
     kind: FaultKind
     edges: tuple[EdgeKey, ...]
-    """That were planted, or cut."""
+    """Edges that are added or removed."""
     deltas: tuple[GraphDelta, ...]
-    """That plant it."""
+    """Deltas that inject the fault."""
     start: NodeId
-    """Where the robot is put down."""
+    """Node at which the robot starts."""
     goal: NodeId
 
 
 def missing_edge(graph: TopologicalGraph, truth: GroundTruth) -> Fault:
-    """Cut the fewest edges between the two nodes that are farthest apart, as if a passage was never mapped.
+    """Remove the minimum cut between the two nodes that are farthest apart, as if a passage was never mapped.
 
-    Raises MapError when no cut keeps away from both.
+    Raises MapError when every cut is too close to one of them.
     """
     nodes = list(graph.nodes)
     places = truth.poses(nodes)[:, :2]
@@ -79,9 +79,9 @@ def missing_edge(graph: TopologicalGraph, truth: GroundTruth) -> Fault:
 def spurious_edge(
     graph: TopologicalGraph, truth: GroundTruth, config: BeliefConfig, *, detour_m: float = DETOUR_M
 ) -> Fault:
-    """Join two nodes on both sides of a wall that face the same way, the true way between them being longest.
+    """Connect two nodes on both sides of a wall with similar headings and the longest true path between them.
 
-    Both belong to one piece of the map. Raises MapError when no true way is longer than `detour_m`.
+    Both are in one component of the map. Raises MapError when no true path is longer than `detour_m`.
     """
     nodes = list(graph.nodes)
     poses = truth.poses(nodes)
@@ -111,7 +111,7 @@ def perceptual_alias(
     config: BeliefConfig,
     near: float,
 ) -> Fault:
-    """Join the two nodes far apart, in one piece of the map, that the network is surest to be near, d < `near`.
+    """Connect the two distant nodes, in one component of the map, with the highest predicted r and d < `near`.
 
     Compares all pairs: 327 nodes take ten seconds. Raises MapError without any.
     """
@@ -124,11 +124,12 @@ def perceptual_alias(
     for begin in range(0, len(first), _BATCH):
         i = first[begin : begin + _BATCH]
         j = second[begin : begin + _BATCH]
-        said = predictor.predict(features[i], features[j])
-        score = np.where((distance(said.waypoints) < near) & (said.waypoints[:, 0] > 0), said.reachability, 0.0)
+        predicted = predictor.predict(features[i], features[j])
+        candidate = (distance(predicted.waypoints) < near) & (predicted.waypoints[:, 0] > 0)
+        score = np.where(candidate, predicted.reachability, 0.0)
         top = int(score.argmax())
         if score[top] > surest:
-            best = (int(i[top]), int(j[top]), said.waypoints[top])
+            best = (int(i[top]), int(j[top]), predicted.waypoints[top])
             surest = float(score[top])
     if best is None:
         raise MapError("The network tells all places of this map apart; choose another map or other weights.")
@@ -146,13 +147,13 @@ def _fault_of_edge(
 
 
 def _is_ahead(waypoints: Waypoint) -> NDArray[np.bool_]:
-    """Tell which targets (N, 3) lie ahead, near, and turned about the same way."""
+    """Return which targets (N, 3) are ahead, close, and have a similar heading."""
     dx, dy, dtheta = waypoints.T
     return (dx > 0.5) & (np.hypot(dx, dy) < THROUGH_WALL_M) & (np.abs(dy) < dx) & (np.abs(dtheta) < 1.0)
 
 
 def _components(graph: TopologicalGraph) -> NDArray[np.intp]:
-    """Number the piece of the map that each node (N,) is in; a fault that joined two would hide a missing edge."""
+    """Return the component of the map (N,) of each node; a fault that joined two would hide a missing edge."""
     row = {node: k for k, node in enumerate(graph.nodes)}
     ends = np.array([(row[source], row[target]) for source, target in graph.edges], np.intp).reshape(-1, 2)
     joined = csr_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (len(row), len(row)))
@@ -169,7 +170,7 @@ def _far_pairs(poses: Pose, pieces: NDArray[np.intp]) -> tuple[NDArray[np.intp],
 def _start_side_of_cut(
     graph: TopologicalGraph, nodes: Sequence[NodeId], places: NDArray[np.float64], start: int, goal: int
 ) -> set[NodeId]:
-    """Return the nodes on the start's side of the least cut that keeps away from start and goal."""
+    """Return the nodes on the start's side of the minimum cut that keeps a distance from start and goal."""
     row = {node: k for k, node in enumerate(nodes)}
     both_ways = {*graph.edges, *((target, source) for source, target in graph.edges)}
     ends = np.array([(row[source], row[target]) for source, target in both_ways], np.intp).reshape(-1, 2)

@@ -1,9 +1,7 @@
-"""A map against the simulator's truth: which of its edges can be driven, and what follows from that.
+"""The ground truth of a map in simulation: exact poses of its nodes, and which of its edges are drivable.
 
-Owns the exact poses of nodes and the verdicts on edges. What "drivable" means is
-`ltvn_core.simulation.oracle_predictor`; whom a robot's failure is put down to is `evaluate.causes`. Truth counts
-directed edges: the two directions of one prediction are two edges, and one that is driven backwards is as good as one
-driven forwards.
+`ltvn_core.simulation.oracle_predictor` defines "drivable". Edges are directed: the two directions of one prediction are
+two edges, and driving in reverse counts as driving.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -22,17 +20,17 @@ from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 MISLOCALISED_M = 1.5
-"""A robot farther than this from a node is not at the node (ours; D_l is about 1 m),"""
+"""A robot farther than this from a node is not at it (ours; D_l is about 1 m),"""
 MISLOCALISED_YAW_RAD = float(np.deg2rad(60))
-"""nor is one that is turned farther than this away from it,"""
+"""nor is one whose heading differs by more than this,"""
 MISLOCALISED_PATH_M = 2.0
-"""nor one that would have to drive farther than this to get there, around a wall."""
+"""nor one with a longer path to it than this, around a wall."""
 RECOGNISABLE_DISTANCE = 0.75
-"""A robot so near to a node, in d of Eq. 2, should recognise it: half a metre and 20 degrees (ours; within D_l)."""
+"""A robot closer to a node than this d (Eq. 2) should recognise it: half a metre and 20 degrees (ours; within D_l)."""
 
 
 class GroundTruth:
-    """What the simulator knows of one scene and of the images that were taken in it."""
+    """The ground truth of one scene and of the images that were taken in it."""
 
     def __init__(
         self,
@@ -43,7 +41,7 @@ class GroundTruth:
     ) -> None:
         """Ask `observation` (such as `Views.observation`) for the image of a node, once per node not in `poses`.
 
-        A node is named after its image and never moves, so what was found out once holds however the map changes.
+        Node ids are frame ids and nodes never move, so results are cached even when the map changes.
         """
         self.clearance = clearance
         self._observation = observation
@@ -63,7 +61,7 @@ class GroundTruth:
         return self._poses[node]
 
     def knows(self, frame: FrameId) -> bool:
-        """Tell whether the exact pose of an image is known, or can be asked for."""
+        """Return whether the exact pose of an image is known."""
         try:
             self.pose(frame)
         except LtvnError:
@@ -75,19 +73,19 @@ class GroundTruth:
         return np.array([self.pose(node) for node in nodes], np.float64).reshape(-1, 3)
 
     def is_spurious(self, edge: EdgeKey) -> bool:
-        """Tell whether nobody can drive from one node to the other, whether or not the map has that edge."""
+        """Return whether an edge from one node to the other would be spurious, whether or not the map has it."""
         self._judge_edges([edge])
         return not self._drivable[edge]
 
     def spurious(self, graph: TopologicalGraph) -> set[EdgeKey]:
-        """Return the edges of a map that nobody can drive; each edge is looked at only once."""
+        """Return the spurious edges of a map; the result for each edge is cached."""
         self._judge_edges(graph.edges)
         return {edge for edge in graph.edges if not self._drivable[edge]}
 
     def is_at(self, robot: Pose, node: NodeId) -> bool:
-        """Tell whether a robot at (3,) may well hold itself to be at a node.
+        """Return whether a localisation of a robot at (3,) at a node is correct.
 
-        It is nearer than 1.5 m and 60 degrees, and the way there is shorter than 2 m, so not around a wall.
+        It is closer than 1.5 m and 60 degrees, and the path there is shorter than 2 m, so not around a wall.
         """
         gap = relative(robot, self.pose(node))
         if np.hypot(gap[0], gap[1]) > MISLOCALISED_M or abs(gap[2]) > MISLOCALISED_YAW_RAD:
@@ -96,7 +94,7 @@ class GroundTruth:
         return bool(np.isfinite(way_m[0]))
 
     def should_recognise_one(self, robot: Pose, nodes: Collection[NodeId]) -> bool:
-        """Tell whether a robot at (3,) sees so nearly what it would see at one of the nodes that it should know it."""
+        """Return whether a robot at (3,) is so close to one of the nodes that it should recognise it."""
         poses = self.poses(nodes)
         poses = poses[distance(relative(robot, poses)) <= RECOGNISABLE_DISTANCE]
         return bool((self.clearance.along(np.broadcast_to(robot[:2], (len(poses), 2)), poses[:, :2]) > 0).any())
@@ -117,7 +115,7 @@ def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:
 
 
 def map_truth_metrics(graph: TopologicalGraph, truth: GroundTruth, goals: Sequence[NodeId]) -> MapTruthMetrics:
-    """Count what a map holds; a goal is connected if at least half of the other nodes lead to it."""
+    """Return the size of a map and its errors; a goal is connected if at least half of the other nodes lead to it."""
     return MapTruthMetrics(
         nodes=len(graph.nodes),
         edges=len(graph.edges),
@@ -136,7 +134,7 @@ def _count_connected(graph: TopologicalGraph, goals: Sequence[NodeId]) -> int:
 
 
 def calibration_bins(graph: TopologicalGraph, truth: GroundTruth, bins: int = 10) -> tuple[EdgeCalibrationBin, ...]:
-    """Compare p of a map's edges with the truth in equal bins of p; bins without edges are left out."""
+    """Return the calibration of p over a map's edges, in equal bins without the empty ones."""
     spurious = truth.spurious(graph)
     p = np.array([edge.belief.p for edge in graph.edges.values()], np.float64)
     drivable = np.array([edge not in spurious for edge in graph.edges], bool)
@@ -150,7 +148,7 @@ def calibration_bins(graph: TopologicalGraph, truth: GroundTruth, bins: int = 10
 
 
 def floorplan(graph: TopologicalGraph, truth: GroundTruth) -> MapDrawing:
-    """Return what a picture of a map over its scene needs; three digits do for that, and keep the file small."""
+    """Return the floor plan with the map, for drawing; rounded to three digits, which keeps the file small."""
     spurious = truth.spurious(graph)
     clearance = truth.clearance
     x_m, y_m = clearance.origin.tolist()

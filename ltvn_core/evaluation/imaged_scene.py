@@ -1,7 +1,4 @@
-"""A scene and images taken in it, as far as driving single edges needs them.
-
-Owns no image and no map. Where the images come from, a labelled drive or a map, makes no difference.
-"""
+"""A scene with images at known poses, as driving single edges needs it. They come from a labelled drive or a map."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ImagedScene:
-    """Where edges are driven."""
+    """A scene with encoded images at exact poses."""
 
     scene: "Scene"
     camera: Renderer

@@ -1,8 +1,7 @@
-"""Queries with maintenance, in stretches: each begins with the map that the one before it left in a file.
+"""Runs queries with maintenance in batches; each batch starts with the map that the one before it saved.
 
-Owns one stretch, what it asks of the robot, and what it writes down. A stretch that is done is two files, the map and
-what the queries did to it; so an interrupted test goes on at the last map. Frames and dice are named after the query,
-so that it makes no difference where a run was interrupted.
+A finished batch is two files, the map and the changes by its queries, so an interrupted test continues at the last map.
+Frame numbers and random generators depend on the number of the query only, so interruptions do not change results.
 """
 
 import time
@@ -26,39 +25,39 @@ from ltvn_core.recording.map_file import save_map
 from ltvn_core.types import FrameId
 
 QUERIES_PER_BATCH = 25
-"""Queries in a stretch: little is lost when it is interrupted, and a map is loaded for more than a few."""
+"""Queries in a batch: few are lost by an interruption, and the map is not loaded too often."""
 
 
 @dataclass(frozen=True, slots=True)
 class QueryBatch:
-    """Some queries, done."""
+    """The results of a batch of queries."""
 
     queries: tuple[LifelongQuery, ...]
     wall_s: float
 
 
 class _DrivenQuery(NamedTuple):
-    """One query, before anybody has tried which of the edges that left were bad."""
+    """One query before its pruned edges are checked."""
 
     query: LifelongQuery
     pruned: tuple[Edge, ...]
-    """As they were before the query."""
+    """The pruned edges as they were before the query."""
 
 
 def run_queries(plan: TrialPlan, files: TrialFiles, first: int, until: int) -> int:
-    """Drive the queries from `first` on up to `until`, in stretches; return how many there are."""
+    """Drive the queries from `first` up to `until` in batches; return their number."""
     for begin, end in query_batches(first, until):
         run_query_batch(plan, files, begin, end - begin)
     return until - first
 
 
 def query_batches(first: int, until: int) -> list[tuple[int, int]]:
-    """Return the first query of each stretch, and the one after its last."""
+    """Return the first query of each batch, and the one after its last."""
     return [(begin, min(begin + QUERIES_PER_BATCH, until)) for begin in range(first, until, QUERIES_PER_BATCH)]
 
 
 def load_queries(files: TrialFiles, first: int, until: int) -> tuple[LifelongQuery, ...]:
-    """Read what was written down of the queries from `first` on up to `until`. Raises OptionError if they lack."""
+    """Read the results of the queries from `first` up to `until`. Raises OptionError if some are missing."""
     found: list[QueryBatch] = [
         load_results(files.query_batch(*each), QueryBatch) for each in query_batches(first, until)
     ]
@@ -66,9 +65,9 @@ def load_queries(files: TrialFiles, first: int, until: int) -> tuple[LifelongQue
 
 
 def run_query_batch(plan: TrialPlan, files: TrialFiles, first: int, count: int) -> int:
-    """Drive so many queries with the map after `first` ones, which learns; return how many there were.
+    """Drive a batch of queries with maintenance, starting with the map after `first` queries; return their number.
 
-    Writes the map and what the queries did to it; does nothing if both are there. Raises the errors of the parts.
+    Writes the map and the changes by the queries; does nothing if both files exist.
     """
     until = first + count
     if files.query_batch(first, until).exists() and files.map(until).exists():
@@ -80,8 +79,8 @@ def run_query_batch(plan: TrialPlan, files: TrialFiles, first: int, count: int) 
     if not files.map(until).exists():
         _save(plan, files, runner, first, until)
     if not files.query_batch(first, until).exists():
-        told = _with_bad_edges(runner, driven, plan.seed)
-        save_results(files.query_batch(first, until), QueryBatch(told, time.monotonic() - started))
+        results = _with_bad_edges(runner, driven, plan.seed)
+        save_results(files.query_batch(first, until), QueryBatch(results, time.monotonic() - started))
     return count
 
 
@@ -97,7 +96,7 @@ def _drive(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth
     spurious = runner.truth.spurious(runner.graph)
     pruned = before.keys() - graph.edges.keys()
     added = graph.edges.keys() - before.keys()
-    told = LifelongQuery(
+    result = LifelongQuery(
         query=query,
         reached=result.reached,
         outcome=result.outcome,
@@ -113,18 +112,20 @@ def _drive(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth
         edges=len(graph.edges),
         spurious_edges=len(spurious),
     )
-    return _DrivenQuery(told, tuple(before[edge] for edge in pruned))
+    return _DrivenQuery(result, tuple(before[edge] for edge in pruned))
 
 
 def _draw(runner: EpisodeRunner, drive_truth: DriveGroundTruth, rng: np.random.Generator) -> EpisodePlan:
-    """Draw a start and a goal that is not reached there."""
+    """Draw a start and a goal that is not already reached at the start."""
     nodes = sorted(runner.graph.nodes)
     while True:
         start = int(rng.integers(len(drive_truth.frames)))
         goal = nodes[int(rng.integers(len(nodes)))]
         ends = np.array(drive_truth.poses[start]), runner.truth.pose(goal)
         if not judge_goal_reached(0, *ends).reached:
-            return EpisodePlan(drive_truth.frames[start], goal, *(pose_row(end) for end in ends))
+            return EpisodePlan(
+                start=drive_truth.frames[start], goal=goal, start_pose=pose_row(ends[0]), goal_pose=pose_row(ends[1])
+            )
 
 
 def _first_frame(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth, query: int) -> FrameId:
@@ -151,7 +152,7 @@ def _save(plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, first: int,
 
 
 def _with_bad_edges(runner: EpisodeRunner, driven: Sequence[_DrivenQuery], seed: int) -> tuple[LifelongQuery, ...]:
-    """Try the edges that left, and count the bad ones with the query in which they left."""
+    """Check the pruned edges, and count the bad ones for the query that pruned them."""
     bad = bad_edges(runner, [edge for each in driven for edge in each.pruned], seed)
     counts = (sum((edge.source, edge.target) in bad for edge in each.pruned) for each in driven)
     return tuple(replace(each.query, pruned_bad=count) for each, count in zip(driven, counts, strict=True))

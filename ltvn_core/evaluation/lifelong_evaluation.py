@@ -1,7 +1,7 @@
-"""The lifelong test: queries with maintenance, and in between the static test with the map as it is then.
+"""The lifelong evaluation: queries with maintenance, and at intervals the static test with the map of that time.
 
-Owns the order of the work. The queries of one map follow each other; those of different maps, and the static tests of
-maps that are there already, run side by side.
+The queries of one map run one after the other; those of different maps, and the static tests of existing maps, run in
+parallel.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,7 +31,7 @@ from ltvn_core.evaluation.workers import Workers
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """How long a life is, and when it is tested."""
+    """Number of queries, and when the map is tested."""
 
     queries: int = 700
     """With maintenance (paper)."""
@@ -49,12 +49,12 @@ class Schedule:
 
     @property
     def points(self) -> tuple[int, ...]:
-        """After how many queries the map is tested: before the first, in between, and after the last."""
+        """Numbers of queries after which the map is tested, from 0 to all."""
         return (*range(0, self.queries, self.every), self.queries)
 
     @property
     def work(self) -> int:
-        """Queries and episodes in all."""
+        """Total number of queries and episodes."""
         return self.queries + self.episodes * len(self.points)
 
 
@@ -67,9 +67,9 @@ def run_lifelong(
     parallel: Workers,
     progress: EvaluationProgress,
 ) -> list[LifelongResult]:
-    """Run the lifelong test of several plans, with one scene and seed each; what is done already is only read.
+    """Run the lifelong evaluation of several plans, one scene and seed each; existing results are only read.
 
-    Raises OptionError where the folder holds results of other settings, and the errors of the parts.
+    Raises OptionError if the folder has results of other settings.
     """
     jobs = prepare_all(plans, folder, parallel, progress)
     for at in schedule.points:
@@ -80,9 +80,9 @@ def run_lifelong(
 
 
 def _jobs_at(jobs: Sequence[tuple[TrialPlan, TrialFiles]], schedule: Schedule, at: int) -> Iterator[Any]:
-    """Yield what can be done with the maps after `at` queries: the queries that follow, and then the static test.
+    """Yield the jobs that need the maps after `at` queries: the next queries, and then the static test.
 
-    The queries come first, because each takes long and cannot be shared out.
+    The queries come first, because they take long and cannot run in parallel.
     """
     for first, until in pairwise(schedule.points):
         if first == at:
@@ -92,7 +92,7 @@ def _jobs_at(jobs: Sequence[tuple[TrialPlan, TrialFiles]], schedule: Schedule, a
 
 
 def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str) -> None:
-    """Put the pieces together; the result is kept as a file."""
+    """Combine the batches and save the result."""
     if _result_file(files, schedule).exists():
         return
     points = tuple(_point(plan, files, at, schedule.episodes, command) for at in schedule.points)

@@ -1,6 +1,6 @@
-"""Figures over lifelong tests: what the queries did to the maps, and the static test before and after.
+"""Metrics of lifelong evaluations: changes of the maps by queries, and the static test before and after.
 
-Owns the sums. Means of episodes and their intervals are `evaluate.metrics`.
+`metrics` has the means over episodes and their intervals.
 """
 
 from collections.abc import Sequence
@@ -12,10 +12,10 @@ from ltvn_core.evaluation.results import LifelongResult, TrialResult
 
 @dataclass(frozen=True, slots=True)
 class StaticTestMetrics:
-    """The static test at one moment of the lives."""
+    """Metrics of the static test after a number of queries."""
 
     queries: int
-    """Before it."""
+    """Number of queries before it."""
     success_rate: float
     success_low: float
     """95 % interval."""
@@ -25,12 +25,12 @@ class StaticTestMetrics:
     """Mean over the maps, as are the edges."""
     edges: float
     spurious_share: float
-    """Share of the edges that nobody can drive."""
+    """Share of the edges that are spurious."""
 
 
 @dataclass(frozen=True, slots=True)
 class LifelongMetrics:
-    """What the queries did to one or several maps."""
+    """Changes of one or several maps by queries with maintenance."""
 
     before: StaticTestMetrics
     """The static test with the maps as they were built,"""
@@ -44,17 +44,17 @@ class LifelongMetrics:
     pruned: int
     """Edges that left the maps."""
     pruned_bad_share: float | None
-    """Share of them that nobody can drive or the robot could not drive; None of none."""
+    """Share of them that are spurious or that the robot could not drive; None if none was pruned."""
     pruned_spurious: int
-    """Those of them that nobody can drive, by the simulator's truth."""
+    """Number of them that are spurious by the ground truth."""
     added_nodes: int
     added_edges: int
     added_spurious: int
-    """Of the added edges, those that nobody can drive."""
+    """Added edges that are spurious."""
 
 
 def lifelong_metrics(results: Sequence[LifelongResult]) -> LifelongMetrics:
-    """Return the figures of lifelong tests of the same length; raise ValueError if there are none."""
+    """Return the metrics of lifelong evaluations of equal length; raise ValueError if there are none."""
     queries = [query for result in results for query in result.queries]
     pruned = sum(query.pruned for query in queries)
     return LifelongMetrics(

@@ -1,6 +1,6 @@
-"""Measures what Eq. 3 and Eq. 4 need, and how r and the waypoints err, on drives through simulated scenes.
+"""Measures the constants of Eq. 3 and Eq. 4, and the errors of r and waypoints, on drives through simulated scenes.
 
-Owns the protocol: half of the attempts on edges that exist, half on edges that do not, the same number in each scene.
+Half of the attempts are at true edges and half at false ones, with the same number in each scene.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 DISTANCE_BINS_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
 OVERLAP_BINS = tuple(np.linspace(ReachabilityLimits().overlap, 1, 5).tolist())
-"""Less overlap than that is not reachable."""
+"""Pairs with less overlap are not reachable."""
 
 AttemptCallback = Callable[[], object]
 """Called after every attempt."""
@@ -36,7 +36,7 @@ AttemptCallback = Callable[[], object]
 
 @dataclass(frozen=True, eq=False)
 class SceneMeasurement:
-    """One scene's share of a measurement."""
+    """The measurement in one scene."""
 
     drive: PredictedDrive
     edges: NDArray[np.bool_]
@@ -56,7 +56,7 @@ def measure_scene(
     rng: np.random.Generator,
     progress: AttemptCallback,
 ) -> SceneMeasurement:
-    """Look along a drive and drive `attempts` of its edges; fewer if there are not so many. Raises SceneError."""
+    """Predict all pairs of a drive and drive `attempts` of its edges, or all if there are fewer. Raises SceneError."""
     drive = predict_drive(scene, camera, predictor, sample_drive_poses(scene.clearance, rng, images))
     proposals = EdgeProposals(drive, predictor, method)
     tried: list[MeasuredAttempt | None] = []
@@ -72,7 +72,7 @@ def measure_scene(
 def _drive_some(
     robot: EdgeDriver, edges: Iterator[EdgeProposal], count: int, progress: AttemptCallback
 ) -> Iterator[MeasuredAttempt | None]:
-    """Drive edges until so many have begun, or there are no more."""
+    """Drive edges until the given number has started, or there are no more."""
     for edge in edges:
         done = robot.drive(edge)
         yield done
@@ -85,7 +85,7 @@ def _drive_some(
 
 
 def summarise_measurements(scenes: Sequence[SceneMeasurement], command: str) -> DrivingMeasurements:
-    """Put the shares of several scenes together."""
+    """Combine the measurements of several scenes."""
     attempted = [each for scene in scenes for each in scene.attempted]
     there = [each for each in attempted if each.edge.true]
     not_there = [each for each in attempted if not each.edge.true]

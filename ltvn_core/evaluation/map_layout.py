@@ -1,7 +1,7 @@
-"""A recording's map over the floor of its scene, ready to be drawn.
+"""The layout of a recording's map for drawing.
 
-Owns where the nodes are drawn: at their exact poses over the simulator's floor where both are known, else by odometry
-over nothing. How it looks is in `report`.
+Nodes are at their exact poses over the floor of the scene where both are known, else at their odometry without a floor.
+`reports.map_svg` draws it.
 """
 
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ from ltvn_core.types import FrameId, Pose
 
 @dataclass(frozen=True, eq=False)
 class MapLayout:
-    """A map and where it lies."""
+    """A map with the positions of its nodes and the floor."""
 
     title: str
     graph: TopologicalGraph
     plan: MapDrawing
     """Without floor and without verdicts outside simulation."""
     simulated: bool
-    """The truth is known."""
+    """Whether the ground truth is known."""
 
 
 def map_layout(recording: Recording, *, at_s: float | None = None) -> MapLayout:
-    """Lay out the map as it was at a time on the robot's clock, by default at the end.
+    """Return the layout of the map at a time on the robot's clock, by default at the end.
 
-    Raises MapError when there is no map then. A scene that is not at hand is left out.
+    Raises MapError when there is no map at that time. Without the scene there is no floor.
     """
     graph = TopologicalGraph(
         stamped.event.delta
@@ -49,7 +49,7 @@ def map_layout(recording: Recording, *, at_s: float | None = None) -> MapLayout:
 
 
 def recorded_ground_truth(recording: Recording, graph: TopologicalGraph) -> GroundTruth | None:
-    """Return the truth about a recording; None if its scene is not at hand or a node has no exact pose."""
+    """Return the ground truth of a recording; None if its scene is missing or a node has no exact pose."""
     poses = exact_poses(recording)
     if poses is None or any(node not in poses for node in graph.nodes):
         return None
@@ -63,7 +63,7 @@ def recorded_ground_truth(recording: Recording, graph: TopologicalGraph) -> Grou
 
 
 def exact_poses(recording: Recording) -> dict[FrameId, Pose] | None:
-    """Return the exact pose (3,) of each frame without touching a picture; None outside simulation."""
+    """Return the exact pose (3,) of each frame without decoding images; None outside simulation."""
     poses = recording.poses
     return None if poses.exact is None else dict(zip(recording.frames, poses.exact, strict=True))
 

@@ -1,8 +1,8 @@
-"""Figures over trials: means of episodes with their intervals, failures by cause, and what differs between two methods.
+"""Metrics over trials: means with intervals, failures by cause, and differences between two methods.
 
-Owns which mean is taken. The scenes are what a claim is about and are taken as they are; map seeds and episodes are
-samples, so a 95 % interval tells how trials of one scene scatter (see `evaluate.intervals`), and with a single seed how
-episodes do. Every trial counts the same, however many episodes it has.
+Scenes are fixed, map seeds and episodes are samples: a 95 % interval shows the scatter between trials of one scene (see
+`confidence_intervals`), or between episodes if there is a single seed. Every trial has the same weight, whatever its
+number of episodes.
 """
 
 from collections import Counter
@@ -21,12 +21,12 @@ from ltvn_core.types import CONTROL_STEP_S
 
 @dataclass(frozen=True, slots=True)
 class EvaluationMetrics:
-    """What several trials of one method come to."""
+    """Metrics over several trials of one method."""
 
     trials: int
     episodes: int
     success_rate: Estimate
-    """Never surer than Wilson's interval of all episodes, so that no success or no failure at all is no certainty."""
+    """Its interval is never narrower than Wilson's over all episodes, which is not empty at 0 % and 100 %."""
     spl: Estimate
     """Success weighted by path length."""
     collisions_per_episode: Estimate
@@ -38,7 +38,7 @@ class EvaluationMetrics:
     failures: dict[str, int]
     """Episodes by cause, every cause that there is."""
     nodes: float
-    """Mean over trials, as all that follows."""
+    """Mean over trials, as the following fields."""
     edges: float
     spurious_edges: float
     pieces: float
@@ -46,12 +46,12 @@ class EvaluationMetrics:
 
     @property
     def spurious_share(self) -> float:
-        """Share of the edges that nobody can drive; 0 of none."""
+        """Share of the edges that are spurious; 0 without edges."""
         return self.spurious_edges / self.edges if self.edges else 0.0
 
 
 def compute_metrics(trials: Sequence[TrialResult]) -> EvaluationMetrics:
-    """Return the figures of trials of one method; raise ValueError if there are no episodes."""
+    """Return the metrics of trials of one method; raise ValueError if there are no episodes."""
     episodes = _episodes(trials)
     success, *amounts = estimates(_samples(trials))
     spl, collisions, steps, path_m = (amount.within(0, np.inf) for amount in amounts)
@@ -74,46 +74,46 @@ def compute_metrics(trials: Sequence[TrialResult]) -> EvaluationMetrics:
 
 
 def metrics_as_json(found: "EvaluationMetrics | MethodDifference") -> dict[str, Any]:
-    """Return figures for JSON: a mean under its own name, and its interval under that name with `_interval`."""
-    told: dict[str, Any] = {}
+    """Return metrics for JSON: a mean under its own name, and its interval under that name with `_interval`."""
+    values: dict[str, Any] = {}
     for each in fields(found):
         value = getattr(found, each.name)
         if isinstance(value, Estimate):
-            told |= {each.name: value.mean, f"{each.name}_interval": [value.low, value.high]}
+            values |= {each.name: value.mean, f"{each.name}_interval": [value.low, value.high]}
         else:
-            told[each.name] = value
-    return told
+            values[each.name] = value
+    return values
 
 
 def overall_success(trials: Sequence[TrialResult]) -> SuccessRate:
-    """Return the share of all episodes that succeeded, with Wilson's interval, which knows nothing of map seeds."""
+    """Return the share of all episodes that succeeded, with Wilson's interval, which ignores map seeds."""
     episodes = _episodes(trials)
     return SuccessRate.of(sum(episode.reached for episode in episodes), len(episodes))
 
 
 def count_failures(trials: Sequence[TrialResult]) -> dict[str, int]:
     """Count failed episodes by cause; causes that never occurred count 0."""
-    seen = Counter(episode.failure for episode in _episodes(trials))
-    return {cause.value: seen[cause] for cause in FailureCause}
+    counts = Counter(episode.failure for episode in _episodes(trials))
+    return {cause.value: counts[cause] for cause in FailureCause}
 
 
 @dataclass(frozen=True, slots=True)
 class MethodDifference:
-    """What the first method has more than the second."""
+    """Differences between two methods, first minus second."""
 
     success_rate: Estimate
     spl: Estimate
     collisions_per_episode: Estimate
     steps_per_episode: Estimate
     paired: bool
-    """Episodes were compared one by one, because both methods drove the same in the same scenes with the same seeds."""
+    """Whether episodes were compared one by one, because both methods drove the same ones."""
 
 
 def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult]) -> MethodDifference:
     """Compare two methods; raise ValueError if one has no episodes.
 
-    Where scenes, seeds, starts and goals are the same, the differences of single episodes are averaged, which leaves
-    out what both have in common; else the two are held to be independent.
+    Where scenes, seeds, starts and goals are equal, the differences of single episodes are averaged, which removes
+    their common variance; otherwise the two are treated as independent.
     """
     samples = _samples(first)
     others = _samples(second)
@@ -130,7 +130,7 @@ def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult])
 
 
 def _samples(trials: Sequence[TrialResult]) -> list[SampleGroup]:
-    """Return what is averaged, in an order of its own, so that the order of trials does not matter."""
+    """Return the values per episode, sorted, so that the order of trials does not matter."""
     return [SampleGroup(trial.scene, _values(trial)) for trial in _sorted(trials)]
 
 

@@ -1,8 +1,4 @@
-"""A mapping drive through a scene, all of whose ordered image pairs are labelled and predicted.
-
-Owns what is true and what is predicted of a drive. Drives no robot; the poses come from
-`ltvn_core.training_data.simulated_drives`.
-"""
+"""A simulated mapping drive with labels and predictions for all ordered image pairs. No robot is driven."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -26,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PredictedDrive:
-    """N images of a drive; a frame's number is its place in the drive."""
+    """The N images of a drive with labels and predictions; the number of a frame is its index."""
 
     scene: "Scene"
     renderer: Renderer
@@ -37,7 +33,7 @@ class PredictedDrive:
     poses: Pose
     """(N, 3)"""
     waypoints: Waypoint
-    """(N, N, 3): the truth, target in the frame of the source."""
+    """(N, N, 3) true pose of the target in the frame of the source."""
     reachable: NDArray[np.bool_]
     """(N, N) by the criteria of the dataset."""
     overlap: NDArray[np.float32]
@@ -47,20 +43,20 @@ class PredictedDrive:
 
     @property
     def imaged_scene(self) -> ImagedScene:
-        """Where edges between the images can be driven."""
+        """The scene with these images, for driving edges between them."""
         return ImagedScene(
             scene=self.scene, camera=self.renderer, keyframes=self.keyframes, poses=dict(enumerate(self.poses))
         )
 
 
 def predict_drive(scene: "Scene", renderer: Renderer, predictor: Predictor, poses: Pose) -> PredictedDrive:
-    """Look from the poses (N, 3) of a drive, and label and predict all ordered pairs."""
+    """Render the images at the poses (N, 3) of a drive, and label and predict all ordered pairs."""
     images = len(poses)
-    seen = tuple(_observe(renderer, pose, frame) for frame, pose in enumerate(poses))
+    observations = tuple(_observe(renderer, pose, frame) for frame, pose in enumerate(poses))
     keyframes = KeyframeStore(predictor)
-    keyframes.add(seen)
+    keyframes.add(observations)
     first, second = np.divmod(np.arange(images**2), images)
-    depth_mm = np.rint(np.stack([each.require_depth("the evaluation") for each in seen]) * 1000).astype(np.uint16)
+    depth_mm = np.rint(np.stack([each.require_depth("the evaluation") for each in observations]) * 1000).astype(np.uint16)
     labels = label_image_pairs(
         DatasetScene(scene.name, scene.clearance, renderer), poses, depth_mm, first, second, ReachabilityLimits()
     )
@@ -69,7 +65,7 @@ def predict_drive(scene: "Scene", renderer: Renderer, predictor: Predictor, pose
     return PredictedDrive(
         scene=scene,
         renderer=renderer,
-        observations=seen,
+        observations=observations,
         keyframes=keyframes,
         poses=poses,
         waypoints=relative(poses[:, None], poses[None]),

@@ -1,7 +1,6 @@
-"""What every episode needs: a mapping drive with its goals and episodes, weights that know the drive, and a map.
+"""Prepares a trial: mapping drive, goals and episodes, fine-tuned weights, and map.
 
-Owns how these come about. Each file is written once, whole or not at all, so that an interrupted evaluation goes on
-where it stopped.
+Each file is written once, complete or not at all, so that an interrupted evaluation continues where it stopped.
 """
 
 from collections.abc import Sequence
@@ -30,22 +29,22 @@ from ltvn_core.types import FrameId, Observation
 
 @dataclass(frozen=True, slots=True)
 class DriveGroundTruth:
-    """Where the images of a drive were truly taken, and which of them are goals."""
+    """The exact poses of the images of a drive, and which of them are goals."""
 
     frames: tuple[FrameId, ...]
     poses: tuple[PoseRow, ...]
     goals: tuple[FrameId, ...]
     collisions: int
-    """Touches on the way."""
+    """Collisions during the drive."""
 
     def episodes(self, count: int, seed: int) -> tuple[EpisodePlan, ...]:
-        """Draw episodes; more of them begin with the same ones."""
+        """Draw episodes; a larger number begins with the same ones."""
         rng = np.random.default_rng([seed, 2])
         return draw_episodes(self.frames, np.array(self.poses), self.goals, count, rng)
 
 
 def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
-    """Make what is not there yet: drive, weights and map. Raises the errors of the parts."""
+    """Create the files that are missing: drive, weights and map."""
     drive_truth = _drive(plan, files)
     if not files.map().exists():
         observations = _observations(files.drive)
@@ -69,7 +68,7 @@ def finetuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence
 
 
 def _drive(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
-    """Let a scripted person map the scene, with an odometer that errs."""
+    """Record a scripted tour through the scene with noisy odometry."""
     if files.drive_truth.exists():
         return load_results(files.drive_truth, DriveGroundTruth)
     protocol = plan.protocol

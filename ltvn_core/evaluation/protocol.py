@@ -1,6 +1,6 @@
-"""The paper's test (section V): a mapping drive, ten goal images, and random episodes between images.
+"""The evaluation protocol of the paper (section V): a mapping drive, ten goal images, and random episodes.
 
-Owns what is drawn and what counts, so that every method gets the same drive, goals and episodes. Drives no robot.
+Every method gets the same drive, goals and episodes. Drives no robot.
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 _SMALL_M2 = 100.0
 _MIN_EPISODE_M = 1.0
-"""An episode leads at least so far, as the crow flies."""
+"""Smallest straight distance between start and goal."""
 _MIN_GOAL_GAP_M = 1.5
-"""Goals are at least so far apart where there is room for that."""
+"""Goals are at least this far apart where the scene is large enough."""
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluationProtocol:
-    """The numbers of the test."""
+    """Parameters of the evaluation."""
 
     loops: int = 3
     """Rounds of the mapping drive (paper: 3 to 4)."""
@@ -42,13 +42,13 @@ class EvaluationProtocol:
     """K: control steps of 0.1 s after which an episode failed; None is the paper's, 1,000 below 100 m2 of floor and
     2,000 above."""
     collision_limit: int = 20
-    """More touches than this fail an episode (paper)."""
+    """An episode with more collisions than this fails (paper)."""
 
     def __post_init__(self) -> None:
         if self.loops < 1 or self.goals < 2 or self.episodes < 1 or self.collision_limit < 0:
             raise OptionError(
                 "An evaluation needs a loop, two goals and an episode at least, and no negative limit, got "
-                f"{self.loops} loops, {self.goals} goals, {self.episodes} episodes, {self.collision_limit} touches."
+                f"{self.loops} loops, {self.goals} goals, {self.episodes} episodes, {self.collision_limit} collisions."
             )
         if not (0 <= self.distance_noise < 1 and 0 <= self.angle_noise < 1):
             raise OptionError("Odometry noise is a share from 0 to below 1; 0.05 is a bad odometer.")
@@ -62,20 +62,20 @@ class EvaluationProtocol:
 
 @dataclass(frozen=True, slots=True)
 class EpisodePlan:
-    """Where an episode begins and where it leads."""
+    """Start and goal of an episode."""
 
     start: FrameId
     goal: FrameId
     start_pose: PoseRow
-    """The exact pose at which the image was taken; there the robot is put down."""
+    """Exact pose of the start image, where the robot starts."""
     goal_pose: PoseRow
-    """The exact pose by which arrival is judged."""
+    """Exact pose of the goal image, for judging arrival."""
 
 
 def choose_goals(
     scene: "Scene", frames: Sequence[FrameId], poses: Pose, count: int, rng: np.random.Generator
 ) -> tuple[FrameId, ...]:
-    """Choose goal images over the major places: room by room, the largest first, apart from each other.
+    """Choose goal images that cover the scene: room by room, the largest first, apart from each other.
 
     `poses` (N, 3) are the exact poses of the N frames. Raises OptionError if there are fewer images than goals.
     """
@@ -108,7 +108,9 @@ def draw_episodes(
         goal = goals[int(rng.integers(len(goals)))]
         ends = poses[start], poses[row[goal]]
         if np.hypot(*(ends[1] - ends[0])[:2]) > _MIN_EPISODE_M:
-            episodes.append(EpisodePlan(frames[start], goal, *(pose_row(end) for end in ends)))
+            episodes.append(
+                EpisodePlan(start=frames[start], goal=goal, start_pose=pose_row(ends[0]), goal_pose=pose_row(ends[1]))
+            )
     return tuple(episodes)
 
 
@@ -121,7 +123,7 @@ def _images_by_room(scene: "Scene", poses: Pose) -> list[np.ndarray]:
 
 
 def _apart(pool: np.ndarray, poses: Pose, chosen: Sequence[int], rng: np.random.Generator) -> int:
-    """Draw one of a pool of images, away from those that were chosen if there is any such."""
+    """Draw one of a pool of images, away from those already chosen if possible."""
     if chosen:
         gaps = np.linalg.norm(poses[pool, None, :2] - poses[None, list(chosen), :2], axis=-1).min(1)
         pool = pool[gaps >= min(_MIN_GOAL_GAP_M, gaps.max())]

@@ -1,6 +1,6 @@
-"""Was it right to prune an edge? The simulator says whether it can be driven, and a robot tries.
+"""Checks whether pruned edges were bad: by the ground truth, and by driving them.
 
-Owns that verdict, which nothing in the map depends on: it is for the report alone.
+Only for reports; the map does not use the result.
 """
 
 from collections.abc import Iterable
@@ -15,16 +15,16 @@ from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import EdgeKey
 
 ATTEMPTS_PER_EDGE = 4
-"""How often a robot drives an edge to find out (ours)."""
+"""Attempts at each edge (ours)."""
 _MAX_STARTS = 3 * ATTEMPTS_PER_EDGE
-"""A try does not count if the robot does not recognise where it begins, so a few more are granted."""
+"""An attempt does not count if the robot does not localise at the source, so some more are allowed."""
 
 
 def bad_edges(runner: EpisodeRunner, pruned: Iterable[Edge], seed: int) -> set[EdgeKey]:
-    """Return the edges that nobody can drive, or that the robot could not drive: fewer than half of its tries arrived.
+    """Return the edges that are spurious, or at which fewer than half of the robot's attempts arrived.
 
-    Tries begin at the exact pose of the source but for the controller's tolerance. Each edge has dice of its own, so
-    that it makes no difference which others are looked at.
+    Attempts start at the exact pose of the source with errors within the controller's tolerance. Each edge has a random
+    generator of its own, so that the result does not depend on the other edges.
     """
     bad = set[EdgeKey]()
     for edge in pruned:
@@ -35,7 +35,7 @@ def bad_edges(runner: EpisodeRunner, pruned: Iterable[Edge], seed: int) -> set[E
 
 
 def _mostly_fails(runner: EpisodeRunner, edge: Edge, seed: int) -> bool:
-    """Tell whether fewer than half of the tries arrive; an edge that no try began with is given the benefit."""
+    """Return whether fewer than half of the attempts arrive; False if no attempt could start."""
     rng = np.random.default_rng([seed, 6, edge.source, edge.target])
     proposal = EdgeProposal(
         source=edge.source,

@@ -1,6 +1,6 @@
-"""What evaluation finds, as plain data: episodes, maps, trials, and queries with maintenance.
+"""The results of evaluations as plain data: episodes, maps, trials, and queries with maintenance.
 
-Owns the shape of these results and their JSON. Computes nothing: figures over them are in `evaluate.metrics`.
+Field names are the keys of the JSON files, so they stay. `metrics` computes the metrics over results.
 """
 
 import json
@@ -17,39 +17,39 @@ from ltvn_core.types import FrameId
 
 
 class FailureCause(StrEnum):
-    """The one cause that an episode's failure is put down to, by the simulator's truth."""
+    """The cause to which the failure of an episode is attributed, by the ground truth."""
 
     WRONG_ARRIVAL = "wrong arrival"
-    """The robot said that it had arrived, and had not."""
+    """The robot decided that it had arrived, and had not."""
     SPURIOUS_EDGE = "spurious edge"
-    """It spent its time on edges that nobody can drive."""
+    """It spent its time on spurious edges."""
     MISLOCALISED = "mis-localised"
-    """It held itself to be somewhere else."""
+    """It localised at a node where it was not."""
     COLLISION = "collision"
-    """The controller touched things too often, or was blocked."""
+    """The controller collided too often, or was blocked."""
     NO_PATH = "no path"
-    """The map has no way to the goal."""
+    """The map has no path to the goal."""
     STEP_LIMIT = "step limit"
-    """It was just too slow."""
+    """It reached the step limit without another cause."""
 
 
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
-    """One episode and its verdict."""
+    """The result of one episode."""
 
     episode: int
     start: FrameId
-    """The image of the mapping drive at whose exact pose the robot was put down."""
+    """Image of the mapping drive at whose exact pose the robot started."""
     goal: FrameId
     """The goal image."""
     reached: bool
     """Within 0.72 m and 0.4 rad by the robot's own decision (paper)."""
     outcome: str
-    """How the robot says it ended, see `nav.events.Outcome`."""
+    """Outcome by the robot's own decision, see `navigation.events.Outcome`."""
     failure: FailureCause | None
     """None where the goal was reached."""
     trigger: FailureCause | None
-    """What went wrong first since all was last well; may differ from what cost most."""
+    """The first cause since the last correct localisation; may differ from the one with most steps."""
     steps: int
     collisions: int
     path_m: float
@@ -67,28 +67,28 @@ class EpisodeResult:
 
 @dataclass(frozen=True, slots=True)
 class MapTruthMetrics:
-    """A map against the simulator's truth."""
+    """The size of a map and its errors by the ground truth."""
 
     nodes: int
     edges: int
     """Directed ones."""
     spurious_edges: int
-    """Directed edges that nobody can drive."""
+    """Directed edges that are spurious."""
     pieces: int
-    """Parts between which no path leads there and back; 1 is what one wants."""
+    """Number of strongly connected components; 1 is ideal."""
     goals_connected: int
     """Goals that can be reached from most of the map."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapDrawing:
-    """What a figure of the map over the scene needs."""
+    """A map over the floor plan of its scene, for drawing."""
 
     origin: tuple[float, float]
     """x and y of the corner of the first cell, metres."""
     resolution_m: float
     free: tuple[str, ...]
-    """Rows from low y to high y, a character a cell: "." where a robot fits, "#" where not."""
+    """Rows from low y to high y, one character per cell: "." is navigable, "#" is not."""
     nodes: tuple[tuple[int, float, float, float], ...]
     """Node, exact x, y and yaw."""
     edges: tuple[tuple[int, int, float, bool], ...]
@@ -122,12 +122,12 @@ class TrialResult:
     """Time that the episodes took, over all processes."""
     version: str
     command: str
-    """What makes this result again."""
+    """Command that reproduces this result."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeCalibrationBin:
-    """Edges whose p lies in one bin, and how many of them can truly be driven."""
+    """Edges whose p is in one bin, and how many of them are drivable."""
 
     low: float
     high: float
@@ -149,7 +149,7 @@ class LifelongPoint:
 
 @dataclass(frozen=True, slots=True)
 class LifelongQuery:
-    """One query with maintenance and what it did to the map."""
+    """One query with maintenance and its changes of the map."""
 
     query: int
     reached: bool
@@ -157,19 +157,19 @@ class LifelongQuery:
     steps: int
     collisions: int
     pruned: int
-    """Edges that left the map,"""
+    """Edges that were pruned,"""
     pruned_bad: int
-    """and how many of them nobody can drive or the robot could not drive."""
+    """and how many of them are spurious or could not be driven by the robot."""
     added_nodes: int
     added_edges: int
     added_spurious: int
-    """Of the added edges, those that nobody can drive."""
+    """Added edges that are spurious."""
     nodes: int
     """In the map afterwards."""
     edges: int
     spurious_edges: int
     pruned_spurious: int = 0
-    """Of the pruned edges, those that nobody can drive."""
+    """Pruned edges that are spurious."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,7 @@ class LifelongResult:
 
 @dataclass(frozen=True, slots=True)
 class EvaluationResults:
-    """What one folder of results holds."""
+    """All results in one folder."""
 
     trials: tuple[TrialResult, ...] = ()
     lifelong: tuple[LifelongResult, ...] = ()
@@ -204,7 +204,7 @@ def save_results(path: Path, results: Any) -> None:
 
 
 def load_results(path: Path, kind: type) -> Any:
-    """Read what `save_results` wrote of that kind. Raises OptionError for a file that is none."""
+    """Read results of a kind that `save_results` wrote. Raises OptionError for any other file."""
     try:
         return _CONVERTER.structure(json.loads(path.read_text(encoding="utf-8")), kind)
     except OSError as error:

@@ -1,6 +1,6 @@
-"""What is to be tried: one method in one scene with one map seed, and where its files lie.
+"""Trial plans (one method in one scene with one map seed) and the paths of their files.
 
-Owns names and paths, and that results of one plan never mix with those of another. Runs nothing.
+Guarantees that results of different plans are never mixed. Runs nothing.
 """
 
 import json
@@ -44,16 +44,16 @@ class TrialPlan:
     protocol: EvaluationProtocol = field(default_factory=EvaluationProtocol)
 
     def __post_init__(self) -> None:
-        if strangers := set(self.parts_off) - set(method_parts()):
+        if unknown := set(self.parts_off) - set(method_parts()):
             raise OptionError(
-                f"There is no part {sorted(strangers)} to leave out; choose from: {', '.join(method_parts())}."
+                f"There is no part {sorted(unknown)} to leave out; choose from: {', '.join(method_parts())}."
             )
         if self.finetune_steps < 0 or self.seed < 0:
             raise OptionError(f"Seed and steps must be 0 or more, got {self.seed} and {self.finetune_steps}.")
 
     @property
     def finetuned(self) -> bool:
-        """Tell whether the network learns from the drive."""
+        """Whether the network is fine-tuned on the drive."""
         return bool(self.finetune_steps) and self.predictor == "network" and _FINE_TUNING not in self.parts_off
 
     @property
@@ -87,7 +87,7 @@ def open_planned_system(plan: TrialPlan, weights: Path, scene: Scene, *, maintai
 
 @dataclass(frozen=True, slots=True)
 class TrialFiles:
-    """Where the files of a plan lie: the drive is shared by all methods, the weights by all variations of one."""
+    """The paths of a plan's files: all methods share the drive, all variations of a method share its weights."""
 
     folder: Path
     """Of the scene and the seed."""
@@ -106,12 +106,12 @@ class TrialFiles:
 
     @property
     def drive_truth(self) -> Path:
-        """Where its images were truly taken."""
+        """The exact poses of its images."""
         return self.folder / "drive.json"
 
     @property
     def weights(self) -> Path:
-        """Weights that know the drive."""
+        """Weights fine-tuned on the drive."""
         return self.folder / f"{self.system}.safetensors"
 
     def map(self, queries: int = 0) -> Path:
@@ -144,7 +144,7 @@ class TrialFiles:
 
 
 def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
-    """Write down what the files of a plan are made by. Raises OptionError where others made them already.
+    """Write the settings of a plan beside its files. Raises OptionError if the files have other settings.
 
     How many episodes are run makes no difference: the first ones stay the same. The drive and the weights have a note
     of their own, because other methods use them too.

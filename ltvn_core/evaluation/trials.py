@@ -1,7 +1,7 @@
-"""Trials: many episodes with one map, in pieces that run side by side on any number of processes or machines.
+"""Runs trials (many episodes with one map) in batches, in parallel on any number of processes or machines.
 
-Owns the pieces and how they are put together. A piece that is done is a file; so an interrupted evaluation goes on
-where it stopped, on whatever machines share the folder.
+A finished batch is a file, so an interrupted evaluation continues where it stopped, on all machines that share the
+folder.
 """
 
 import time
@@ -28,29 +28,29 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training.system_fine_tuning import render_training_scenes
 
 EPISODES_PER_BATCH = 25
-"""Episodes in a piece: small enough to share work out evenly and to lose little, large enough to load a map for."""
+"""Episodes in a batch: few are lost by an interruption, and the map is not loaded too often."""
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluationProgress:
-    """Whom to tell how far it is."""
+    """Callbacks for the progress of an evaluation."""
 
     maps_ready: Callable[[int], object]
-    """Hears how many maps there are."""
+    """Called with the number of maps that are ready."""
     work_done: Callable[[int], object]
-    """Hears how many more episodes, or queries, are done."""
+    """Called with the number of further episodes or queries that are done."""
 
 
 @dataclass(frozen=True, slots=True)
 class EpisodeBatch:
-    """Some episodes, done."""
+    """The results of a batch of episodes."""
 
     episodes: tuple[EpisodeResult, ...]
     wall_s: float
 
 
 def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
-    """Load the map after so many queries, with its scene and network."""
+    """Load the map after a number of queries, with its scene and network."""
     scene = load_scene(plan.scene)
     weights = finetuned_weights(plan, files)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
@@ -61,7 +61,7 @@ def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
 def run_episode_batch(
     plan: TrialPlan, files: TrialFiles, queries: int, first: int, episodes: Sequence[EpisodePlan]
 ) -> int:
-    """Run episodes, numbered from `first`, with the map after so many queries; return how many there were."""
+    """Run episodes, numbered from `first`, with the map after a number of queries; return their number."""
     path = files.episodes(queries, first, first + len(episodes))
     if not path.exists():
         started = time.monotonic()
@@ -75,13 +75,13 @@ def run_episode_batch(
 
 
 def episode_rng(seed: int, episode: int) -> np.random.Generator:
-    """Return the dice of one episode."""
+    """Return the random generator of one episode."""
     return np.random.default_rng([seed, 3, episode])
 
 
 @lru_cache(maxsize=1)
 def cached_runner(plan: TrialPlan, files: TrialFiles, queries: int) -> EpisodeRunner:
-    """Return the course of a frozen map, kept between pieces; its map must not be changed."""
+    """Return the runner of a frozen map, cached between batches; its map must not be changed."""
     return open_runner(plan, files, queries)
 
 
@@ -94,22 +94,22 @@ def run_trials(
     parallel: Workers,
     progress: EvaluationProgress,
 ) -> list[TrialResult]:
-    """Run the static test of several plans, with one scene and seed each; what is done already is only read.
+    """Run the static test of several plans, one scene and seed each; existing results are only read.
 
-    Raises OptionError where the folder holds results of other settings, and the errors of the parts.
+    Raises OptionError if the folder has results of other settings.
     """
     jobs = prepare_all(plans, folder, parallel, progress)
     for done in parallel(batch for plan, files in jobs for batch in episode_batch_jobs(plan, files, 0, episodes)):
         progress.work_done(done)
     list(parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in jobs))
-    # Read back, because pieces of work come back in any order.
+    # Read from the files, because batches finish in any order.
     return [load_results(files.trial(episodes), TrialResult) for _, files in jobs]
 
 
 def prepare_all(
     plans: Sequence[TrialPlan], folder: Path, parallel: Workers, progress: EvaluationProgress
 ) -> list[tuple[TrialPlan, TrialFiles]]:
-    """Make drives, weights and maps side by side; raises as `run_trials`."""
+    """Create drives, weights and maps in parallel; raises as `run_trials`."""
     jobs = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
     for plan, files in jobs:
         claim_files(plan, files)
@@ -124,19 +124,19 @@ def prepare_all(
 
 
 def episode_batch_jobs(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int) -> Iterator[Any]:
-    """Yield the pieces of the static test with the map after so many queries, for `joblib.Parallel`."""
+    """Yield the batches of the static test with the map after a number of queries, for `joblib.Parallel`."""
     drawn = prepare(plan, files).episodes(episodes, plan.seed)
     for first, until in _batch_ranges(episodes):
         yield delayed(run_episode_batch)(plan, files, queries, first, drawn[first:until])
 
 
 def _batch_ranges(episodes: int) -> list[tuple[int, int]]:
-    """Return the first episode of each piece, and the one after its last."""
+    """Return the first episode of each batch, and the one after its last."""
     return [(first, min(first + EPISODES_PER_BATCH, episodes)) for first in range(0, episodes, EPISODES_PER_BATCH)]
 
 
 def _finish(plan: TrialPlan, files: TrialFiles, episodes: int, command: str) -> None:
-    """Keep the result of the static test as a file."""
+    """Save the result of the static test."""
     if not files.trial(episodes).exists():
         keep_drawing(plan, files, 0)
         save_results(files.trial(episodes), finish_trial(plan, files, 0, episodes, command))
@@ -150,7 +150,7 @@ def keep_drawing(plan: TrialPlan, files: TrialFiles, queries: int) -> None:
 
 
 def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
-    """Put the pieces together and look at the map."""
+    """Combine the batches, and add the metrics of the map."""
     paths = [files.episodes(queries, first, until) for first, until in _batch_ranges(episodes)]
     batches: list[EpisodeBatch] = [load_results(path, EpisodeBatch) for path in paths]
     runner = cached_runner(plan, files, queries)

@@ -1,7 +1,6 @@
-"""Where work runs: on the cores of this machine, or on a cluster that a person has already.
+"""Workers of an evaluation: the cores of this machine, or an existing Ray or Dask cluster, through joblib.
 
-Owns how joblib is told about it. Files are the only thing that pieces of work share, so on a cluster the folder of the
-evaluation must be one that all machines see, at the same path.
+Jobs share nothing but files, so on a cluster the folder of the evaluation must have the same path on all machines.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -13,7 +12,7 @@ from joblib import Parallel, cpu_count, parallel_config
 from ltvn_core.errors import OptionError
 
 Workers: TypeAlias = Callable[[Iterable[Any]], Iterable[Any]]
-"""Runs joblib's delayed calls, and hands their results back as they come, in any order."""
+"""Runs joblib's delayed calls and yields their results in any order."""
 
 
 @contextmanager

@@ -1,1 +1,1 @@
-"""The network and its training. The only home of torch."""
+"""The neural network and its training. No other package imports torch."""

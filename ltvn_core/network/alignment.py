@@ -1,7 +1,4 @@
-"""Rigid alignment of matched points on the floor plane: closed form, batched, differentiable.
-
-Owns the weighted SE(2) Procrustes step. Where the matches come from is the pair head's business.
-"""
+"""Weighted rigid alignment of points in the floor plane (SE(2) Procrustes): closed form, batched, differentiable."""
 
 from typing import NamedTuple
 
@@ -10,7 +7,7 @@ from torch import Tensor
 
 
 class PlanarMotion(NamedTuple):
-    """A motion on the floor for each of P pairs: where the target stands in the source's frame."""
+    """A rigid motion in the floor plane for each of P pairs: the pose of the target in the source's frame."""
 
     shift: Tensor
     """(P, 2) metres."""
@@ -20,13 +17,13 @@ class PlanarMotion(NamedTuple):
     """(P,)"""
 
     def apply(self, points: Tensor) -> Tensor:
-        """Carry points (P, N, 3) from the target's frame into the source's."""
+        """Transform points (P, N, 3) from the target's frame to the source's."""
         cos, sin = self.cos[:, None], self.sin[:, None]
         x, y, z = points.unbind(-1)
         return torch.stack([cos * x - sin * y + self.shift[:, :1], sin * x + cos * y + self.shift[:, 1:], z], dim=-1)
 
     def inverse(self) -> "PlanarMotion":
-        """Return where the source stands in the target's frame."""
+        """Return the inverse motion: the pose of the source in the target's frame."""
         x, y = self.shift.unbind(-1)
         return PlanarMotion(
             torch.stack([-self.cos * x - self.sin * y, self.sin * x - self.cos * y], -1), self.cos, -self.sin
@@ -42,7 +39,7 @@ class PlanarMotion(NamedTuple):
 
 
 def align(source: Tensor, target: Tensor, weights: Tensor) -> PlanarMotion:
-    """Return the motion that lays target points (P, N, 3) onto source points (P, N, 3) with the least squared error.
+    """Return the motion that maps target points (P, N, 3) to source points (P, N, 3) with the least squared error.
 
     Heights are ignored: camera and robot stay level. Weights (P, N) are not negative; where they all vanish the
     motion is the identity.

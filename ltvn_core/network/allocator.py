@@ -1,7 +1,7 @@
-"""Keeps freed memory in the process: asking the system for it again costs a fifth of a step or of a search.
+"""Keeps freed memory in the process, because returning it to the system costs a fifth of a training step or search.
 
-A step frees and takes arrays of about ten megabytes again and again. The C library gives such blocks back to the system
-at once, and every page of the next block is then cleared anew.
+A step frees and allocates arrays of about ten megabytes again and again. By default glibc returns such blocks to the
+system at once, and the kernel must clear every page of the next block.
 """
 
 import ctypes
@@ -19,7 +19,7 @@ _LARGEST_ON_HEAP = 32 * 2**20
 
 
 def retain_freed_memory() -> bool:
-    """Let the process keep what it frees; return whether the C library (glibc) can do so."""
+    """Let the process keep freed memory; return whether the C library supports it (glibc does)."""
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):

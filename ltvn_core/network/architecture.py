@@ -1,7 +1,4 @@
-"""The sizes of the networks: a frozen description for each family, which travels with weights and rebuilds the modules.
-
-Owns the numbers that must match between training and use. Knows nothing of training, files or images.
-"""
+"""The layer sizes of the networks: a frozen description per family, stored with the weights to rebuild the modules."""
 
 from dataclasses import dataclass
 from math import radians
@@ -35,9 +32,9 @@ class PairArchitecture:
     descriptor: int = 64
     """Width of the unit vectors that are matched between two images."""
     value: int = 32
-    """Width of what a token tells its match."""
+    """Width of the value vector that a token passes to its match."""
     place: int = 64
-    """Width of the per-image vectors that sort out hopeless pairs cheaply."""
+    """Width of the per-image vectors whose product is a cheap score for a pair."""
     hidden: int = 64
     """Width of the pair head's per-token layers."""
 

@@ -1,8 +1,7 @@
-"""What training, mining, prediction and files need of a network, whatever it looks like inside.
+"""The base class of all networks: what training, mining, prediction and files need, and the calibration of r.
 
-Owns the contract and what all networks share: the calibration of reachability. The networks are in
-`ltvn_core.network.pair_network` and `ltvn_core.network.stacked_network`; what a network lacks is absent by default
-here.
+The networks are in `ltvn_core.network.pair_network` and `ltvn_core.network.stacked_network`. Optional parts (cheap
+scores, auxiliary losses) are absent by default.
 """
 
 from abc import abstractmethod
@@ -18,7 +17,7 @@ from ltvn_core.network.prefilter import PrefilterScores
 
 
 class ComparedBatch(NamedTuple, Generic[FeaturesT]):
-    """B images of a training step and P pairs of them, with what is known to be true."""
+    """B images of a training step and P pairs of them, with predictions and ground truth."""
 
     features: FeaturesT
     """Of the B images."""
@@ -27,7 +26,7 @@ class ComparedBatch(NamedTuple, Generic[FeaturesT]):
     target_features: FeaturesT
     """and of the P targets."""
     output: PairOutput
-    """What the network says of the pairs."""
+    """Predictions of the network for the pairs."""
     waypoints: Tensor
     """(P, 3) true dx, dy, dtheta."""
     same_scene: Tensor
@@ -49,7 +48,7 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
     @property
     @abstractmethod
     def size(self) -> AnyArchitecture:
-        """Return the widths of the layers; they travel with the weights."""
+        """Layer sizes, which are stored with the weights."""
 
     @property
     @abstractmethod
@@ -73,7 +72,7 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
         """Return (B, B) cheap logits of reachability from each image to each; all 0 where the network has none."""
 
     def prefilter_scores(self, source: Tensor, targets: Tensor) -> PrefilterScores | None:
-        """Look quickly from one source row (1, F) at target rows (T, F); None where the network cannot."""
+        """Return cheap scores of one source row (1, F) with target rows (T, F); None if the network has none."""
         return None
 
     def auxiliary_losses(self, compared: ComparedBatch[FeaturesT]) -> dict[str, Tensor]:

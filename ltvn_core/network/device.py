@@ -1,7 +1,4 @@
-"""Chooses where a network learns, the processors or a graphics card, and says so.
-
-Owns the choice and the way of arrays to the chosen device. Navigation itself always runs on the processors.
-"""
+"""Chooses the device for training (GPU or CPU), logs it, and moves arrays to it. Navigation always runs on the CPU."""
 
 import logging
 
@@ -16,12 +13,12 @@ CPU = torch.device("cpu")
 
 
 def gpu_count() -> int:
-    """Return how many graphics cards torch can use."""
+    """Return the number of GPUs that torch can use."""
     return torch.cuda.device_count() if torch.cuda.is_available() else 0
 
 
 def choose_device(rank: int = 0) -> torch.device:
-    """Return the graphics card of a process where there is one, else the processors, and make it torch's default."""
+    """Return the GPU of a process if there is one, else the CPU, and make it torch's default device."""
     if gpu_count() == 0:
         log.info("learning on the processors, %d threads per process", torch.get_num_threads())
         return CPU
@@ -33,10 +30,10 @@ def choose_device(rank: int = 0) -> torch.device:
 
 
 def device_of(network: nn.Module) -> torch.device:
-    """Return where a network's weights are."""
+    """Return the device of a network's weights."""
     return next(network.parameters()).device
 
 
 def to_tensor(array: NDArray[np.generic], device: torch.device = CPU) -> Tensor:
-    """Return an array as a tensor on a device; on the processors they share their memory."""
+    """Return an array as a tensor on a device; on the CPU they share memory."""
     return torch.from_numpy(np.ascontiguousarray(array)).to(device)

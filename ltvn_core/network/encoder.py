@@ -1,7 +1,4 @@
-"""The per-image half of the network: an RGB-D image becomes 108 tokens that know where they are in space.
-
-Owns the layers and the unprojection of depth. Does not compare images.
-"""
+"""The encoder: turns one RGB-D image into 108 tokens with 3D positions. Does not compare images."""
 
 import torch
 from torch import Tensor, nn
@@ -12,14 +9,14 @@ from ltvn_core.network.architecture import DEPTH_STRIDE, NETWORK_CAMERA, STRIDE,
 from ltvn_core.network.image_features import ImageFeatures
 
 KEYPOINT_STEP = 2
-"""A token chooses its surface point among every second pixel of its 8 x 8 cell."""
+"""The surface point of a token is chosen among every second pixel of its 8 x 8 cell."""
 
 FARTHEST_DEPTH_M = 10.0
-"""Depth beyond this says nothing more."""
+"""Depth is clipped to this."""
 
 
 def conv_block(inputs: int, outputs: int, *, stride: int = 1, kernel: int = 3) -> nn.Sequential:
-    """Return convolution, batch normalisation and rectifier."""
+    """Return a convolution with batch normalisation and ReLU."""
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
         nn.BatchNorm2d(outputs),
@@ -28,7 +25,7 @@ def conv_block(inputs: int, outputs: int, *, stride: int = 1, kernel: int = 3) -
 
 
 class ResidualBlock(nn.Module):
-    """Two convolutions beside a short cut."""
+    """Two convolutions with a skip connection."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -119,7 +116,7 @@ class Encoder(nn.Module):
         return image.contiguous(memory_format=torch.channels_last)
 
     def places(self, tokens: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the unit vectors (B, P) for source and target use, pooled over six columns of the image."""
+        """Return the unit vectors (B, P) of the place score, as source and as target, pooled over six image columns."""
         rows, columns = self.size.grid
         strips = tokens.reshape(len(tokens), rows, 6, columns // 6, -1).mean(dim=(1, 3))
         query, key = self.place(strips.flatten(1)).float().chunk(2, dim=-1)
@@ -128,7 +125,8 @@ class Encoder(nn.Module):
     def surface_points(self, logits: Tensor, depth: Tensor) -> Tensor:
         """Return (B, T, 3): each token's point, a soft choice (B, T, 16) among its cell's pixels that have depth.
 
-        Averaging depth over a cell would put points into thin air at edges; a choice can learn not to.
+        An average of the depths in a cell would lie between foreground and background at edges; a soft choice can avoid
+        that.
         """
         half = KEYPOINT_STEP // 2
         sparse = depth[:, None, half::KEYPOINT_STEP, half::KEYPOINT_STEP]

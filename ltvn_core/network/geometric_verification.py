@@ -1,7 +1,7 @@
-"""Checks a proposed motion against the two depth images: do both views of the world fit together?
+"""Geometric verification: measures how well two depth images agree under a proposed motion.
 
-Look-alike places give matching descriptors, but rarely matching geometry: seen through the proposed motion, surfaces
-of one image stand in the free space of the other. Owns these measures; how they are weighed is learned elsewhere.
+Perceptual aliases have matching descriptors, but rarely matching geometry: transformed by the proposed motion, surfaces
+of one image lie in the free space of the other. The pair head learns how to weigh the measures.
 """
 
 import torch
@@ -16,11 +16,11 @@ MEASURE_COUNT = 12
 
 ROBOT_LOW_M = 0.06
 ROBOT_HIGH_M = 0.7
-"""Surfaces between these heights above the floor stand in a robot's way."""
+"""Surfaces between these heights above the floor are obstacles for the robot."""
 
 
 class GeometricVerification(nn.Module):
-    """Measures how two coarse depth images agree under a motion. Has no weights."""
+    """Measures the agreement of two coarse depth images under a motion. Has no trainable weights."""
 
     rays: Tensor
     """(3, G) on the coarse grid."""
@@ -35,7 +35,7 @@ class GeometricVerification(nn.Module):
 
     @torch.no_grad()
     def forward(self, source_depth: Tensor, target_depth: Tensor, motion: PlanarMotion) -> Tensor:
-        """Return (P, MEASURES) for depths (P, G) and the target's place in the source's frame."""
+        """Return the measures (P, MEASURE_COUNT) for depths (P, G) and the motion from source to target."""
         source, target = source_depth[..., None] * self.rays.T, target_depth[..., None] * self.rays.T
         there = motion.apply(target)
         back = motion.inverse()
@@ -57,7 +57,7 @@ class GeometricVerification(nn.Module):
         )
 
     def agreement(self, points: Tensor, valid: Tensor, depth: Tensor) -> Tensor:
-        """Return (P, 4): shares of points (P, G, 3) that fit, float in free space, are hidden, or lie out of view."""
+        """Return the shares (P, 4) of points (P, G, 3) that fit, are in free space, occluded, or out of view."""
         pixel, inside = self.project(points)
         inside = inside & valid
         seen = torch.gather(depth, 1, pixel)
@@ -69,7 +69,7 @@ class GeometricVerification(nn.Module):
         return torch.stack([share.sum(-1) / count for share in shares], dim=-1)
 
     def project(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the coarse pixel (P, G) in which each point appears and whether it does."""
+        """Return the coarse pixel (P, G) of each point, and whether the point is in the image."""
         ahead = points[..., 0] > 0.05
         distance = torch.where(ahead, points[..., 0], torch.ones_like(points[..., 0]))
         focal = self.camera.fx / DEPTH_STRIDE
@@ -80,7 +80,7 @@ class GeometricVerification(nn.Module):
         return pixel.long(), inside
 
     def room_ahead(self, depth: Tensor, motion: PlanarMotion) -> Tensor:
-        """Return (P, 1): how far the source sees past the target's place, in its direction, at camera height."""
+        """Return by how many metres (P, 1) the source sees past the target's position, at the height of the camera."""
         eye = torch.cat([motion.shift, torch.zeros_like(motion.shift[:, :1])], dim=-1)[:, None]
         pixel, inside = self.project(eye)
         column = (pixel[:, 0] % self.columns)[:, None, None].expand(-1, 3, 1)
@@ -90,7 +90,7 @@ class GeometricVerification(nn.Module):
         return torch.where(inside[:, 0], room, torch.full_like(room, -1))[:, None]
 
     def clearance(self, points: Tensor, valid: Tensor, motion: PlanarMotion) -> Tensor:
-        """Return (P,): metres between the straight way to the target and the nearest thing seen in it, at most 0.6."""
+        """Return the distance (P,) in metres from the straight line to the nearest visible obstacle, at most 0.6."""
         height = points[..., 2] + self.camera.height_m
         solid = valid & (height > ROBOT_LOW_M) & (height < ROBOT_HIGH_M)
         way = motion.shift[:, None]

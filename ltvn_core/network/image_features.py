@@ -1,7 +1,6 @@
-"""What a network keeps of one image, and how that becomes one row of numbers and back.
+"""The features of images, and their conversion to one row of numbers per image and back.
 
-Owns the layout of the feature rows of `PairNetwork`, and what holds for the rows of every network. Does not know how
-features are made or compared.
+Defines the layout of the feature rows of `PairNetwork`, and the functions for the rows of every network.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +13,7 @@ from ltvn_core.network.architecture import PairArchitecture
 
 
 class EncodedImages(Protocol):
-    """What every network keeps of B images: a named tuple of tensors whose first axis is the image."""
+    """The features of B images of any network: a named tuple of tensors whose first axis is the image."""
 
     def __iter__(self) -> Iterator[Tensor]:
         """Yield the tensors in the order in which a row holds them."""
@@ -37,23 +36,23 @@ class ImageFeatures(NamedTuple):
     descriptors: Tensor
     """(B, T, D) unit vectors, matched between images."""
     unmatched: Tensor
-    """(B, T) how readily a token says that it has no match."""
+    """(B, T) logit of a token that it has no match."""
     saliency: Tensor
-    """(B, T) logit of how far a token's match is to be trusted."""
+    """(B, T) logit of the weight of a token's match."""
     values: Tensor
-    """(B, T, V) what a token tells its match."""
+    """(B, T, V) value vector that a token passes to its match."""
     points: Tensor
-    """(B, T, 3) where the token's surface point is; all zero where depth is missing."""
+    """(B, T, 3) surface point of the token; all zero where depth is missing."""
     depth: Tensor
     """(B, G) metres on a coarse grid; 0 where depth is missing."""
     place_query: Tensor
-    """(B, P) unit vector: where could one go from here."""
+    """(B, P) unit vector of the image as source of an edge."""
     place_key: Tensor
-    """(B, P) unit vector: from where could one come here."""
+    """(B, P) unit vector of the image as target of an edge."""
 
     def take(self, rows: Tensor) -> "ImageFeatures":
         """Return the features of the given images (N,)."""
-        return ImageFeatures(*(part[rows] for part in self))
+        return self._make([part[rows] for part in self])
 
 
 def pack(features: EncodedImages) -> Tensor:
@@ -75,7 +74,9 @@ def unpack(rows: Tensor, architecture: PairArchitecture) -> ImageFeatures:
     """Return the features held in (B, F) rows, as float32."""
     parts = torch.split(rows, _lengths(architecture), dim=1)
     shapes = _shapes(architecture)
-    return ImageFeatures(*(part.float().reshape(len(rows), *shape) for part, shape in zip(parts, shapes, strict=True)))
+    return ImageFeatures._make(
+        [part.float().reshape(len(rows), *shape) for part, shape in zip(parts, shapes, strict=True)]
+    )
 
 
 def row_length(architecture: PairArchitecture) -> int:

@@ -1,6 +1,6 @@
-"""What training minimises: Eq. 1 of the paper, and two auxiliary terms of ours that make the matching learn fast.
+"""The training loss: Eq. 1 of the paper, and two auxiliary terms of ours that speed up the learning of matches.
 
-Owns the terms. Their weights come from `ltvn_core.network.optimization.training_loop.TrainingPlan`.
+The weights of the terms are in `ltvn_core.network.optimization.hyperparameters.Hyperparameters`.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from ltvn_core.network.image_features import ImageFeatures
 from ltvn_core.network.pair_head import TokenMatching
 
 _OPPOSITE_COS = -0.17
-"""Views turned by more than about 100 degrees share no surface: what comes near in space is the wall's other side."""
+"""Images turned by more than about 100 degrees share no surface: close points are on opposite sides of a wall."""
 
 
 def pair_loss(
@@ -33,7 +33,7 @@ def pair_loss(
 
 
 class TokenCorrespondence(NamedTuple):
-    """Which tokens of P pairs truly show the same surface."""
+    """The tokens of P pairs that show the same surface, by the ground truth."""
 
     pair: Tensor
     """(M,) rows of the matched token pairs,"""
@@ -51,9 +51,9 @@ class TokenCorrespondence(NamedTuple):
 def true_correspondence(
     source: ImageFeatures, target: ImageFeatures, waypoints: Tensor, same_scene: Tensor
 ) -> TokenCorrespondence:
-    """Find, from the true waypoints (P, 3), the tokens that are each other's nearest and near enough in space.
+    """Return the tokens that are mutual nearest neighbours and close enough in space, from true waypoints (P, 3).
 
-    Tokens in between (near, but not the nearest) are neither matched nor lonely.
+    Tokens in between (near, but not the nearest) are neither matched nor unmatched.
     """
     cos, sin = torch.cos(waypoints[:, 2]), torch.sin(waypoints[:, 2])
     there = PlanarMotion(waypoints[:, :2], cos, sin).apply(target.points)

@@ -1,6 +1,6 @@
-"""Which networks there are: from the name of a family to its sizes and its modules.
+"""The registry of network families: from a name to layer sizes and modules.
 
-Owns the list. Adding a family means a description in `architecture`, a `Network`, and one line here.
+A new family needs a description in `architecture`, a subclass of `BaseNetwork`, and one line here.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ def build_network(size: AnyArchitecture) -> AnyNetwork:
 
 
 def default_architecture(family: str) -> AnyArchitecture:
-    """Return the sizes that a family has unless told otherwise. Raises WeightsError for a family nobody knows."""
+    """Return the default sizes of a family. Raises WeightsError for an unknown family."""
     if family not in _ARCHITECTURES:
         raise WeightsError(f"made for the architecture {family!r}; this version knows {', '.join(NETWORK_FAMILIES)}.")
     return _ARCHITECTURES[family]()

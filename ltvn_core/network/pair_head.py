@@ -1,8 +1,8 @@
-"""The pair half of the network: two images' features become reachability and waypoint.
+"""The pair head: predicts reachability and waypoint from the features of two images.
 
-Tokens are matched both ways, the matches are aligned rigidly on the floor, the matching is done again with what the
-alignment says about space, and everything that came of it (matched mass, residuals, agreement of the depth images)
-goes into the last layers. Owns these layers; loss and calibration live elsewhere.
+Tokens are matched in both directions and the matches aligned rigidly on the floor. They are matched again, with a
+penalty for the residual of that alignment. The last layers get the matched mass, the residuals and the agreement of the
+depth images.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from ltvn_core.network.image_features import ImageFeatures
 class TokenMatching(NamedTuple):
     """A soft assignment between T source and T target tokens, with "no match" on both sides.
 
-    Unit vectors bound the scores, so their exponentials are kept as they are, without the usual detour by logarithms.
+    Scores of unit vectors are bounded, so their exponentials cannot overflow and no log-sum-exp is needed.
     """
 
     strength: Tensor
@@ -39,14 +39,14 @@ class TokenMatching(NamedTuple):
 
 
 class PairOutput(NamedTuple):
-    """What the head says of P pairs."""
+    """Predictions for P pairs."""
 
     logit: Tensor
     """(P,) of reachability."""
     pose: Tensor
     """(P, 4): dx, dy, sin, cos; sine and cosine are not normalised."""
     matching: TokenMatching | None = None
-    """The first matching, which knows nothing of space yet; training supervises it. None where nothing is matched."""
+    """The first matching, by descriptors only; training supervises it. None in networks without matching."""
 
 
 class PairHead(nn.Module):
@@ -93,7 +93,7 @@ class PairHead(nn.Module):
         return PairOutput(logit, trust * motion.numbers() + (1 - trust) * numbers[:, 2:], first)
 
     def match(self, source: ImageFeatures, target: ImageFeatures) -> TokenMatching:
-        """Match descriptors; each side may also decline."""
+        """Match descriptors; a token may also have no match."""
         scores = (source.descriptors * self.sharpness) @ target.descriptors.transpose(1, 2)
         strength = torch.exp(scores - self.sharpness.abs())
         declined = (torch.exp(side.unmatched - self.sharpness.abs()) for side in (source, target))
@@ -102,7 +102,7 @@ class PairHead(nn.Module):
     def match_in_space(
         self, first: TokenMatching, source: ImageFeatures, target: ImageFeatures, motion: PlanarMotion
     ) -> TokenMatching:
-        """Match again, weaker for pairs of tokens that the motion leaves apart.
+        """Match again, with a penalty for tokens that are apart under the motion.
 
         The tolerance grows with distance, as a token covers more surface there.
         """
@@ -143,7 +143,7 @@ class PairHead(nn.Module):
 
 
 def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched: Tensor) -> TokenMatching:
-    """Return the matching in which strengths (P, T, T) compete with each side's "no match" (P, T)."""
+    """Return the matching of strengths (P, T, T) normalised with the "no match" (P, T) of each side."""
     rows, columns = strength.sum(2) + row_unmatched, strength.sum(1) + column_unmatched
     return TokenMatching(
         strength=strength,

@@ -1,7 +1,4 @@
-"""The network that aligns pairs: encoder, pair head and the cheap place score.
-
-Owns how the parts are put together. Training, files and numpy are elsewhere.
-"""
+"""The pair network: encoder, pair head and a cheap place score, combined."""
 
 import torch
 from torch import Tensor, nn

@@ -1,6 +1,6 @@
-"""The network as the rest of the program sees it: numpy in, numpy out, deterministic, bounded memory.
+"""The predictor: a network with numpy arrays as inputs and outputs, deterministic and in bounded memory.
 
-Owns batching, validation and the prefilter for one source against many targets. Implements `types.Predictor`.
+Adds batching, checks of the input, and the prefilter for one source with many targets. Implements `types.Predictor`.
 """
 
 import os
@@ -27,7 +27,7 @@ PREFILTER_FROM = 200
 """A single source with at least this many targets is compared in full with the most similar ones alone."""
 
 PREFILTER_KEEP = 96
-"""So many of the targets are compared in full."""
+"""Number of targets that are compared in full then."""
 
 _IMAGES_AT_ONCE = 64
 _PAIRS_AT_ONCE = 256

@@ -1,6 +1,6 @@
-"""Which of many targets are worth a full comparison with one source: a quick look at a few of their tokens.
+"""The prefilter: a cheap score of one source with many targets, from a few of their tokens.
 
-Owns this rough score. It says how much of the source seems to appear in a target at all, whatever the geometry.
+It estimates how much of the source appears in a target, without geometry.
 """
 
 from typing import NamedTuple
@@ -12,19 +12,19 @@ from ltvn_core.network.architecture import PairArchitecture
 from ltvn_core.network.image_features import ImageFeatures
 
 SOURCE_TOKENS = 32
-"""So many of the source's tokens are looked for, those that most readily find a match."""
+"""Number of source tokens that are matched, those with the lowest score of having no match."""
 
 TARGET_STEP = 2
-"""They are looked for among every second token of each second row of the targets."""
+"""They are matched with every second token of every second row of the targets."""
 
 
 class PrefilterScores(NamedTuple):
-    """What a quick look says of one source and each of T targets."""
+    """Cheap scores of one source with each of T targets."""
 
     logit: Tensor
     """(T,) rough logits of reachability."""
     similarity: Tensor
-    """(T,) how much is to be gained from a full comparison."""
+    """(T,) score by which targets are chosen for a full comparison."""
 
 
 def coarse_descriptors(rows: Tensor, size: PairArchitecture) -> Tensor:
@@ -35,7 +35,7 @@ def coarse_descriptors(rows: Tensor, size: PairArchitecture) -> Tensor:
 
 
 def similarity(source: ImageFeatures, targets: Tensor, sharpness: Tensor) -> Tensor:
-    """Return (N,): the share of one source's surest tokens that seem to appear in targets (N, M, D)."""
+    """Return the share (N,) of the best tokens of one source that appear in targets (N, M, D)."""
     surest = source.unmatched[0].topk(min(SOURCE_TOKENS, source.unmatched.shape[1]), largest=False)
     likeness = source.descriptors[0, surest.indices] @ targets.flatten(0, 1).T
     best = likeness.reshape(len(surest.indices), *targets.shape[:2]).amax(2)

@@ -1,7 +1,7 @@
-"""The plain network to compare with: a residual convolutional network over both images, stacked along the channels.
+"""The stacked network, for comparison: a residual network over both images, stacked along the channels.
 
-Owns its layers and its feature rows, which are the images themselves: nothing is shared between pairs, so every pair
-costs a full pass. It has no token matches and no cheap score; Eq. 1 is all that it learns from.
+Its feature rows are the images themselves, so every pair costs a full forward pass. It has neither token matches nor a
+cheap score, and is trained with Eq. 1 alone.
 """
 
 from itertools import pairwise
@@ -19,7 +19,7 @@ _PIXELS = NETWORK_CAMERA.height * NETWORK_CAMERA.width
 
 
 class StackedFeatures(NamedTuple):
-    """B images as they came."""
+    """B images without any encoding."""
 
     rgb: Tensor
     """(B, 3, H, W) in [0, 1]"""
@@ -37,7 +37,7 @@ class StackedFeatures(NamedTuple):
 
 
 class StackedNetwork(BaseNetwork[StackedFeatures]):
-    """Takes the 8 channels of source and target to the logit of reachability and the waypoint."""
+    """Maps the 8 channels of source and target to the logit of reachability and the waypoint."""
 
     def __init__(self, size: StackedArchitecture | None = None) -> None:
         super().__init__()

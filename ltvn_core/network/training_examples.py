@@ -1,6 +1,6 @@
-"""Training examples and how a step's batch is drawn from them: each image encoded once, used in several pairs.
+"""Training examples, and the sampling of batches: each image is encoded once and used in several pairs.
 
-Owns the choice of images and pairs. Where examples come from (shards, recordings) is said by the Protocol alone.
+Examples come in through a Protocol, from shards or recordings.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from ltvn_core.geometry import relative
 from ltvn_core.types import Pose, Waypoint
 
 DISTANCE_BINS_M = np.array([0.25, 0.5, 0.8, 1.1, 1.4, 1.8, 2.2])
-"""Borders of the distances over which positives are evened out."""
+"""Borders of the bins of distance over which positives are balanced."""
 
 
 class SceneExamples(Protocol):
@@ -63,7 +63,7 @@ class TrainingBatch(NamedTuple):
 
 
 class HardNegative(NamedTuple):
-    """Two far images that the network took for neighbours."""
+    """A far pair that the network predicted as reachable."""
 
     scene: int
     source: int
@@ -71,7 +71,7 @@ class HardNegative(NamedTuple):
 
 
 class BatchSampler:
-    """All scenes' examples, ready to draw batches from."""
+    """Draws batches from the examples of all scenes."""
 
     def __init__(self, scenes: Sequence[SceneExamples], *, evened: bool = True) -> None:
         self.scenes = scenes
@@ -90,7 +90,7 @@ class BatchSampler:
         pairs_per_group: int,
         confusions: Sequence[HardNegative] = (),
     ) -> TrainingBatch:
-        """Draw about `groups` clusters, and from each the given number of labelled pairs, positives evened by distance.
+        """Draw about `groups` clusters, and the given number of labelled pairs from each, balanced over distance.
 
         Every second cluster is joined to the one before by a labelled pair across the two. The clusters of each
         confusion (both ends) come on top, and the confusion is one of the pairs.
@@ -160,7 +160,7 @@ def _rows_by_group(group: NDArray[np.int32], scene: SceneExamples) -> list[NDArr
 
 
 def _pair_weights(scenes: Sequence[SceneExamples], within: Sequence[NDArray[np.bool_]]) -> list[NDArray[np.float64]]:
-    """Return each pair's weight: reachable pairs count evenly over distance, and as much as all others together."""
+    """Return the weight of each pair: reachable pairs uniform over distance, and together as much as all others."""
     bins = []
     for scene in scenes:
         waypoints = relative(scene.poses[scene.sources], scene.poses[scene.targets])

@@ -1,7 +1,4 @@
-"""Weights on disk: one safetensors file and a card beside it that says where they come from.
-
-Owns the file format and the fingerprint. Never unpickles anything.
-"""
+"""Weights on disk: a safetensors file with a model card beside it. Nothing is unpickled."""
 
 import hashlib
 import json
@@ -28,10 +25,10 @@ SHIPPED_STACKED_WEIGHTS = SHIPPED_WEIGHTS.with_name("stacked.safetensors")
 """and those of the plain network, for comparison only."""
 
 SHIPPED_BASELINE_WEIGHTS = {name: SHIPPED_WEIGHTS.with_name(f"{name}.safetensors") for name in ("sptm", "ving")}
-"""Weights that learned the labels of the rivals SPTM and ViNG, see `ltvn baseline`."""
+"""Weights that learned the labels of the baselines SPTM and ViNG, see `ltvn baseline`."""
 
 SCHEMA = "ltvn-weights-1"
-"""Name of the file format; another one is refused."""
+"""Name of the file format; files of another format are refused."""
 
 
 def save_weights(network: AnyNetwork, path: Path, card: Mapping[str, Any] | None = None) -> str:
@@ -56,7 +53,7 @@ def save_weights(network: AnyNetwork, path: Path, card: Mapping[str, Any] | None
 
 
 def load_weights(path: Path) -> AnyNetwork:
-    """Rebuild a network. Raises WeightsError for files that are missing, cut, foreign or of an unknown family."""
+    """Load a network. Raises WeightsError for a file that is missing, truncated, or of another format or family."""
     if not path.is_file():
         raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
     try:
@@ -83,7 +80,7 @@ def weights_fingerprint(path: Path) -> str:
 
 
 def card_path(path: Path) -> Path:
-    """Return where the card of weights lies."""
+    """Return the path of the card of weights."""
     return path.with_suffix(".card.json")
 
 

@@ -1,1 +1,1 @@
-"""What stands beside weights on disk: where they come from and how good they are."""
+"""Model cards, which are stored beside weights: their training data, settings and metrics."""

@@ -1,6 +1,6 @@
-"""The card of weights that learned a rival's labels, and the figures in it.
+"""The model card of a baseline's weights, and the evaluation on the baseline's labels of time.
 
-Owns the card's fields and how a network is judged by labels of time. `ltvn_core.network.weights_file` writes the card.
+`ltvn_core.network.weights_file` writes the card.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,24 +21,24 @@ from ltvn_core.types import Predictor
 
 @dataclass(frozen=True)
 class BaselineMetrics:
-    """How well a network knows a rival's labels."""
+    """Metrics of a network on the labels of a baseline."""
 
     pairs: int
     """Labelled pairs."""
     accuracy: float
-    """Share of the labels that a cut of r at 0.5 gets right."""
+    """Share of the labels that a threshold of 0.5 on r predicts correctly."""
     auc: float
     ece: float
     """Calibration error of r."""
     position_median_m: float
-    """Of the pairs labelled reachable, as are the following."""
+    """Median position error of the pairs labelled reachable, as the following fields."""
     position_p90_m: float
     yaw_median_deg: float
 
 
 @dataclass(frozen=True)
 class BaselineCard:
-    """All that is known of the weights of a rival."""
+    """The model card of the weights of a baseline."""
 
     rival: str
     parent: str | None
@@ -62,7 +62,7 @@ class BaselineCard:
 
 
 def evaluate_baseline(predictor: Predictor, scenes: Sequence[SceneExamples]) -> BaselineMetrics:
-    """Judge a predictor on all labelled pairs of scenes."""
+    """Evaluate a predictor on all labelled pairs of scenes."""
     scores, waypoints = (np.concatenate(part) for part in zip(*(_predict(predictor, s) for s in scenes), strict=True))
     reachable = np.concatenate([scene.reachable for scene in scenes])
     true = np.concatenate([relative(scene.poses[scene.sources], scene.poses[scene.targets]) for scene in scenes])

@@ -1,7 +1,6 @@
-"""What simulated driving showed about a set of weights: the part of the card behind Eq. 3 and Eq. 4.
+"""Measurements of driving with a set of weights in simulation, the source of the constants of Eq. 3 and Eq. 4.
 
-Owns its fields, how they are read from a card, and how they become the method's constants. How they are measured is
-`ltvn_core.evaluation.likelihood_measurement`.
+Part of the model card. `ltvn_core.evaluation.likelihood_measurement` makes the measurements.
 """
 
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from ltvn_core.network.metrics.binned_metrics import CalibrationBin, ErrorBin
 from ltvn_core.network.metrics.success_rate import SuccessRate
 
 MIN_SIGMA_M = 0.01
-"""No predictor is held to measure d better than this; Eq. 4 divides by sigma squared."""
+"""Lower bound of sigma, because Eq. 4 divides by its square."""
 
 DRIVING_SECTION = "driving"
 """Name of this part in a card."""
@@ -24,7 +23,7 @@ DRIVING_SECTION = "driving"
 
 @dataclass(frozen=True, slots=True)
 class DrivingMeasurements:
-    """Edges driven in simulation with the method's own controller and judgement, and figures of the same drives."""
+    """Results of edges driven in simulation with the method's own controller, and metrics on the same drives."""
 
     command: str
     """What measures it again."""
@@ -43,11 +42,11 @@ class DrivingMeasurements:
     connected_if_not: int
     """Driven edges that do not exist but that the method would put into a map; the others come next in r."""
     not_begun: int
-    """Edges not driven, because the robot did not find itself at their source."""
+    """Edges not driven, because the robot did not localise at their source."""
     distance_sigma: float
     """Standard deviation of d(predicted) - d(true) over the reachable pairs that become edges: sigma of Eq. 4."""
     distance_sigma_all: float
-    """The same over all reachable pairs, however sure the network is of them."""
+    """The same over all reachable pairs, whatever their r."""
     calibration: tuple[CalibrationBin, ...]
     """Of r, on all ordered pairs of the drives."""
     error_by_distance: tuple[ErrorBin, ...]

@@ -1,6 +1,6 @@
-"""The card of fine-tuned weights: their parent, the drive they know, and their figures before and after.
+"""The model card of fine-tuned weights: their parent, the drive, and metrics before and after.
 
-Owns the card's fields. `ltvn_core.network.weights_file` writes it beside the weights.
+`ltvn_core.network.weights_file` writes it beside the weights.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ FAR_METRICS = ("far_pairs", "far_fpr_at_tpr60", "far_fpr_at_half", "near_tpr_at_
 
 @dataclass(frozen=True)
 class FineTuningCard:
-    """All that is known of fine-tuned weights beyond what their parent's card says."""
+    """The model card of fine-tuned weights; it contains the card of their parent."""
 
     parent: str
     """Fingerprint of the weights that fine-tuning started from."""
@@ -24,7 +24,7 @@ class FineTuningCard:
     recording: str
     """Name of the recording of the drive."""
     run: Mapping[str, Any]
-    """What tells this run from others: the same run is not done twice."""
+    """The settings that identify this run; an equal run is not repeated."""
     command: str
     """What makes these weights again, up to the time that learning took elsewhere."""
     seed: int
@@ -33,20 +33,20 @@ class FineTuningCard:
     pieces: int
     """and the pieces between jumps of its odometry."""
     simulated_scenes: tuple[str, ...]
-    """Scenes that were shown in between, so that nothing is unlearned."""
+    """Simulated scenes in the batches, against forgetting."""
     validation_scenes: tuple[str, ...]
-    """Scenes of the simulated figures and of the calibration."""
+    """Scenes of the simulated metrics and of the calibration."""
     plan: FineTuningPlan
     steps: int
     pairs_compared: int
     minutes: float
     before: FineTuningMetrics | None
-    """None where nobody asked to judge."""
+    """None if the run was not evaluated."""
     after: FineTuningMetrics | None
 
 
 def flat_metrics(metrics: Mapping[str, Any] | None) -> dict[str, float]:
-    """Return by name the figures of a `FineTuningMetrics`, as a card holds it, that matter most; none for None."""
+    """Return the most important metrics of a `FineTuningMetrics` in a card, by name; empty for None."""
     if metrics is None:
         return {}
     own = metrics["own"]

@@ -1,6 +1,6 @@
-"""The card that travels with weights: what they were trained on, how, and how good they are.
+"""The model card of trained weights: training data, settings and metrics.
 
-Owns the card's fields. `ltvn_core.network.weights_file` writes it beside the weights.
+`ltvn_core.network.weights_file` writes it beside the weights.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from ltvn_core.network.optimization.training_loop import TrainingPlan
 
 @dataclass(frozen=True)
 class TrainingDataSummary:
-    """The data behind weights."""
+    """Summary of the training data."""
 
     scenes: tuple[str, ...]
     """Scenes learned from."""
@@ -30,7 +30,7 @@ class TrainingDataSummary:
 
 @dataclass(frozen=True)
 class HeldOutMetrics:
-    """Figures on scenes that neither training nor the choice of weights has seen."""
+    """Metrics on scenes that were used neither for training nor for the choice of weights."""
 
     scenes: tuple[str, ...]
     pairs: PairMetrics
@@ -38,16 +38,16 @@ class HeldOutMetrics:
     drive_pairs: PairMetrics
     """On all ordered image pairs of one drive per scene."""
     drives: DriveMetrics
-    """On the near and on the far ones of the latter."""
+    """On the near and the far pairs of these drives."""
 
 
 @dataclass(frozen=True)
 class ModelCard:
-    """All that is known of a set of weights."""
+    """The model card of a set of weights."""
 
     trained_on: TrainingDataSummary
     plan: TrainingPlan
-    """How, and with which architecture."""
+    """Settings of the training, with the architecture."""
     steps: int
     """Steps of training."""
     pairs_compared: int

@@ -1,1 +1,1 @@
-"""The numbers by which a network is judged."""
+"""Metrics of a network: pairs, drives, calibration and speed."""

@@ -1,4 +1,4 @@
-"""Figures in bins: calibration of r, and error against whatever it may grow with. Pure numpy."""
+"""Metrics in bins: calibration of r, and position error against another quantity. Numpy only."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ class CalibrationBin:
     high: float
     pairs: int
     predicted: float | None
-    """Mean r; None of nothing."""
+    """Mean r; None if the bin is empty."""
     reachable: float | None
-    """Share that is truly reachable; None of nothing."""
+    """Share that is truly reachable; None if the bin is empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +31,15 @@ class ErrorBin:
     high: float
     pairs: int
     position_median_m: float | None
-    """None of nothing."""
+    """Median position error; None if the bin is empty."""
     position_p90_m: float | None
-    """None of nothing."""
+    """90th percentile of the position error; None if the bin is empty."""
 
 
 def calibration_table(
     reachability: NDArray[np.float64], reachable: NDArray[np.bool_], bins: int = 10
 ) -> tuple[CalibrationBin, ...]:
-    """Sort predictions (N,) in [0, 1] and truth (N,) into equal bins."""
+    """Return the calibration of predictions (N,) in [0, 1] against truth (N,) in bins of equal width."""
     edges = np.linspace(0, 1, bins + 1).tolist()
     rows = [(low, high, reachability[inside], reachable[inside]) for low, high, inside in _inside(edges, reachability)]
     return tuple(
@@ -51,15 +51,21 @@ def calibration_table(
 def error_table(
     edges: Sequence[float], quantity: NDArray[np.float64], error_m: NDArray[np.float64]
 ) -> tuple[ErrorBin, ...]:
-    """Sort position errors (N,) into bins between `edges` of a quantity (N,); what lies outside is left out."""
+    """Return position errors (N,) in bins of a quantity (N,) between `edges`; values outside are left out."""
     return tuple(
-        ErrorBin(low, high, int(inside.sum()), *(_or_none(quantile(error_m[inside], part)) for part in (0.5, 0.9)))
+        ErrorBin(
+            low=low,
+            high=high,
+            pairs=int(inside.sum()),
+            position_median_m=_or_none(quantile(error_m[inside], 0.5)),
+            position_p90_m=_or_none(quantile(error_m[inside], 0.9)),
+        )
         for low, high, inside in _inside(edges, quantity)
     )
 
 
 def _inside(edges: Sequence[float], quantity: NDArray[np.float64]) -> list[tuple[float, float, NDArray[np.bool_]]]:
-    """Return each bin with the mask (N,) of what lies in it."""
+    """Return the borders of each bin and the mask (N,) of the values in it."""
     last = edges[-1]
     return [
         (low, high, (quantity >= low) & ((quantity < high) | ((quantity == last) & (high == last))))

@@ -1,7 +1,4 @@
-"""How large a network is and how long it takes, as its user sees it: through the predictor, on this machine.
-
-Owns the measurement, which is the same for every network. The figures go into the weights' card.
-"""
+"""Measures the size of a network and its speed through the predictor, on this machine, for the model card."""
 
 import time
 from collections.abc import Callable
@@ -19,10 +16,10 @@ _FARTHEST_M = 5.0
 
 @dataclass(frozen=True, slots=True)
 class InferenceSpeed:
-    """Size of a network and its times on the processors of the machine that trained it."""
+    """Size of a network, and its times on the CPU of the machine that trained it."""
 
     parameters: int
-    """Numbers that are learned."""
+    """Number of trainable parameters."""
     encode_ms: float
     """Milliseconds per image, in batches."""
     pair_ms: float
@@ -30,7 +27,7 @@ class InferenceSpeed:
 
 
 def measure_speed(network: AnyNetwork, *, images: int = 64, repeats: int = 3) -> InferenceSpeed:
-    """Time a network on noise, as many pairs as images; the fastest of several repeats counts."""
+    """Measure a network on random images, with as many pairs as images; the fastest of several repeats counts."""
     predictor = NetworkPredictor(network, "in measurement", prefilter_from=None)
     observations = _noise(images)
     features = predictor.encode(observations)

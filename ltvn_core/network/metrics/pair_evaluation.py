@@ -1,6 +1,6 @@
-"""Runs a predictor over labelled pairs and over drives, for training's own validation and for reports.
+"""Evaluates a predictor on labelled pairs and on drives, for validation during training and for reports.
 
-Owns how figures are gathered. The figures are defined in `ltvn_core.network.metrics.reachability_metrics`.
+`ltvn_core.network.metrics.reachability_metrics` defines the metrics.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _PAIRS_AT_ONCE = 8192
 
 @dataclass(frozen=True, eq=False)
 class LabelledDrive:
-    """Images of a mapping drive, and which ordered pairs of them are near and far."""
+    """The images of a mapping drive, with its near, far and reachable ordered pairs."""
 
     name: str
     rgb: NDArray[np.uint8]
@@ -27,7 +27,7 @@ class LabelledDrive:
     depth_mm: NDArray[np.uint16]
     """(N, H, W)"""
     near: NDArray[np.bool_]
-    """(N, N), see `ltvn_core.training_data.simulated_drives.PairClasses`."""
+    """(N, N), see `ltvn_core.training_data.simulated_drives.NearFarLimits`."""
     far: NDArray[np.bool_]
     """(N, N)"""
     poses: Pose
@@ -39,7 +39,7 @@ class LabelledDrive:
 def evaluate_pairs(
     predictor: Predictor, scenes: Sequence[SceneExamples], rng: np.random.Generator, *, limit: int | None = None
 ) -> PairMetrics:
-    """Judge a predictor on labelled pairs, on `limit` of each scene drawn at random if that is given."""
+    """Evaluate a predictor on labelled pairs; with `limit`, on a random sample of that size from each scene."""
     predictions = []
     reachable = []
     true = []
@@ -61,9 +61,9 @@ def evaluate_pairs(
 def evaluate_drives(
     predictor: Predictor, drives: Sequence[LabelledDrive], rng: np.random.Generator, *, limit: int | None = None
 ) -> DriveMetrics:
-    """Judge a predictor on the near and far ordered pairs of drives, each pair by itself.
+    """Evaluate a predictor on the near and far ordered pairs of drives.
 
-    Where `limit` is given, only so many far pairs of each drive, drawn at random, are looked at.
+    With `limit`, only a random sample of that many far pairs of each drive is compared.
     """
     near = []
     far = []
@@ -78,7 +78,7 @@ def evaluate_drives(
 
 
 def evaluate_all_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) -> tuple[PairMetrics, DriveMetrics]:
-    """Judge a predictor on all ordered image pairs of drives, and on the near and the far ones among them."""
+    """Evaluate a predictor on all ordered image pairs of drives, and on the near and far ones among them."""
     predictions = []
     reachable = []
     true = []
@@ -98,7 +98,7 @@ def evaluate_all_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) ->
 
 
 def subsample_drive(drive: LabelledDrive, *, every: int) -> LabelledDrive:
-    """Return a drive of every so manieth image."""
+    """Return a drive with every n-th image."""
     kept = slice(None, None, every)
     near, far, reachable = (pairs[kept, kept] for pairs in (drive.near, drive.far, drive.reachable))
     return LabelledDrive(
@@ -130,7 +130,7 @@ def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArra
 def predict_pairs(
     predictor: Predictor, features: Features, sources: NDArray[np.intp], targets: NDArray[np.intp]
 ) -> Prediction:
-    """Compare pairs of rows (P,) of features, in pieces of bounded memory."""
+    """Compare pairs of rows (P,) of features, in batches of bounded memory."""
     parts = [Prediction(np.empty(0), np.empty((0, 3)))]
     for first in range(0, len(sources), _PAIRS_AT_ONCE):
         rows = slice(first, first + _PAIRS_AT_ONCE)

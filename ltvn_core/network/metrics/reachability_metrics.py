@@ -1,4 +1,4 @@
-"""The numbers by which a network is judged. Pure numpy on predictions and truth."""
+"""The metrics of reachability and waypoints, computed from predictions and ground truth. Numpy only."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from ltvn_core.types import Waypoint
 
 @dataclass(frozen=True, slots=True)
 class PairMetrics:
-    """Quality on labelled pairs."""
+    """Metrics on labelled pairs."""
 
     pairs: int
     """Labelled pairs."""
@@ -36,18 +36,18 @@ class PairMetrics:
 
 @dataclass(frozen=True, slots=True)
 class DriveMetrics:
-    """Quality on all ordered image pairs of drives."""
+    """Metrics on all ordered image pairs of drives."""
 
     far_pairs: int
     """Pairs that are far apart, turned away or behind a wall."""
     near_pairs: int
     """Pairs that are near, ahead and free."""
     threshold_at_tpr60: float
-    """Reachability that 60 % of the near pairs exceed."""
+    """Threshold of r that 60 % of the near pairs exceed."""
     far_fpr_at_tpr60: float
-    """Share of the far pairs that exceed it: wormholes."""
+    """Share of the far pairs that exceed it: the rate of false long-range edges."""
     far_fpr_at_half: float
-    """Share of the far pairs that a cut of 0.5 lets through,"""
+    """Share of the far pairs with r above 0.5,"""
     near_tpr_at_half: float
     """and of the near pairs."""
 
@@ -58,7 +58,7 @@ def pair_metrics(
     reachable: NDArray[np.bool_],
     true_waypoints: Waypoint,
 ) -> PairMetrics:
-    """Judge predictions (N,), (N, 3) on labelled pairs."""
+    """Return the metrics of reachabilities (N,) and waypoints (N, 3) on labelled pairs."""
     off = waypoints[reachable]
     true = true_waypoints[reachable]
     position = np.hypot(*(off - true)[:, :2].T)
@@ -78,7 +78,7 @@ def pair_metrics(
 
 
 def drive_metrics(near: NDArray[np.float64], far: NDArray[np.float64]) -> DriveMetrics:
-    """Judge the reachabilities of near and of far pairs."""
+    """Return the metrics of the reachabilities of near and of far pairs."""
     threshold = quantile(near, 0.4)
     return DriveMetrics(
         far_pairs=len(far),
@@ -107,10 +107,10 @@ def calibration_error(probability: NDArray[np.float64], positive: NDArray[np.boo
 
 
 def share(chosen: NDArray[np.bool_]) -> float:
-    """Return the share that is true, nan of nothing."""
+    """Return the share of true values, nan for an empty array."""
     return float(chosen.mean()) if len(chosen) else float("nan")
 
 
 def quantile(numbers: NDArray[np.float64], part: float) -> float:
-    """Return a quantile, nan of nothing."""
+    """Return a quantile, nan for an empty array."""
     return float(np.quantile(numbers, part)) if len(numbers) else float("nan")

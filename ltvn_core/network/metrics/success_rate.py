@@ -1,4 +1,4 @@
-"""How often something happened, and how sure that is. Pure numbers."""
+"""A success rate with its confidence interval."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from scipy.stats import binomtest
 
 @dataclass(frozen=True, slots=True)
 class SuccessRate:
-    """Successes in independent trials, with the 95 % interval of Wilson."""
+    """Successes in independent trials, with Wilson's 95 % interval."""
 
     successes: int
     trials: int
     share: float
-    """Successes by trials; 0.5 of nothing."""
+    """Successes divided by trials; 0.5 without trials."""
     low: float
-    """Lower end of the interval; 0 of nothing."""
+    """Lower end of the interval; 0 without trials."""
     high: float
-    """Upper end of the interval; 1 of nothing."""
+    """Upper end of the interval; 1 without trials."""
 
     @classmethod
     def of(cls, successes: int, trials: int) -> "SuccessRate":

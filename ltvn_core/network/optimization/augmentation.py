@@ -1,7 +1,4 @@
-"""Random changes of training images, so that the network trusts neither exact colours nor perfect depth.
-
-Owns the changes. Everything is drawn from the generator that comes in.
-"""
+"""Augmentation of training images, so that the network depends neither on exact colours nor on perfect depth."""
 
 from dataclasses import dataclass
 
@@ -11,7 +8,7 @@ from torch import Tensor
 
 @dataclass(frozen=True, slots=True)
 class Augmentation:
-    """Strengths of the changes (all ours); zero switches one off."""
+    """Strengths of the augmentations (all values are ours); zero switches one off."""
 
     hue: float = 0.5
     """Share of scenes whose colours are turned round the colour circle, the same for all their images."""
@@ -38,7 +35,7 @@ class Augmentation:
 def augment(
     rgb: Tensor, depth: Tensor, scene: Tensor, strength: Augmentation, generator: torch.Generator
 ) -> tuple[Tensor, Tensor]:
-    """Change rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres, of scenes (B,); return the same shapes."""
+    """Return augmented rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres, for images of scenes (B,)."""
     count = len(rgb)
 
     def spread(amount: float, channels: int) -> Tensor:
@@ -71,7 +68,7 @@ def turn_hues(rgb: Tensor, scene: Tensor, share: float, generator: torch.Generat
 
 
 def defocus(rgb: Tensor, share: float, generator: torch.Generator) -> Tensor:
-    """Blur a share of the images by a mean over 3 x 3 pixels, more or less."""
+    """Blur a share of the images with a mean over 3 x 3 pixels of random weight."""
     strength, chosen = torch.rand(2, len(rgb), 1, 1, 1, generator=generator, device=rgb.device)
     strength = strength * (chosen < share)
     soft = torch.nn.functional.avg_pool2d(rgb, 3, stride=1, padding=1, count_include_pad=False)

@@ -1,7 +1,7 @@
-"""How a network learns a rival's labels: as ours does, but without what ours knows from poses and maps.
+"""Training and fine-tuning plans of the baselines: ours without everything that needs poses or maps.
 
-Owns what is switched off. A pair far apart in space is not certainly unreachable for a system that only knows time, so
-that nothing is mined and no pair of one scene counts as far because of its poses.
+A baseline knows only time, so a pair far apart in space is not certainly a negative for it. Therefore nothing is mined,
+and no pair of one scene counts as far because of its poses.
 """
 
 from dataclasses import replace
@@ -13,11 +13,11 @@ from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.optimization.training_loop import TrainingPlan
 
 _ONLY_OTHER_SCENES = FarCriterion(distance_m=1e6, yaw_rad=4.0)
-"""No two poses of one scene are so far apart."""
+"""Larger than any scene, so that only pairs of different scenes are far."""
 
 
 def baseline_hyperparameters(baseline: str, learning: Hyperparameters) -> Hyperparameters:
-    """Return what of a plan suits a rival; ViNG's distances are learned from pairs as often as they occur."""
+    """Return the hyperparameters of a plan that suit a baseline; ViNG's pairs are drawn as they occur."""
     evened = baseline != "ving" and learning.evened
     return replace(learning, far=_ONLY_OTHER_SCENES, confusions=0, hardness=0.0, evened=evened)
 
@@ -25,7 +25,7 @@ def baseline_hyperparameters(baseline: str, learning: Hyperparameters) -> Hyperp
 def baseline_training_plan(
     baseline: str, *, minutes: float, steps: int | None, seed: int, fresh: bool = False
 ) -> TrainingPlan:
-    """Return how a rival's network is trained (all ours): from the shipped weights or `fresh`, for steps or minutes."""
+    """Return the training plan of a baseline (ours): from the shipped weights or `fresh`, for steps or minutes."""
     rate = 2e-3 if fresh else 5e-4
     learning = Hyperparameters(
         seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=rate, warm_up=0.1, average=0.99
@@ -41,5 +41,5 @@ def baseline_training_plan(
 
 
 def baseline_fine_tuning_plan(baseline: str, plan: FineTuningPlan) -> FineTuningPlan:
-    """Return a plan of fine-tuning without what a rival does not know."""
+    """Return the fine-tuning plan of a baseline."""
     return replace(plan, learning=baseline_hyperparameters(baseline, plan.learning), minings=0)

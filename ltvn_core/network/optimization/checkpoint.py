@@ -1,6 +1,6 @@
-"""Checkpoints from which training goes on after a kill: safetensors, written aside and renamed.
+"""Checkpoints from which an interrupted training continues: safetensors files, written aside and then renamed.
 
-Owns the file format. Holds the learner's state and the time spent; everything else follows from the plan.
+A checkpoint has the state of the trainer and the time spent; everything else follows from the plan.
 """
 
 import json
@@ -23,7 +23,7 @@ SCHEMA = "ltvn-checkpoint-1"
 
 
 def save_checkpoint(trainer: Trainer, path: Path, *, seconds: float) -> None:
-    """Write the learner's state. Raises WeightsError if the disk will not take it; the old file then stays."""
+    """Write the state of a trainer. Raises WeightsError if it cannot be written; the old file then stays."""
     partial = path.with_suffix(".partial")
     metadata = {
         "schema": SCHEMA,
@@ -43,9 +43,9 @@ def save_checkpoint(trainer: Trainer, path: Path, *, seconds: float) -> None:
 
 
 def restore_checkpoint(trainer: Trainer, path: Path) -> float:
-    """Put a checkpoint's state into a fresh learner of the same plan and return the seconds spent before.
+    """Restore the state of a checkpoint in a new trainer of the same plan, and return the seconds spent before.
 
-    Raises WeightsError for a file that is cut, foreign, or of another plan.
+    Raises WeightsError for a file that is truncated, of another format, or of another plan.
     """
     try:
         with safe_open(path, framework="pt") as file:

@@ -1,8 +1,7 @@
-"""Several processes that learn together: the same weights, different batches, one shared gradient.
+"""Distributed training: several processes with the same weights, different batches and averaged gradients.
 
-On several graphics cards each process has one of its own. On a few cores, processes of one thread each are steadier
-than one process of several threads, which waits at every layer for whichever thread another program has displaced. Owns
-the start of the processes and what they share.
+Each GPU has a process of its own. On a CPU, processes of one thread each are faster under load than one process with
+several threads, which waits at every layer for its slowest thread.
 """
 
 import signal
@@ -24,12 +23,12 @@ from ltvn_core.network.device import CPU, choose_device, gpu_count
 Result = TypeVar("Result")
 
 _TIMEOUT = timedelta(minutes=30)
-"""A process may validate for so long while the others wait."""
+"""Time for which processes wait for each other, long enough for a validation."""
 
 
 @dataclass(frozen=True, slots=True)
 class DistributedContext:
-    """One process's place among those that learn together."""
+    """The rank, size and device of one process in distributed training."""
 
     rank: int = 0
     """Number of this process; process 0 leads: it validates, saves and reports."""
@@ -40,7 +39,7 @@ class DistributedContext:
 
     @property
     def is_leader(self) -> bool:
-        """Tell whether this process leads."""
+        """Whether this process is the leader."""
         return self.rank == 0
 
     def synchronize_gradients(self, step: nn.Module) -> nn.Module:
@@ -63,7 +62,7 @@ SINGLE_PROCESS = DistributedContext()
 
 
 def run_distributed(work: Callable[[DistributedContext], Result], processes: int) -> Result:
-    """Run `work` in several new processes at once and return the leader's result; an error in one ends all.
+    """Run `work` in several new processes and return the leader's result; an error in one stops all.
 
     `work` must be picklable; each process loads its own data. With one process it runs right here.
     """

@@ -1,7 +1,7 @@
-"""Fine-tuning from trained weights to those that know the robot's own place: when to learn, mine, judge and stop.
+"""The fine-tuning loop: adapts trained weights to the robot's environment, with mining, evaluation and checkpoints.
 
-Owns the course. A step is `ltvn_core.network.optimization.fine_tuning_trainer`, its batches are
-`ltvn_core.network.optimization.mixed_batches`.
+`ltvn_core.network.optimization.fine_tuning_trainer` is one step, `ltvn_core.network.optimization.mixed_batches` draws
+its batches.
 """
 
 import hashlib
@@ -39,7 +39,7 @@ _CHECKPOINT_SECONDS = 30.0
 
 @dataclass(frozen=True, slots=True)
 class FineTuningPlan:
-    """How to fine-tune (all ours)."""
+    """Settings of fine-tuning (all values are ours)."""
 
     learning: Hyperparameters = field(
         default_factory=lambda: Hyperparameters(
@@ -52,32 +52,32 @@ class FineTuningPlan:
     steps: int = 200
     """Steps to learn for where no time is given."""
     minings: int = 6
-    """How many times to search for confusions, the first time at once."""
+    """Number of searches for hard negatives, the first one at the start."""
     validation_pairs: int = 1000
     """Labelled pairs of each simulated validation scene to judge by, and twice as many of the drive,"""
     validation_far: int = 5000
     """and far pairs of each drive, the own one too."""
     judge: bool = True
-    """Judge the weights before and after; False saves that time where many are made and nobody reads the figures."""
+    """Evaluate the weights before and after; False saves that time where the metrics are not needed."""
 
 
 @dataclass(frozen=True, eq=False)
 class FineTuningData:
-    """What weights are fine-tuned and judged on."""
+    """The data for fine-tuning and its evaluation."""
 
     drive: LabelledTrajectory
     """The robot's own drive."""
     scenes: Sequence[SceneExamples]
-    """Simulated scenes that keep the network from unlearning."""
+    """Simulated scenes in the batches, against forgetting."""
     validation: Sequence[SceneExamples]
     """Simulated scenes to judge and to calibrate by."""
     drives: Sequence[LabelledDrive] = ()
-    """Simulated drives to count wormholes on."""
+    """Simulated drives to count false long-range edges on."""
 
 
 @dataclass(frozen=True, slots=True)
 class FineTuningMetrics:
-    """How good weights are: at their own place and in simulation."""
+    """Metrics of weights on the robot's own drive and in simulation."""
 
     own: TrajectoryMetrics
     simulated: PairMetrics
@@ -86,7 +86,7 @@ class FineTuningMetrics:
 
 @dataclass(frozen=True, slots=True)
 class FineTuningProgress:
-    """Where fine-tuning stands."""
+    """Progress of fine-tuning."""
 
     share: float
     """In [0, 1]."""
@@ -94,19 +94,19 @@ class FineTuningProgress:
     loss: float
     """Eq. 1, smoothed; nan before the first step."""
     doing: str
-    """What is being done, for a person."""
+    """The current activity, as text for a user."""
 
 
 @dataclass(frozen=True)
 class FineTuningResult:
-    """What fine-tuning ends with."""
+    """The result of fine-tuning."""
 
     network: AnyNetwork
     """Averaged and calibrated."""
     parent: str
     """Fingerprint of the weights it started from."""
     before: FineTuningMetrics | None
-    """None where nobody asked to judge."""
+    """None if the plan does not evaluate."""
     after: FineTuningMetrics | None
     steps: int
     pairs: int
@@ -134,7 +134,7 @@ def run_fine_tuning(
 
 
 def trajectory_fingerprint(drive: LabelledTrajectory) -> str:
-    """Return 12 hexadecimal digits that name a drive and its labels."""
+    """Return a fingerprint of 12 hexadecimal digits of a drive and its labels."""
     found = hashlib.sha256(drive.name.encode())
     for part in (drive.poses, drive.sources, drive.targets, drive.reachable):
         found.update(np.ascontiguousarray(part).tobytes())
@@ -189,7 +189,7 @@ class _FineTuningRun:
         )
 
     def _learn(self) -> bool:
-        """Learn to the end and return True, or False if somebody cancelled."""
+        """Train to the end; return False if it was cancelled."""
         precision = choose_precision(self.trainer.network)
         start = time.monotonic() - self.elapsed_s
         saved = time.monotonic()
@@ -215,7 +215,7 @@ class _FineTuningRun:
         return min(self.elapsed_s / (60 * self.plan.minutes), 1.0)
 
     def _mine(self, precision: MixedPrecision) -> None:
-        """Search the drive, and one simulated scene, for far pairs that are called reachable."""
+        """Search the drive and one simulated scene for hard negatives."""
         rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, 2])
         drive = self.data.drive
         network = self.trainer.average
@@ -272,4 +272,4 @@ def _require_same_run(path: Path, run: dict[str, str]) -> None:
 
 
 def _ignore_progress(progress: FineTuningProgress) -> None:
-    """Nobody wants to know."""
+    """Discard the progress."""

@@ -1,8 +1,4 @@
-"""One step of fine-tuning: as in training, but from trained weights and without letting go of them.
-
-Owns what differs from `ltvn_core.network.optimization.trainer`: the start, and statistics of batch normalisation that
-stay.
-"""
+"""The trainer for fine-tuning: starts from trained weights and keeps the statistics of batch normalisation."""
 
 from torch import nn
 
@@ -12,7 +8,7 @@ from ltvn_core.network.optimization.trainer import Trainer
 
 
 class FineTuningTrainer(Trainer):
-    """A learner that begins at trained weights."""
+    """A trainer that starts from trained weights."""
 
     def __init__(self, plan: Hyperparameters, start: AnyNetwork) -> None:
         super().__init__(plan, start.size)
@@ -25,9 +21,9 @@ class FineTuningTrainer(Trainer):
 
 
 def freeze_batch_norm(network: nn.Module) -> None:
-    """Let batch normalisation use the statistics that training found, until the next `train()`.
+    """Make batch normalisation use the statistics of training, until the next `train()`.
 
-    One drive shows too little of the world to measure them anew.
+    The images of one drive are too uniform to estimate them again.
     """
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d):

@@ -1,6 +1,6 @@
-"""Finds what the network confuses: far pairs of training images that it calls reachable.
+"""Hard-negative mining: finds far pairs of training images that the network predicts as reachable.
 
-Owns the search. The confusions go back into training as hard negatives.
+Plans and trainers call them `confusions`, a name that is stored in model cards.
 """
 
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ from ltvn_core.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class FarCriterion:
-    """Pairs that are negatives whatever stands between them (ours; safely beyond the limits of reachability)."""
+    """Limits beyond which a pair is certainly a negative (ours; well beyond the limits of reachability)."""
 
     distance_m: float = 3.0
-    """Farther apart than this,"""
+    """Pairs with a larger distance are far,"""
     yaw_rad: float = radians(92)
-    """or turned by more than this."""
+    """and so are pairs with a larger difference of heading."""
 
     def pairs(self, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
         """Return (S, T): which of sources (S, 3) and targets (T, 3) are far from each other."""
@@ -49,7 +49,7 @@ def mine_hard_negatives(
     candidates: int = 1000,
     above: float = 0.03,
 ) -> list[HardNegative]:
-    """Return the far pairs among some images of a scene that the network calls reachable, worst first.
+    """Return the far pairs among some images of a scene that the network predicts as reachable, worst first.
 
     Only the `candidates` pairs with the best rough scores are compared in full; ties are broken at random.
     """
@@ -73,7 +73,7 @@ def hard_negatives_among(
     candidates: int = 1000,
     above: float = 0.03,
 ) -> list[HardNegative]:
-    """Return those of some images' far pairs that the network calls reachable, worst first; `apart` is (N, N)."""
+    """Return the pairs of images marked in `apart` (N, N) that the network predicts as reachable, worst first."""
     features = _encode(network, precision, scene, rows)
     scores = network.rough_logits(features)
     scores[to_tensor(~apart, scores.device)] = -torch.inf
@@ -105,9 +105,9 @@ def _encode(
 def sample_hardest(
     scores: Tensor, allowed: Tensor, count: int, generator: torch.Generator, hardness: float = 1.5
 ) -> tuple[Tensor, Tensor]:
-    """Return rows and columns of the `count` highest scores (B, B) among the allowed, shaken so that they vary.
+    """Return rows and columns of the `count` highest scores (B, B) among the allowed ones, with random noise added.
 
-    With a hardness of 0 all the allowed have the same chance.
+    With a hardness of 0 all allowed entries are equally likely.
     """
     chance = torch.rand(scores.shape, generator=generator, device=scores.device)
     noise = -torch.log(-torch.log(chance.clamp(1e-9, 1 - 1e-7)))

@@ -1,4 +1,4 @@
-"""What one learning step does: the numbers of Eq. 1, of the batch and of the optimiser. Owns no behaviour."""
+"""Hyperparameters of a training step: weights of the loss (Eq. 1), batch, optimiser."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,10 @@ from ltvn_core.network.optimization.hard_negative_mining import FarCriterion
 
 @dataclass(frozen=True, slots=True)
 class Hyperparameters:
-    """What one step does (all values ours; the paper states none)."""
+    """Hyperparameters of a training step (all values are ours; the paper states none).
+
+    The names of the fields are stored in model cards.
+    """
 
     seed: int = 0
     """Seeds initial weights, batches and augmentation."""
@@ -27,11 +30,11 @@ class Hyperparameters:
     evened: bool = True
     """Draw positives evenly over distance and as many negatives; False draws pairs as they come."""
     confusions: int = 2
-    """Mined far pairs per step, each bringing both its clusters along."""
+    """Hard negatives per step; the clusters of both images are added to the batch."""
     hard: int = 40
-    """Far pairs of the step's images that look most alike to the network's rough score, or any if it has none."""
+    """Far pairs of the step's images with the highest rough scores, or random ones if the network has no score."""
     hardness: float = 1.5
-    """How much those that look alike are preferred; 0 draws them at random."""
+    """How strongly high scores are preferred; 0 draws at random."""
     random: int = 12
     """Far pairs drawn at random."""
     rate: float = 2e-3
@@ -43,6 +46,6 @@ class Hyperparameters:
     average: float = 0.998
     """How much of the moving average of the weights stays at each step."""
     far: FarCriterion = field(default_factory=FarCriterion)
-    """What is certainly not reachable."""
+    """Pairs that are certainly negatives."""
     augmentation: Augmentation = field(default_factory=Augmentation)
-    """Changes of the images."""
+    """Augmentation of the images."""

@@ -1,7 +1,6 @@
-"""Batches of fine-tuning: one half from the robot's own drive, the other from simulation, so that nothing is unlearned.
+"""Batches for fine-tuning: half from the robot's own drive, half from simulation against forgetting (rehearsal).
 
-Owns the choice of the drive's images and pairs. Simulated ones are drawn by `ltvn_core.network.training_examples`; what
-is known of two images of the drive is said by the `LabelledTrajectory` that comes in.
+`ltvn_core.network.training_examples` draws the simulated half.
 """
 
 from collections.abc import Sequence
@@ -21,7 +20,7 @@ from ltvn_core.network.training_examples import (
 )
 
 WINDOW_IMAGES = 8
-"""Images drawn from one stretch of the drive, as many as a simulated cluster has."""
+"""Images drawn from one section of the drive, as many as a simulated cluster has."""
 
 
 class LabelledTrajectory(SceneExamples, Protocol):
@@ -61,7 +60,7 @@ class MixedBatchSampler(BatchSampler):
         pairs_per_group: int,
         confusions: Sequence[HardNegative] = (),
     ) -> TrainingBatch:
-        """Draw half of the groups from the drive and half from simulation, and confusions of both on top."""
+        """Draw half of the groups from the drive and half from simulation, and add hard negatives of both."""
         own = [each for each in confusions if each.scene == self.drive_number]
         foreign = [each for each in confusions if each.scene != self.drive_number]
         drawn = self._draw_drive(rng, groups // 2, pairs_per_group, own)
@@ -82,19 +81,19 @@ class MixedBatchSampler(BatchSampler):
         sources = np.concatenate([self.drive.sources[pairs], ends[0::2]]).astype(np.intp)
         targets = np.concatenate([self.drive.targets[pairs], ends[1::2]]).astype(np.intp)
         return TrainingBatch(
-            self.drive.rgb[rows],
-            self.drive.depth_mm[rows],
-            self.drive.poses[rows],
-            # Only within a stretch is odometry good enough to say which surfaces are the same.
-            self.drive_number + segment,
-            np.searchsorted(rows, sources),
-            np.searchsorted(rows, targets),
-            np.concatenate([self.drive.reachable[pairs], np.zeros(len(confusions), bool)]),
-            self.drive.far(rows, rows),
+            rgb=self.drive.rgb[rows],
+            depth_mm=self.drive.depth_mm[rows],
+            poses=self.drive.poses[rows],
+            # Each section is a scene of its own, because only within one is odometry good enough to match surfaces.
+            scene=self.drive_number + segment,
+            sources=np.searchsorted(rows, sources),
+            targets=np.searchsorted(rows, targets),
+            reachable=np.concatenate([self.drive.reachable[pairs], np.zeros(len(confusions), bool)]),
+            apart=self.drive.far(rows, rows),
         )
 
     def _window(self, rng: np.random.Generator, centre: int) -> NDArray[np.intp]:
-        """Draw images from the stretch about a centre, which is one of them."""
+        """Draw images from the section around a centre image, which is included."""
         rows = np.arange(max(centre - self.reach, 0), min(centre + self.reach + 1, len(self.drive.poses)))
         usable = ~self._held_out[rows] & (self.drive.piece[rows] == self.drive.piece[centre]) & (rows != centre)
         others = rng.permutation(rows[usable])[: WINDOW_IMAGES - 1]
@@ -115,7 +114,7 @@ class MixedBatchSampler(BatchSampler):
 
 
 def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: TrainingBatch) -> TrainingBatch:
-    """Return both batches as one; images of different worlds are certainly apart."""
+    """Return both batches as one; images of different scenes are certainly apart."""
     count = len(simulated.rgb)
     apart = np.ones((count + len(own.rgb),) * 2, bool)
     apart[:count, :count] = simulated_apart
@@ -133,7 +132,7 @@ def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: T
 
 
 def _pair_table(drive: LabelledTrajectory, reach: int) -> NDArray[np.int64]:
-    """Return (N, 2 reach + 1): which labelled pair leads from an image to the one so many before or after it, or -1."""
+    """Return (N, 2 reach + 1): the labelled pair from each image to those up to `reach` before or after it, or -1."""
     table = np.full((len(drive.poses), 2 * reach + 1), -1)
     table[drive.sources, drive.targets - drive.sources + reach] = np.arange(len(drive.sources))
     return table

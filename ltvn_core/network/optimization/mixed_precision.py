@@ -1,6 +1,6 @@
-"""Chooses device and number format for training, by a short measurement, and says what it chose.
+"""Chooses the precision for training by a short measurement.
 
-Owns the choice. A network keeps in float32 what needs it (`PairNetwork`: matching and geometry).
+Networks compute in float32 what needs it (`PairNetwork`: matching and geometry).
 """
 
 import logging
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class MixedPrecision:
-    """How a network computes."""
+    """Runs a network in a given precision."""
 
     bfloat16: bool
 

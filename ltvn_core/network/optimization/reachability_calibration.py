@@ -1,6 +1,6 @@
-"""Makes r honest after training and again after fine-tuning, on pairs that were not learned from.
+"""Calibrates the reachability of a network after training and after fine-tuning, on held-out pairs (Platt scaling).
 
-Owns which pairs count how much. The fit is in `ltvn_core.network.optimization.platt_scaling`.
+The scale and offset of the logits are kept in the network's `calibration` buffer.
 """
 
 from collections.abc import Sequence
@@ -9,16 +9,17 @@ from typing import TypeAlias
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
 from ltvn_core.network.optimization.mixed_batches import LabelledTrajectory
-from ltvn_core.network.optimization.platt_scaling import fit_platt, logit
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import SceneExamples
 
 PairSelection: TypeAlias = tuple[SceneExamples, NDArray[np.intp]]
-"""A scene, and the rows of the labelled pairs of it that count."""
+"""A scene and the rows of its labelled pairs that are used."""
 
 
 def calibrate_after_fine_tuning(
@@ -26,25 +27,26 @@ def calibrate_after_fine_tuning(
 ) -> None:
     """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
 
-    The drive lacks the pairs about which odometry is unsure, and they are the hard ones. So it never counts more than
-    simulation does, where that is at hand. Of a short drive nothing is held out; where there is no simulation either,
-    the calibration stays as it is.
+    The drive lacks the pairs whose label odometry leaves open, and these are the hard ones. So its pairs are at most as
+    many as the simulated ones, where there are any. A short drive has no held-out pairs; without simulation the
+    calibration then stays as it is.
     """
     rng = np.random.default_rng(0)
-    judged: list[PairSelection] = [(scene, rng.permutation(len(scene.sources))[:most]) for scene in scenes]
-    limit = sum(len(pairs) for _, pairs in judged) if judged else most
-    kept_back = np.flatnonzero(drive.held_out[drive.sources] & drive.held_out[drive.targets])
-    if len(kept_back):
-        judged.append((drive, rng.permutation(kept_back)[:limit]))
-    if judged:
-        calibrate_reachability(network, judged)
+    selections: list[PairSelection] = [(scene, rng.permutation(len(scene.sources))[:most]) for scene in scenes]
+    limit = sum(len(pairs) for _, pairs in selections) if selections else most
+    held_out = np.flatnonzero(drive.held_out[drive.sources] & drive.held_out[drive.targets])
+    if len(held_out):
+        selections.append((drive, rng.permutation(held_out)[:limit]))
+    if selections:
+        calibrate_reachability(network, selections)
 
 
 def calibrate_reachability(network: AnyNetwork, chosen: Sequence[PairSelection]) -> None:
     """Fit the network's calibration on chosen labelled pairs of scenes."""
     network.calibration.copy_(torch.tensor([1.0, 0.0]))
-    judged = [_logits_and_labels(network, scene, pairs) for scene, pairs in chosen]
-    logits, positive = (np.concatenate(column) for column in zip(*judged, strict=True))
+    # The logits are recovered from r, so the calibration must be the identity meanwhile.
+    parts = [_logits_and_labels(network, scene, pairs) for scene, pairs in chosen]
+    logits, positive = (np.concatenate(column) for column in zip(*parts, strict=True))
     network.calibration.copy_(torch.tensor(fit_platt(logits, positive)))
 
 
@@ -57,3 +59,22 @@ def _logits_and_labels(
     features = encode_images(predictor, scene.rgb[rows], scene.depth_mm[rows])
     found = predict_pairs(predictor, features, at[: len(pairs)], at[len(pairs) :])
     return logit(found.reachability), scene.reachable[pairs]
+
+
+def fit_platt(logits: NDArray[np.float64], positive: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return the scale (> 0) and offset that minimise the cross-entropy of logits (N,) against labels (N,)."""
+    if positive.all() or not positive.any():
+        return 1.0, 0.0  # With one class only the optimum is at infinity.
+
+    def cross_entropy(numbers: NDArray[np.float64]) -> float:
+        scaled = np.exp(numbers[0]) * logits + numbers[1]
+        return float((np.logaddexp(0, scaled) - positive * scaled).mean())
+
+    found = minimize(cross_entropy, np.zeros(2), method="Nelder-Mead")
+    return float(np.exp(found.x[0])), float(found.x[1])
+
+
+def logit(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverse of the logistic function, clipped to finite values."""
+    clipped = np.clip(probability, expit(-30), expit(30))
+    return np.log(clipped) - np.log1p(-clipped)

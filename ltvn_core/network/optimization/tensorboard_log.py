@@ -1,6 +1,6 @@
-"""Writes training's curves for TensorBoard, where it is installed.
+"""Writes the curves of a training for TensorBoard, if it is installed.
 
-Owns the only use of TensorBoard; the truth about a training stays in its checkpoint and `validation.jsonl`.
+Nothing reads them back: the checkpoint and `validation.jsonl` are the record of a training.
 """
 
 import logging
@@ -15,7 +15,7 @@ class TensorBoardLog:
     """Named curves over the steps of one training."""
 
     def __init__(self, folder: Path) -> None:
-        """Write into a folder; goes on quietly without TensorBoard."""
+        """Write into a folder; does nothing without TensorBoard."""
         self._writer: Any = None
         try:
             from torch.utils.tensorboard import SummaryWriter
@@ -26,7 +26,7 @@ class TensorBoardLog:
         log.info("Curves: tensorboard --logdir %s", folder)
 
     def add(self, step: int, **values: float) -> None:
-        """Add a point to each of the named curves; two underscores part a group from a name."""
+        """Add a point to each of the named curves; two underscores separate group and name."""
         if self._writer is None:
             return
         for name, value in values.items():
@@ -37,6 +37,6 @@ class TensorBoardLog:
         self.add(step, **{f"{group}__{name}": value for name, value in metrics.items()})
 
     def close(self) -> None:
-        """Write what is pending."""
+        """Write pending points and close the file."""
         if self._writer is not None:
             self._writer.close()

@@ -1,7 +1,7 @@
-"""One learning step, and the state it changes: network, its moving average, the optimiser.
+"""The trainer: network, moving average of its weights and optimiser, updated step by step.
 
-Owns the update. How a batch becomes a loss is `ltvn_core.network.optimization.training_step`; when to stop, validate,
-mine or save is decided in `ltvn_core.network.optimization.training_loop`.
+`ltvn_core.network.optimization.training_step` computes the loss of a batch;
+`ltvn_core.network.optimization.training_loop` decides when to validate, mine, save and stop.
 """
 
 import math
@@ -23,12 +23,12 @@ from ltvn_core.network.training_examples import BatchSampler, HardNegative
 
 @dataclass(frozen=True, slots=True)
 class StepLosses:
-    """What one step saw."""
+    """The losses of one step."""
 
     loss: float
     """Eq. 1 without the auxiliary terms."""
     total: float
-    """All that was minimised."""
+    """The loss with the auxiliary terms."""
 
 
 class Trainer:
@@ -56,7 +56,7 @@ class Trainer:
         progress: float,
         distributed_context: DistributedContext = SINGLE_PROCESS,
     ) -> StepLosses:
-        """Learn from one batch per process; progress in [0, 1] sets the learning rate."""
+        """Update the weights with one batch per process; progress in [0, 1] sets the learning rate."""
         rng = np.random.default_rng([self.plan.seed, self.steps, distributed_context.rank])
         generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**31)))
         mined = [self.confusions[k] for k in rng.permutation(len(self.confusions))[: self.plan.confusions]]
@@ -75,11 +75,11 @@ class Trainer:
         return StepLosses(loss.item(), total.item())
 
     def _prepare(self) -> None:
-        """Make the network ready to learn."""
+        """Prepare the network for training."""
         self.network.train()
 
     def _step_module(self, distributed_context: DistributedContext) -> nn.Module:
-        """Return the step; in a team, its backward pass averages the gradients of all processes."""
+        """Return the step; with several processes its backward pass averages their gradients."""
         if distributed_context.size == 1:
             return self._step
         if self._distributed_step is None:

@@ -1,7 +1,6 @@
-"""Training from first step to saved weights: when to learn, mine, validate, keep and stop.
+"""The training loop: steps, hard-negative mining, validation, checkpoints and early stopping.
 
-Owns the course. One step is `ltvn_core.network.optimization.trainer`; data come in as `SceneExamples` and
-`LabelledDrive`s.
+`ltvn_core.network.optimization.trainer` is one step.
 """
 
 import json
@@ -44,7 +43,7 @@ _SCALARS_EVERY = 20
 
 @dataclass(frozen=True, slots=True)
 class TrainingPlan:
-    """How long to train and how often to look (all ours)."""
+    """Duration of training and schedule of validation and mining (all values are ours)."""
 
     learning: Hyperparameters = field(default_factory=Hyperparameters)
     """What each step does."""
@@ -55,22 +54,22 @@ class TrainingPlan:
     steps: int = 6000
     """Steps to train for where no time is given."""
     validations: int = 7
-    """How many times to validate, evenly over training; the best weights are kept."""
+    """Number of validations, evenly over training; the best weights are kept."""
     minings: int = 14
-    """How many times to search for confusions, evenly over training after its first tenth."""
+    """Number of searches for hard negatives, evenly over training after its first tenth."""
     mined_scenes: int = 4
-    """Training scenes that each process searches each time."""
+    """Training scenes that each process searches in each of them."""
     patience: int = 4
     """Stop after this many validations in a row without a better one."""
     validation_pairs: int = 2500
-    """Labelled pairs of each validation scene to look at during training,"""
+    """Labelled pairs of each validation scene that are compared during training,"""
     validation_far: int = 12000
     """and far pairs of each drive."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValidationMetrics:
-    """Figures of one validation."""
+    """Metrics of one validation."""
 
     steps: int
     pairs: PairMetrics
@@ -78,14 +77,14 @@ class ValidationMetrics:
 
     @property
     def score(self) -> float:
-        """Return what the best weights have the most of: few wormholes first, then ranking and pose."""
-        wormholes = 0.0 if self.drives is None else -math.log10(self.drives.far_fpr_at_tpr60 + 1e-5)
-        return wormholes + 20 * (self.pairs.auc or 0) - 5 * self.pairs.position_median_m
+        """Return the score that decides which weights are best: few false long-range edges first, then AUC and pose."""
+        false_edges = 0.0 if self.drives is None else -math.log10(self.drives.far_fpr_at_tpr60 + 1e-5)
+        return false_edges + 20 * (self.pairs.auc or 0) - 5 * self.pairs.position_median_m
 
 
 @dataclass(frozen=True, slots=True)
 class TrainingResult:
-    """What training ends with."""
+    """The result of training."""
 
     weights: Path
     """The best weights, calibrated."""
@@ -101,14 +100,14 @@ class TrainingResult:
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """What a network is trained and judged on."""
+    """The data for training and validation."""
 
     scenes: Sequence[SceneExamples]
-    """To learn from."""
+    """Scenes to train on."""
     validation: Sequence[SceneExamples]
-    """To choose the best weights and the calibration by."""
+    """Scenes by which the best weights and the calibration are chosen."""
     drives: Sequence[LabelledDrive] = ()
-    """To count wormholes on, in scenes that are not learned from."""
+    """Drives to count false long-range edges on, in scenes that are not trained on."""
 
 
 def train(
@@ -219,7 +218,7 @@ class _TrainingRun:
         )
 
     def _validate_or_mine(self, before: float, precision: MixedPrecision) -> None:
-        """Validate and mine where it is time to; while the leader validates, the others mine."""
+        """Validate and mine when they are due; while the leader validates, the others mine."""
         validating = _due(before, self.progress(), self.plan.validations, begin=0.0)
         mining = _due(before, self.progress(), self.plan.minings, begin=0.1)
         if validating and self.distributed_context.is_leader:
@@ -240,7 +239,7 @@ class _TrainingRun:
         log.info("mined %d confusions", len(self.trainer.confusions))
 
     def _validate(self) -> None:
-        """Judge the averaged weights and keep them if they are the best so far."""
+        """Evaluate the averaged weights and keep them if they are the best so far."""
         predictor = NetworkPredictor(self.trainer.average, "in training")
         rng = np.random.default_rng(0)
         found = ValidationMetrics(
@@ -263,7 +262,7 @@ class _TrainingRun:
             self.validations_without_improvement += 1
 
     def _log_validation(self, found: ValidationMetrics) -> None:
-        """Add figures to the folder's list, and keep them apart if they are the best so far."""
+        """Append metrics to the log in the folder, and save them separately if they are the best so far."""
         line = json.dumps({"seconds": round(self.elapsed_s), "score": found.score, **asdict(found)})
         try:
             with (self.folder / "validation.jsonl").open("a", encoding="utf-8") as file:
@@ -299,7 +298,7 @@ def _create_trainer(plan: TrainingPlan, distributed_context: DistributedContext,
 
 
 def _due(before: float, after: float, times: int, *, begin: float) -> bool:
-    """Tell whether one of `times` evenly spaced moments after `begin` lies in (before, after]."""
+    """Return whether one of `times` evenly spaced moments after `begin` lies in (before, after]."""
     if times == 0:
         return False
     spacing = (1 - begin) / times

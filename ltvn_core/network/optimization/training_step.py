@@ -1,6 +1,6 @@
-"""From a batch to its loss: images are changed and encoded once, pairs are chosen and compared.
+"""The forward pass of a training step: augments and encodes images, chooses and compares pairs, sums the loss.
 
-Owns the forward half of a step, as a module, so that torch's DistributedDataParallel can share its backward half.
+It is a module, so that torch's DistributedDataParallel can average the gradients of its backward pass.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""Judges a network on the robot's own drive, by odometry: no truth is needed, and none is used.
+"""Evaluates a network on the robot's own drive with labels from odometry, without ground truth.
 
-Owns how the pairs are drawn. The figures are defined in `ltvn_core.network.metrics.reachability_metrics`.
+`ltvn_core.network.metrics.reachability_metrics` defines the metrics.
 """
 
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from ltvn_core.types import Predictor
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryMetrics:
-    """Quality on a robot's own drive, as odometry tells it."""
+    """Metrics on a robot's own drive, with labels from odometry."""
 
     pairs: PairMetrics
     """On labelled pairs at most H images apart."""
     far: DriveMetrics
-    """Reachable ones of them against pairs that are far apart whatever odometry has drifted."""
+    """The reachable ones of them against pairs that are far apart whatever the drift of odometry."""
 
 
 def evaluate_trajectory(
     predictor: Predictor, drive: LabelledTrajectory, rng: np.random.Generator, *, near: int, far: int
 ) -> TrajectoryMetrics:
-    """Judge a predictor on up to so many near and far pairs of a drive."""
+    """Evaluate a predictor on random near and far pairs of a drive, up to the given numbers."""
     features = encode_images(predictor, drive.rgb, drive.depth_mm)
     chosen = rng.permutation(len(drive.sources))[:near]
     i = drive.sources[chosen].astype(np.intp)

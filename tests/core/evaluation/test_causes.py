@@ -143,7 +143,7 @@ def test_attempts_that_start_somewhere_else_are_mislocalised(robot: Pose, node: 
     story = QueryScript().looks(robot, node).drives(*GOOD)
     failure, seen = story.ended(Outcome.STEP_LIMIT)
     assert failure is FailureCause.MISLOCALISED
-    assert (seen.astray, seen.spurious_legs, seen.legs) == (1, 0, 1)
+    assert (seen.mislocalised, seen.spurious_attempts, seen.attempts) == (1, 0, 1)
 
 
 @pytest.mark.parametrize("end", [AttemptEnd.BLOCKED, AttemptEnd.COLLISION])
@@ -153,7 +153,7 @@ def test_a_robot_that_jams_on_true_edges_has_a_collision_problem(end: AttemptEnd
         story.looks(exact_pose_of(2), 2).drives(*GOOD, end=end)
     failure, seen = story.ended(Outcome.STEP_LIMIT)
     assert failure is FailureCause.COLLISION
-    assert seen == EpisodeStatistics(legs=4, blocked_legs=3, trigger=FailureCause.COLLISION)
+    assert seen == EpisodeStatistics(attempts=4, blocked_attempts=3, trigger=FailureCause.COLLISION)
 
 
 def test_a_robot_that_mostly_does_all_right_is_too_slow() -> None:
@@ -200,7 +200,7 @@ def test_too_many_collisions_are_put_down_to_where_they_happened() -> None:
 
 def test_approaching_a_node_is_no_edge() -> None:
     _, seen = QueryScript().looks(exact_pose_of(2), 2).drives(None, 2).ended(Outcome.STEP_LIMIT)
-    assert seen == EpisodeStatistics(legs=1)
+    assert seen == EpisodeStatistics(attempts=1)
 
 
 def test_a_story_told_without_poses_believes_the_robot() -> None:
@@ -210,4 +210,4 @@ def test_a_story_told_without_poses_believes_the_robot() -> None:
     story = QueryScript().looks(exact_pose_of(2), 4).drives(*GOOD)
     story.told = list(without_poses(story.told))
     failure, seen = story.ended(Outcome.STEP_LIMIT)
-    assert (failure, seen.astray) == (FailureCause.STEP_LIMIT, 0)
+    assert (failure, seen.mislocalised) == (FailureCause.STEP_LIMIT, 0)

@@ -35,7 +35,7 @@ def _without_expansion(method: Method) -> Method:
 
 
 def _as_in_paper(group: str) -> Callable[[Method], Method]:
-    """Return what sets one group of thresholds to the paper's; limits and measured constants are nobody's departure."""
+    """Return a change that sets one group of thresholds to the paper's; limits and measured constants stay."""
 
     def plain(method: Method) -> Method:
         own = getattr(method, group)

@@ -132,10 +132,23 @@ class EpisodeRunner:
         )
 
     def _without_goal(self, query: int, plan: EpisodePlan) -> EpisodeResult:
+        """Return the result of an episode whose goal is no node of the map; the robot does not start."""
         judged = judge_goal_reached(query, np.array(plan.start_pose), np.array(plan.goal_pose))
-        gap = judged.position_error_m, judged.yaw_error_rad
-        why = Outcome.NO_PATH.value, FailureCause.NO_PATH, FailureCause.NO_PATH
-        return EpisodeResult(query, plan.start, plan.goal, False, *why, 0, 0, 0.0, self._shortest(plan), *gap)
+        return EpisodeResult(
+            episode=query,
+            start=plan.start,
+            goal=plan.goal,
+            reached=False,
+            outcome=Outcome.NO_PATH.value,
+            failure=FailureCause.NO_PATH,
+            trigger=FailureCause.NO_PATH,
+            steps=0,
+            collisions=0,
+            path_m=0.0,
+            shortest_m=self._shortest(plan),
+            position_error_m=judged.position_error_m,
+            yaw_error_rad=judged.yaw_error_rad,
+        )
 
     def _shortest(self, plan: EpisodePlan) -> float:
         return shortest_m(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))

@@ -31,6 +31,7 @@ class EpisodeStatistics:
     """Counts of what happened in an episode."""
 
     attempts: int = 0
+    """Attempts at edges."""
     spurious_attempts: int = 0
     """Attempts at edges that are not drivable."""
     mislocalised: int = 0

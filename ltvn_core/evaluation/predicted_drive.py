@@ -56,7 +56,9 @@ def predict_drive(scene: "Scene", renderer: Renderer, predictor: Predictor, pose
     keyframes = KeyframeStore(predictor)
     keyframes.add(observations)
     first, second = np.divmod(np.arange(images**2), images)
-    depth_mm = np.rint(np.stack([each.require_depth("the evaluation") for each in observations]) * 1000).astype(np.uint16)
+    depth_mm = np.rint(np.stack([each.require_depth("the evaluation") for each in observations]) * 1000).astype(
+        np.uint16
+    )
     labels = label_image_pairs(
         DatasetScene(scene.name, scene.clearance, renderer), poses, depth_mm, first, second, ReachabilityLimits()
     )

@@ -54,7 +54,7 @@ class PairNetwork(BaseNetwork[ImageFeatures]):
         return self.place_logits(features.place_query, features.place_key)
 
     def prefilter_scores(self, source: Tensor, targets: Tensor) -> PrefilterScores:
-        """Score the places of one source row (1, F) and of target rows (T, F), and look for some of its tokens."""
+        """Return the place scores of one source row (1, F) with target rows (T, F), and match some of its tokens."""
         query, key = place_columns(self.size)
         logits = self.place_logits(source[:, query].float(), targets[:, key].float())[0]
         alike = similarity(self.unpack(source), coarse_descriptors(targets, self.size), self.head.sharpness)

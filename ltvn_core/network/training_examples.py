@@ -55,7 +55,7 @@ class TrainingBatch(NamedTuple):
     reachable: NDArray[np.bool_]
     """(P,)"""
     apart: NDArray[np.bool_] | None = None
-    """(B, B): pairs that are certainly not reachable, where poses and scenes alone do not say so."""
+    """(B, B): pairs that are certainly not reachable, where poses and scenes alone do not decide it."""
 
     def waypoints(self, sources: NDArray[np.intp], targets: NDArray[np.intp]) -> Waypoint:
         """Return targets in the sources' frames (P, 3); meaningless between scenes."""

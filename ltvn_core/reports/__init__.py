@@ -1,5 +1,5 @@
-"""Pictures, tables and pages: about the network from shards, drives, weights and their card, and about an evaluation.
+"""Reports: figures, tables and pages about evaluations.
 
-The one home of matplotlib and jinja2, which come with the extra `docs`. Decides nothing: whatever is
-measured is measured by `ltvn_core.network` and `ltvn_core.evaluation`.
+The only package that imports matplotlib and jinja2, which come with the extra `docs`. It computes no metrics; these
+come from `ltvn_core.network` and `ltvn_core.evaluation`.
 """

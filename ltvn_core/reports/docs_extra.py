@@ -1,4 +1,4 @@
-"""The libraries of the extra `ltvn[docs]`, with which figures and pages are made; the toolkit works without them."""
+"""Checks for the optional libraries of the extra `ltvn[docs]`, which draw figures and pages."""
 
 from importlib.util import find_spec
 
@@ -6,6 +6,6 @@ from ltvn_core.errors import OptionError
 
 
 def require_docs_extra() -> None:
-    """Raise OptionError where a library is not installed with which figures and pages are made."""
+    """Raise OptionError if a library that draws figures and pages is not installed."""
     if missing := [name for name in ("matplotlib", "jinja2") if find_spec(name) is None]:
         raise OptionError(f"Drawing needs {' and '.join(missing)}, which is not installed: pip install 'ltvn[docs]'.")

@@ -1,4 +1,4 @@
-"""The evaluation as blocks of a Markdown page: its tables, and links to its pictures.
+"""The evaluation as blocks of a Markdown page: its tables, and links to its figures.
 
 Owns the names of the blocks. What is written between them by hand stays as it is.
 """
@@ -26,13 +26,13 @@ from ltvn_core.reports.page_blocks import fill_blocks
 from ltvn_core.reports.result_rows import rows_of
 
 FIGURE_KINDS = ("success", "sizes", "causes", "floors", "lifelong", "calibration")
-"""Kinds of pictures; each has a block `KIND-pictures`."""
+"""Kinds of figures; each has a block `KIND-pictures`."""
 
 
 def fill_results_page(
     results: EvaluationResults, palette: FigurePalette, *, page: Path, images: Path, section: str = ""
 ) -> tuple[Path, ...]:
-    """Write tables into a page and draw the pictures that it asks for; returns the pictures.
+    """Write the tables into a page and draw the figures for which it has blocks; return the paths of the figures.
 
     A page need not have all blocks. With a section, blocks and pictures are called `SECTION-NAME`.
     Raises OptionError for a page that is missing or has none of the blocks.

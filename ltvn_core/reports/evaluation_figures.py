@@ -1,4 +1,4 @@
-"""All pictures of one report. Owns which there are, their names and the words below them."""
+"""The figures of an evaluation report, with their names, titles and captions."""
 
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -15,7 +15,7 @@ from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, 
 
 
 def figures_of(results: EvaluationResults, palette: FigurePalette) -> tuple[ReportFigure, ...]:
-    """Return all pictures that the results allow, not yet drawn."""
+    """Yield all figures for which there are results, not yet drawn."""
     rows = rows_of(results.trials)
     lifelong_groups = group_lifelong(results.lifelong)
     return tuple(
@@ -76,9 +76,7 @@ def _map_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[
             if row.setup.scene == scene
         ]
         title = f"Maps of {scene_name(scene)}"
-        caption = (
-            f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: edges that nobody can drive."
-        )
+        caption = f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: spurious edges."
         yield ReportFigure(
             kind="floors",
             name=f"floors-{slug(scene_name(scene))}",
@@ -95,7 +93,7 @@ def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigureP
         several = len(group.runs) > 1
         caption = (
             f"Goals reached with maintenance off, with 95 % interval{'; thin lines are single maps' * several}. "
-            f"Below: edges added and pruned{', means of the runs' * several}; red are those that nobody can drive."
+            f"Below: edges added and pruned{', means of the runs' * several}; red are the spurious ones."
         )
         yield ReportFigure(
             kind="lifelong",
@@ -121,7 +119,7 @@ def _before_and_after(group: LifelongGroup, name: str, palette: FigurePalette) -
     if first is last or first.trial.floorplan is None or last.trial.floorplan is None:
         return
     panels = [MapPanel(f"after {point.queries:,} queries", point.trial) for point in (first, last)]
-    caption = f"Map seed {group.runs[0].seed}, before and after maintenance. Red crosses: edges that nobody can drive."
+    caption = f"Map seed {group.runs[0].seed}, before and after maintenance. Red crosses: spurious edges."
     title = f"The map of {scene_name(group.scene)} before and after"
     yield ReportFigure(
         kind="lifelong", name=f"map-{name}", title=title, caption=caption, draw=partial(map_figure, panels, palette)

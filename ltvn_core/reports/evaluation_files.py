@@ -1,4 +1,4 @@
-"""A folder of an evaluation: which results lie in it, and what there is to see of the failed episodes.
+"""Finds the results of an evaluation in a folder, and the images and recordings of its failed episodes.
 
 Owns finding and checking. What the results mean is elsewhere; drives and recordings are only read.
 """
@@ -26,14 +26,14 @@ _Result = TypeVar("_Result", TrialResult, LifelongResult)
 
 @dataclass(frozen=True)
 class FoundResults:
-    """What lies in a folder."""
+    """The results in a folder."""
 
     results: EvaluationResults
     """As the files hold them,"""
     drawn: EvaluationResults
     """and with the drawings of their maps that lie beside them."""
     failures: tuple[FailureRow, ...]
-    """All failed episodes of the trials, with their recordings and as yet without pictures."""
+    """All failed episodes of the trials, with their recordings, still without images."""
 
 
 def find_results(folder: Path) -> FoundResults:
@@ -55,7 +55,7 @@ def find_results(folder: Path) -> FoundResults:
 
 
 def with_images(rows: Iterable[FailureRow]) -> tuple[FailureRow, ...]:
-    """Add start and goal image to rows whose drive is known, and the moment to those with a recording.
+    """Add start and goal images to rows whose drive exists, and the moment of failure to those with a recording.
 
     What cannot be read is left out: a report of results is worth having without pictures.
     """
@@ -107,7 +107,7 @@ def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
 
 
 def _plan(path: Path) -> tuple[Path, str]:
-    """Return folder and label of a result, whose name ends in how long it is."""
+    """Return folder and label of a result; its file name ends with its length."""
     return path.parent, re.sub(r"(-(\d+|every))*\.(trial|lifelong)\.json$", "", path.name)
 
 
@@ -151,7 +151,7 @@ def _stored_image(drive: Path | None, frame: int) -> bytes | None:
 
 @lru_cache(maxsize=2)
 def _opened(drive: Path) -> Recording | None:
-    """Return a drive; None where it is not there or broken. Rows of one drive follow each other."""
+    """Return a drive; None if it is missing or damaged. Cached, because rows of one drive follow each other."""
     try:
         return Recording.open(drive)
     except LtvnError:

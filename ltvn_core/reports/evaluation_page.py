@@ -1,4 +1,4 @@
-"""The report as one HTML page that asks nothing of any other machine.
+"""The evaluation report as one self-contained HTML page.
 
 Owns what goes into the page. How it looks is in `templates/`; numbers and pictures come from the other modules.
 """
@@ -33,7 +33,7 @@ from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, 
 def render_page(
     results: EvaluationResults, failures: Sequence[FailureRow], palette: FigurePalette, *, folder: Path
 ) -> str:
-    """Return the report as HTML that is to lie in `folder`, with these failures for its gallery.
+    """Return the report as HTML for a file in `folder`, with these failures in its gallery.
 
     Raises OptionError for a picture of the gallery that is none.
     """
@@ -57,12 +57,12 @@ def render_page(
 
 
 def headline(rows: Sequence[ResultRow]) -> str:
-    """Return the result in a sentence: the share of each method at its furthest stage, over all scenes."""
+    """Return the main result as a sentence: success of each method at its last stage, over all scenes."""
     first = [row for row in rows if not row.setup.ablated]
     count = len(scenes_of(first))
     latest = {row.setup.method: row for row in (rows_over_scenes(first) if count > 1 else first)}
-    said = [f"{method} {percent(row.success.mean, 0)}" for method, row in latest.items()]
-    return f"Goals reached in {count} {'scene' if count == 1 else 'scenes'}: {', '.join(said)}." if said else ""
+    shares = [f"{method} {percent(row.success.mean, 0)}" for method, row in latest.items()]
+    return f"Goals reached in {count} {'scene' if count == 1 else 'scenes'}: {', '.join(shares)}." if shares else ""
 
 
 def _template(folder: Path) -> Any:

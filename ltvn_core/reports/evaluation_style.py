@@ -1,4 +1,4 @@
-"""How the pictures of the evaluation look, and how they become part of an HTML page.
+"""The style of the evaluation's figures, and their embedding in an HTML page.
 
 Owns the colours of methods and causes, and the SVG that takes its text colour from the page around it.
 """
@@ -21,7 +21,7 @@ from ltvn_core.palette import PROBABILITY_RAMP_ON_WHITE
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 
 WIDTH_IN = 8.4
-"""Width of a picture, as on the other pages."""
+"""Width of a figure in inches, as on the other pages."""
 
 _MORE_COLOURS: tuple[Colour, ...] = (
     (0.0, 0.6, 0.45),
@@ -43,15 +43,15 @@ _CAUSE_COLOURS: dict[FailureCause, Colour] = {
 
 @dataclass(frozen=True, slots=True)
 class ReportFigure:
-    """A figure that can be drawn, and its words."""
+    """A figure with its title and caption; `draw` creates it."""
 
     kind: str
     """Which part of the report it belongs to."""
     name: str
-    """Of its file, without ending."""
+    """Name of its file without ending."""
     title: str
     caption: str
-    """What is to be seen in it, in short sentences."""
+    """Description in short sentences."""
     draw: Callable[[], Figure]
     """Call it inside `style.drawing`."""
 
@@ -63,7 +63,7 @@ def method_colours(methods: Sequence[str], palette: FigurePalette) -> dict[str, 
 
 
 def cause_colour(cause: FailureCause) -> Colour:
-    """Return the colour of a cause; all of them keep apart for every common kind of colour blindness."""
+    """Return the colour of a cause; they are distinguishable with every common kind of colour blindness."""
     return _CAUSE_COLOURS[cause]
 
 
@@ -94,7 +94,7 @@ def slug(text: str) -> str:
 
 
 def inline_svg(picture: ReportFigure, palette: FigurePalette) -> str:
-    """Draw a picture as an SVG element for an HTML page, in the page's colours, without any address in it."""
+    """Return a figure as an SVG element for an HTML page, in the page's colours, without external links."""
     buffer = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": picture.name}):

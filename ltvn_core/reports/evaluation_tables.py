@@ -1,4 +1,4 @@
-"""The tables of the evaluation, for an HTML page and for Markdown alike.
+"""The tables of the evaluation, for HTML and Markdown.
 
 Owns their columns and how numbers are written. The numbers come in rows and courses.
 """
@@ -25,13 +25,13 @@ NO_RESULTS = "No results yet."
 
 @dataclass(frozen=True, slots=True)
 class ReportTable:
-    """Cells as they are read."""
+    """A table of text cells with a caption."""
 
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     words: int
-    """How many columns, from the left, hold words; the others hold numbers."""
+    """Number of columns with text, from the left; the others have numbers."""
 
     def markdown(self) -> str:
         """Return the table as Markdown, without its caption."""
@@ -42,7 +42,7 @@ class ReportTable:
 
 
 def main_table(rows: Sequence[ResultRow]) -> ReportTable:
-    """Return what each method reached in each scene, and then over all scenes."""
+    """Return the metrics of each method in each scene, and then over all scenes."""
     head = ("scene", "method", "network", "goals reached", "SPL", "collisions", "steps", "nodes", "edges", "spurious")
     body = (
         (*_named(row), _interval(row.success), *_driving(row), *_size(row), _spurious(row), *_sample(row))
@@ -53,7 +53,7 @@ def main_table(rows: Sequence[ResultRow]) -> ReportTable:
 
 
 def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
-    """Return how far the first method is ahead of the others at the same stage, over all scenes."""
+    """Return the difference of the first method to the others at the same stage, over all scenes."""
     head = ("method", "against", "network", "goals reached, more", "SPL, more", "of its nodes", "of its edges")
     whole = [row for row in rows_over_scenes(rows) or _of_one_scene(rows) if not row.setup.ablated]
     first = {row.setup.stage: row for row in whole if row.setup.method == whole[0].setup.method}
@@ -70,7 +70,7 @@ def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
 
 
 def size_table(rows: Sequence[ResultRow]) -> ReportTable:
-    """Return how large the maps are, and how whole."""
+    """Return the sizes of the maps, their spurious edges and components."""
     head = ("scene", "method", "network", "images", "nodes", "edges", "spurious edges", "pieces", "goals connected")
     body = (
         (
@@ -84,7 +84,7 @@ def size_table(rows: Sequence[ResultRow]) -> ReportTable:
 
 
 def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
-    """Return what share of the episodes failed for each cause."""
+    """Return the share of the episodes that failed for each cause."""
     head = ("scene", "method", "network", "failed", *(cause.value for cause in FailureCause))
     body = (
         (
@@ -98,7 +98,7 @@ def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
 
 
 def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
-    """Return each course's tests, with what maintenance did since the test before."""
+    """Return the tests of each lifelong group, with the changes by maintenance since the test before."""
     head = (
         "scene",
         "method",
@@ -220,5 +220,5 @@ def _count(number: float) -> str:
 
 
 def _plain(cell: str) -> str:
-    """Return a cell so that Markdown takes nothing in it for its own."""
+    """Return a cell with the special characters of Markdown escaped."""
     return cell.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|").replace("\n", " ")

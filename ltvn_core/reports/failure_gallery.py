@@ -1,4 +1,4 @@
-"""The gallery of failures: which failed episodes are shown, with pictures and the recording where there are any.
+"""The gallery of failed episodes: which are shown, with their images and recordings where they exist.
 
 Owns what a row holds. How it looks is in the page's template.
 """
@@ -18,7 +18,7 @@ _MIME_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FailureRow:
-    """One failed episode."""
+    """One failed episode in the gallery."""
 
     trial: TrialResult
     episode: EpisodeResult
@@ -31,7 +31,7 @@ class FailureRow:
     recording: Path | None = None
     """The episode's recording,"""
     time_s: float | None = None
-    """and when in it things went wrong, in seconds after its beginning."""
+    """and the moment of the failure in it, in seconds after its beginning."""
 
     @property
     def scene(self) -> str:
@@ -46,12 +46,12 @@ class FailureRow:
 
     @property
     def cause(self) -> str:
-        """Why it failed."""
+        """Cause of the failure."""
         return self.episode.failure.value if self.episode.failure else "unknown"
 
     @property
     def beginning(self) -> str | None:
-        """What went wrong first, where that is not the cause."""
+        """The first cause, where it differs from the main one."""
         first = self.episode.trigger
         return None if first is None or first is self.episode.failure else first.value
 
@@ -65,7 +65,7 @@ class FailureRow:
 
 
 def data_url(image: bytes) -> str:
-    """Return a JPEG or PNG as an address that holds the picture itself. Raises OptionError for anything else."""
+    """Return a JPEG or PNG image as a data URL. Raises OptionError for anything else."""
     for mark, kind in _MIME_TYPES.items():
         if image.startswith(mark):
             return f"data:{kind};base64,{b64encode(image).decode()}"
@@ -73,7 +73,7 @@ def data_url(image: bytes) -> str:
 
 
 def select_failures(rows: Sequence[FailureRow], most: int) -> tuple[FailureRow, ...]:
-    """Return at most so many rows for each scene, method and stage.
+    """Return a limited number of rows for each scene, method and stage.
 
     They are taken from each cause in turn, so that none crowds out another. Rows with a recording come before those
     without.
@@ -85,9 +85,9 @@ def select_failures(rows: Sequence[FailureRow], most: int) -> tuple[FailureRow, 
 
 
 def _in_turn(rows: Sequence[FailureRow]) -> list[FailureRow]:
-    seen: dict[FailureCause | None, int] = {}
+    counts: dict[FailureCause | None, int] = {}
     ranked = []
     for row in sorted(rows, key=lambda row: row.recording is None):
-        seen[row.episode.failure] = turn = seen.get(row.episode.failure, 0) + 1
+        counts[row.episode.failure] = turn = counts.get(row.episode.failure, 0) + 1
         ranked.append((turn, row))
     return [row for _, row in sorted(ranked, key=lambda each: each[0])]

@@ -1,4 +1,4 @@
-"""When in the recording of a failed episode things went wrong. Owns that choice; only reads."""
+"""Finds the moment of a failure in the recording of an episode."""
 
 from pathlib import Path
 
@@ -11,11 +11,11 @@ from ltvn_core.navigation.events import AttemptEnded, Collided, GraphChanged, Qu
 from ltvn_core.recording.reader import Recording
 
 BEFORE_S = 3.0
-"""So long before the moment a person should begin to watch."""
+"""Playback starts this long before the failure."""
 
 
 def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
-    """Return when to begin to watch, seconds after the recording's beginning; None where it cannot be read.
+    """Return where playback should start, in seconds after the recording's beginning; None if it cannot be read.
 
     For collisions that is shortly before the last one, after a wrong turn before the last attempt that failed, and
     otherwise before the end.
@@ -25,11 +25,11 @@ def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
         events = opened.events
     except LtvnError:
         return None
-    told = [stamped.stamp for stamped in events if _tells(stamped, failure)]
+    stamps = [stamped.stamp for stamped in events if _tells(stamped, failure)]
     ends = [stamped.stamp for stamped in events if isinstance(stamped.event, QueryEnded)]
-    if not told and not ends:
+    if not stamps and not ends:
         return None
-    return max(0.0, (told or ends)[-1] - _beginning_s(opened, events) - BEFORE_S)
+    return max(0.0, (stamps or ends)[-1] - _beginning_s(opened, events) - BEFORE_S)
 
 
 def _tells(stamped: StampedEvent, failure: FailureCause | None) -> bool:
@@ -41,7 +41,7 @@ def _tells(stamped: StampedEvent, failure: FailureCause | None) -> bool:
 
 
 def _beginning_s(recording: Recording, events: list[StampedEvent]) -> float:
-    """Return when driving began; images of a map that was loaded are older."""
+    """Return the time at which driving began; images of a loaded map are older."""
     first = events[0]
     poses = recording.poses
     loaded = isinstance(first.event, GraphChanged) and first.event.delta.cause is Cause.LOAD

@@ -1,4 +1,4 @@
-"""How pictures of the documentation look, and how they are saved small.
+"""The style of figures in the documentation, and saving them as small files.
 
 Owns fonts, inks and the file size. The colours come from the page's palette, through `FigurePalette`.
 """
@@ -19,7 +19,7 @@ from ltvn_core import palette
 from ltvn_core.errors import OptionError
 
 MAX_BYTES = 150_000
-"""No picture of a page is larger."""
+"""Largest size of a figure's file."""
 
 DOTS_PER_INCH = 150
 
@@ -29,16 +29,16 @@ Colour: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class FigurePalette:
-    """Colours that keep apart for every common kind of colour blindness, on white."""
+    """Colours on white that are distinguishable with every common kind of colour blindness."""
 
     first: Colour
-    """The source, and what is measured first."""
+    """Source images and the first series."""
     second: Colour
-    """The target, and what is measured second."""
+    """Target images and the second series."""
     third: Colour
-    """What the network says."""
+    """Predictions of the network."""
     grey: Colour = (0.45, 0.47, 0.5)
-    """What is to be compared with."""
+    """Series for comparison."""
     text: Colour = (0.13, 0.15, 0.18)
 
 
@@ -85,7 +85,7 @@ def save_png(figure: Figure, path: Path) -> Path:
 
 
 def _smaller(png: bytes) -> bytes:
-    """Take away colours, and then points, until the picture is small enough."""
+    """Reduce colours, and then pixels, until the file is small enough."""
     whole = Image.open(io.BytesIO(png)).convert("RGB")
     for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
         if len(png) <= MAX_BYTES:

@@ -1,4 +1,4 @@
-"""Pictures of lifelong queries: success, size and truth of the map over the queries, and calibration of p.
+"""Figures of lifelong evaluations: success, map size and spurious edges over queries, and calibration of p.
 
 Owns their drawing. The numbers come in courses.
 """
@@ -22,11 +22,11 @@ from ltvn_core.reports.lifelong_groups import (
 )
 
 _BAD: Colour = (0.78, 0.24, 0.32)
-"""Edges that nobody can drive."""
+"""Colour of spurious edges."""
 
 
 def lifelong_figure(group: LifelongGroup, palette: FigurePalette) -> Figure:
-    """Draw a course: success with its interval, what maintenance changed, and nodes, edges and spurious edges."""
+    """Draw a lifelong group: success with its interval, changes by maintenance, and nodes, edges and spurious edges."""
     figure = Figure(figsize=(WIDTH_IN, 5.4), layout="constrained")
     axes = figure.subplot_mosaic(
         [["success", "nodes"], ["success", "edges"], ["changes", "spurious"]], width_ratios=(1.25, 1), sharex=True
@@ -45,7 +45,7 @@ def lifelong_figure(group: LifelongGroup, palette: FigurePalette) -> Figure:
 
 
 def edge_calibration_figure(lifelong_groups: Sequence[LifelongGroup], palette: FigurePalette) -> Figure:
-    """Draw how many edges of each p can truly be driven, at the first test and at the last."""
+    """Draw the share of drivable edges over p, at the first test and at the last."""
     figure = Figure(figsize=(5.6, 5.2), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     above.plot([0, 1], [0, 1], "--", color=palette.grey, linewidth=1.2, label="perfect")

@@ -1,7 +1,4 @@
-"""Lifelong results gathered into courses: one for each scene and method, over all its map seeds.
-
-Owns which results belong together, and sums over stretches of queries. Draws and writes nothing.
-"""
+"""Groups lifelong results by scene and method, over all map seeds, and sums over intervals of queries."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,9 +14,9 @@ class LifelongGroup:
 
     scene: str
     method: str
-    """As a reader knows it."""
+    """Label of the method."""
     runs: tuple[LifelongResult, ...]
-    """One for each map seed."""
+    """One result for each map seed."""
 
     def points(self) -> tuple[ResultRow, ...]:
         """Return the tests in between as rows, by the number of queries before them."""
@@ -35,21 +32,21 @@ class LifelongGroup:
 
 @dataclass(frozen=True, slots=True)
 class MaintenanceInterval:
-    """What the queries between two tests did to the map, mean of the runs."""
+    """Changes of the map by the queries between two tests, mean over the runs."""
 
     first: int
     until: int
     """Number of queries at the test before and at the one after."""
     pruned: float
     pruned_bad: float
-    """Of the pruned edges, those that nobody can drive or the robot could not drive."""
+    """Pruned edges that are spurious or that the robot could not drive."""
     added_edges: float
     added_spurious: float
-    """Of the added edges, those that nobody can drive."""
+    """Added edges that are spurious."""
 
 
 def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ...]:
-    """Gather results into courses, by scene, then method. A result without points is left out."""
+    """Group results by scene, then method. A result without points is left out."""
     groups: dict[tuple[str, str], list[LifelongResult]] = {}
     for result in results:
         if result.points:
@@ -61,7 +58,7 @@ def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ..
 
 
 def maintenance_intervals(group: LifelongGroup) -> tuple[MaintenanceInterval, ...]:
-    """Sum up what maintenance did from each test to the next."""
+    """Return the changes by maintenance from each test to the next."""
     tests = sorted({point.queries for run in group.runs for point in run.points})
     return tuple(_interval(group, first, until) for first, until in pairwise(tests))
 
@@ -81,7 +78,7 @@ def calibration_of(points: Iterable[LifelongPoint]) -> tuple[EdgeCalibrationBin,
 
 
 def calibration_error(cells: Sequence[EdgeCalibrationBin]) -> float:
-    """Return the mean gap between p and the share of edges that can be driven; nan without edges."""
+    """Return the mean difference between p and the share of drivable edges; nan without edges."""
     total = sum(cell.edges for cell in cells)
     gaps = sum(cell.edges * abs(cell.mean_p - cell.drivable) for cell in cells)
     return gaps / total if total else float("nan")

@@ -1,4 +1,4 @@
-"""Pictures of maps over the floor plan: nodes with their yaw, edges coloured by p, spurious ones marked.
+"""Figures of maps over the floor plan: nodes with their yaw, edges coloured by p, spurious ones marked.
 
 Owns their drawing. What is free and what is spurious comes with the results.
 """
@@ -31,14 +31,14 @@ class MapPanel(NamedTuple):
 
 def map_figure(panels: Sequence[MapPanel], palette: FigurePalette) -> Figure:
     """Draw maps of one scene side by side, two in a row. Trials without a floor plan are left out."""
-    shown = [(panel, plan) for panel in panels if (plan := panel.trial.floorplan) is not None]
-    rows, columns = max((len(shown) + 1) // 2, 1), 2 if len(shown) > 1 else 1
-    size = (columns * WIDTH_IN / 2, 0.9 + rows * _height(shown[0][1] if shown else None))
+    drawable = [(panel, plan) for panel in panels if (plan := panel.trial.floorplan) is not None]
+    rows, columns = max((len(drawable) + 1) // 2, 1), 2 if len(drawable) > 1 else 1
+    size = (columns * WIDTH_IN / 2, 0.9 + rows * _height(drawable[0][1] if drawable else None))
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in grid[len(shown) :]:
+    for axes in grid[len(drawable) :]:
         axes.set_visible(False)
-    for axes, (panel, plan) in zip(grid, shown, strict=False):
+    for axes, (panel, plan) in zip(grid, drawable, strict=False):
         _draw(axes, plan, palette)
         facts = panel.trial.map
         axes.set_title(

@@ -1,4 +1,4 @@
-"""A map over the floor of its scene as SVG, drawn by hand so that every node and edge keeps its numbers.
+"""Draws a map over the floor of its scene as SVG with a tooltip for every node and edge.
 
 Owns the drawing; needs no other library than those of the core. Hovering a part shows its title in any browser.
 """
@@ -20,7 +20,7 @@ from ltvn_core.graph.deltas import Edge
 _MARGIN_M = 0.3
 _NODE_M = 0.05
 _YAW_M = 0.16
-"""How far a node's tick points to where it looks."""
+"""Length of the tick that shows a node's heading."""
 
 
 class _Box(NamedTuple):
@@ -31,7 +31,7 @@ class _Box(NamedTuple):
 
 
 def map_svg(drawn: MapLayout) -> str:
-    """Return a figure that needs no other file, in metres, x to the right and y up."""
+    """Return a self-contained SVG in metres, x to the right and y up."""
     box = _box(drawn.plan)
     # A picture's y goes down, so everything is drawn with its sign turned.
     view = f"{box.x_m:.3f} {-(box.y_m + box.height_m):.3f} {box.width_m:.3f} {box.height_m:.3f}"
@@ -55,16 +55,22 @@ def map_svg(drawn: MapLayout) -> str:
 
 
 def _box(plan: MapDrawing) -> _Box:
-    """Return what is to be seen: the floor, or all nodes."""
+    """Return the visible area: the floor, or all nodes."""
     if plan.free:
-        return _Box(*plan.origin, len(plan.free[0]) * plan.resolution_m, len(plan.free) * plan.resolution_m)
+        return _Box(
+            x_m=plan.origin[0],
+            y_m=plan.origin[1],
+            width_m=len(plan.free[0]) * plan.resolution_m,
+            height_m=len(plan.free) * plan.resolution_m,
+        )
     places = np.array([node[1:3] for node in plan.nodes])
-    low, high = places.min(axis=0) - _MARGIN_M, places.max(axis=0) + _MARGIN_M
-    return _Box(float(low[0]), float(low[1]), *(high - low).tolist())
+    low = places.min(axis=0) - _MARGIN_M
+    high = places.max(axis=0) + _MARGIN_M
+    return _Box(x_m=float(low[0]), y_m=float(low[1]), width_m=float(high[0] - low[0]), height_m=float(high[1] - low[1]))
 
 
 def _floor(plan: MapDrawing) -> Iterator[str]:
-    """Draw where no robot fits, as a small picture of one point per cell."""
+    """Draw the cells that are not navigable, as an image with one pixel per cell."""
     if not plan.free:
         return
     taken = np.array([[cell == "#" for cell in row] for row in plan.free[::-1]])
@@ -85,20 +91,21 @@ def _edges(drawn: MapLayout) -> Iterator[str]:
     for pair in dict.fromkeys((min(key), max(key)) for key in drawn.graph.edges):
         back = pair[1], pair[0]
         both = [drawn.graph.edges[key] for key in (pair, back) if key in drawn.graph.edges]
-        (x1, y1), (x2, y2) = places[pair[0]], places[pair[1]]
+        x1, y1 = places[pair[0]]
+        x2, y2 = places[pair[1]]
         colour = _probability_css(min(edge.belief.p for edge in both))
         wrong = pair in spurious or back in spurious
-        said = "\n".join(_edge_words(edge, (edge.source, edge.target) in spurious) for edge in both)
+        title = "\n".join(_edge_words(edge, (edge.source, edge.target) in spurious) for edge in both)
         yield (
             f'<path class="e{" s" if wrong else ""}" d="M{x1:.3f} {y1:.3f}L{x2:.3f} {y2:.3f}" '
-            f'stroke="{colour}"><title>{escape(said)}</title></path>'
+            f'stroke="{colour}"><title>{escape(title)}</title></path>'
         )
 
 
 def _edge_words(edge: Edge, spurious: bool) -> str:
     driven = f"driven {edge.attempts} x, {edge.successes} x with success" if edge.attempts else "never driven"
     words = f"edge {edge.source} to {edge.target}: p {edge.belief.p:.2f}, length {edge.belief.mu:.2f}, {driven}"
-    return words + (", nobody can drive it" if spurious else "") + (", protected" if edge.protected else "")
+    return words + (", spurious" if spurious else "") + (", protected" if edge.protected else "")
 
 
 def _nodes(drawn: MapLayout) -> Iterator[str]:
@@ -107,10 +114,10 @@ def _nodes(drawn: MapLayout) -> Iterator[str]:
         tip = x + _YAW_M * math.cos(yaw), -y - _YAW_M * math.sin(yaw)
         out = len(graph.successors(node))
         back = len(graph.predecessors(node))
-        said = f"node {node} at {x:.2f} m, {y:.2f} m, {math.degrees(yaw):.0f} degrees; {out} edges out, {back} in"
+        title = f"node {node} at {x:.2f} m, {y:.2f} m, {math.degrees(yaw):.0f} degrees; {out} edges out, {back} in"
         yield (
             f'<g class="n"><path d="M{x:.3f} {-y:.3f}L{tip[0]:.3f} {tip[1]:.3f}"/>'
-            f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{_NODE_M}"/><title>{said}</title></g>'
+            f'<circle cx="{x:.3f}" cy="{-y:.3f}" r="{_NODE_M}"/><title>{title}</title></g>'
         )
 
 

@@ -1,4 +1,4 @@
-"""Pictures that set methods beside each other: success, size of the graph, causes of failure.
+"""Figures that compare methods: success, size of the graph, causes of failure.
 
 Owns their drawing. The numbers come in rows.
 """
@@ -57,7 +57,7 @@ def size_figure(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
 
 
 def cause_figure(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
-    """Draw for each row what share of the episodes failed, and for which cause."""
+    """Draw for each row the share of failed episodes by cause."""
     names = [f"{row.setup.method}\n{row.setup.stage}" for row in rows]
     figure = Figure(figsize=(WIDTH_IN, 1.3 + 0.48 * len(rows)), layout="constrained")
     axes = figure.subplots()
@@ -81,7 +81,7 @@ def cause_figure(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
 
 
 class _Columns:
-    """Where each row stands: a group for each scene, in it a place for each method, before beside after."""
+    """Positions of the rows: a group per scene with a column per method, before and after fine-tuning side by side."""
 
     def __init__(self, rows: Sequence[ResultRow], palette: FigurePalette) -> None:
         self.methods = methods_of(rows)
@@ -112,7 +112,7 @@ class _Columns:
             axes.axvline(border - 0.5, color=self.palette.grey, linewidth=0.6, alpha=0.5)
 
     def handles(self) -> list[Line2D]:
-        """Return what the legend shows."""
+        """Return the entries of the legend."""
         named = [_dot(colour, label=method) for method, colour in self._colours.items()]
         if not self.both:
             return named

@@ -1,4 +1,4 @@
-"""Trials gathered into rows: one for each scene, method and stage, over all its map seeds.
+"""Groups trials into rows: one for each scene, method and stage, over all map seeds.
 
 Owns which trials belong together, their order and the name of a method for a reader. Draws and writes nothing.
 """
@@ -15,7 +15,7 @@ from ltvn_core.evaluation.metrics import EvaluationMetrics, compute_metrics
 from ltvn_core.evaluation.results import FailureCause, TrialResult
 
 ALL_SCENES = "all scenes"
-"""Stands for the scene in a row over all of them."""
+"""Scene name of a row over all scenes."""
 
 _SYSTEM_LABELS = {"ltvn": "LTVN", "sptm": "SPTM", "ving": "ViNG"}
 _SYSTEM_ORDER = ("LTVN", "SPTM", "ViNG")
@@ -27,16 +27,16 @@ class TrialSetup:
 
     scene: str
     method: str
-    """As a reader knows it: `LTVN robust`, `SPTM`, `LTVN robust without pruning`."""
+    """Label of the method: `LTVN robust`, `SPTM`, `LTVN robust without pruning`."""
     finetuned: bool
     queries: int
-    """With maintenance, before the episodes."""
+    """Queries with maintenance before the episodes."""
     ablated: bool
-    """Whether parts of the method were switched off or exchanged for the truth."""
+    """Whether parts of the method were switched off or replaced by ground truth."""
 
     @property
     def stage(self) -> str:
-        """How far the map and the network had got."""
+        """Stage of the map and the network: fine-tuning, and queries before the episodes."""
         tuned = "fine-tuned" if self.finetuned else "as trained"
         return f"{tuned}, {self.queries:,} queries" if self.queries else tuned
 
@@ -51,7 +51,7 @@ class ResultRow:
 
     @cached_property
     def metrics(self) -> EvaluationMetrics:
-        """What the trials come to."""
+        """Metrics over the trials."""
         return compute_metrics(self.trials)
 
     @property
@@ -97,7 +97,7 @@ def setup_of(trial: TrialResult) -> TrialSetup:
 
 
 def scene_name(scene: str) -> str:
-    """Return a scene's name for a reader: of a file, its last part."""
+    """Return the display name of a scene: for a path, its last part."""
     return PurePath(scene).name or scene
 
 
@@ -107,12 +107,12 @@ def order_of(setup: TrialSetup) -> tuple[object, ...]:
 
 
 def rows_of(trials: Iterable[TrialResult]) -> tuple[ResultRow, ...]:
-    """Gather trials into rows, by scene, then method, then stage."""
+    """Group trials into rows, by scene, then method, then stage."""
     return _gathered(trials, setup_of)
 
 
 def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
-    """Gather rows of the same method and stage over the scenes, leaving out those that miss a scene."""
+    """Group rows of the same method and stage over the scenes, leaving out those that miss a scene."""
     scenes = {row.setup.scene for row in rows}
     whole = _gathered(
         (trial for row in rows for trial in row.trials), lambda trial: replace(setup_of(trial), scene=ALL_SCENES)

@@ -187,4 +187,4 @@ def label_image_pairs(
         seen_i = depth_mm[i] / np.float32(1000)
         seen_j = depth_mm[j] / np.float32(1000)
         parts.append(label_poses(poses[i], poses[j], seen_i, seen_j, world.floor, limits=limits))
-    return PairLabels(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return PairLabels._make(np.concatenate(columns) for columns in zip(*parts, strict=True))

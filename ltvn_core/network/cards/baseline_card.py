@@ -48,7 +48,7 @@ class BaselineCard:
     rule: Mapping[str, Any]
     """The rule that labels pairs."""
     trained_on: TrainingDataSummary
-    """Random walks; the figures below are from the validation scenes, which also set the calibration."""
+    """Random walks; the metrics below are from the validation scenes, on which r is also calibrated."""
     plan: TrainingPlan
     steps: int
     pairs_compared: int

@@ -73,7 +73,7 @@ def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
 
 
 def read_driving(card: Mapping[str, Any]) -> DrivingMeasurements | None:
-    """Return this part of a card, of the parent's for fine-tuned weights that nobody measured, or None.
+    """Return this part of a card, of the parent's for fine-tuned weights without measurements, or None.
 
     Raises WeightsError where it is damaged.
     """

@@ -40,7 +40,8 @@ class MixedBatchSampler(BatchSampler):
         self, drive: LabelledTrajectory, scenes: Sequence[SceneExamples], far: FarCriterion, *, evened: bool = True
     ) -> None:
         super().__init__(scenes, evened=evened)
-        self.drive, self.far = drive, far
+        self.drive = drive
+        self.far = far
         self.reach = int(np.abs(drive.targets - drive.sources).max(initial=1))
         self._pair_at = _pair_table(drive, self.reach)
         self._weights_of_drive = _even_weights(drive) if evened else np.ones(len(drive.sources))
@@ -120,14 +121,14 @@ def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: T
     apart[:count, :count] = simulated_apart
     apart[count:, count:] = own.apart
     return TrainingBatch(
-        np.concatenate([simulated.rgb, own.rgb]),
-        np.concatenate([simulated.depth_mm, own.depth_mm]),
-        np.concatenate([simulated.poses, own.poses]),
-        np.concatenate([simulated.scene, own.scene]),
-        np.concatenate([simulated.sources, own.sources + count]),
-        np.concatenate([simulated.targets, own.targets + count]),
-        np.concatenate([simulated.reachable, own.reachable]),
-        apart,
+        rgb=np.concatenate([simulated.rgb, own.rgb]),
+        depth_mm=np.concatenate([simulated.depth_mm, own.depth_mm]),
+        poses=np.concatenate([simulated.poses, own.poses]),
+        scene=np.concatenate([simulated.scene, own.scene]),
+        sources=np.concatenate([simulated.sources, own.sources + count]),
+        targets=np.concatenate([simulated.targets, own.targets + count]),
+        reachable=np.concatenate([simulated.reachable, own.reachable]),
+        apart=apart,
     )
 
 

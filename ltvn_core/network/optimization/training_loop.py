@@ -89,7 +89,7 @@ class TrainingResult:
     weights: Path
     """The best weights, calibrated."""
     best: ValidationMetrics | None
-    """Their figures on validation, before calibration; only the leading process knows them."""
+    """Their metrics on validation, before calibration; only the leading process has them."""
     steps: int
     """Steps in all."""
     pairs: int
@@ -306,7 +306,7 @@ def _due(before: float, after: float, times: int, *, begin: float) -> bool:
 
 
 def _read_best(folder: Path) -> ValidationMetrics | None:
-    """Return the figures of the best weights of an interrupted training."""
+    """Return the metrics of the best weights of an interrupted training."""
     try:
         found = json.loads((folder / "best.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):

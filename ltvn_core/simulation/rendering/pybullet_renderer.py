@@ -82,7 +82,8 @@ class PyBulletRenderer:
 def _projection(camera: CameraModel) -> list[float]:
     """Return the projection matrix, shifted by half a pixel, because TinyRenderer samples at the corners of pixels."""
     across, down = _NEAR_M / camera.fx, _NEAR_M / camera.fy
-    left, right = -camera.cx * across, (camera.width - camera.cx) * across
+    left = -camera.cx * across
+    right = (camera.width - camera.cx) * across
     bottom, top = (camera.cy + 1 - camera.height) * down, (camera.cy + 1) * down
     edges = (left, right, bottom, top)
     return pybullet.computeProjectionMatrix(*edges, _NEAR_M, _FAR_M)

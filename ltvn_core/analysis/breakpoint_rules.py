@@ -1,11 +1,9 @@
 """When a breakpoint is met: one event, what was believed and planned before it, and the reason.
 
-The reason is what the event says (`navigation.event_text`). Owns these rules and the memory they need, which is one
-belief per edge and the last plan.
+The reason is what the event says (`navigation.event_text`). Owns these rules; what held before is the timeline's.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import assert_never
 
 from ltvn_core.analysis.breakpoint_kinds import (
@@ -19,6 +17,7 @@ from ltvn_core.analysis.breakpoint_kinds import (
     LocalisationBreakpoint,
     NodeBreakpoint,
 )
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_marks import is_other_plan
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
@@ -27,19 +26,48 @@ from ltvn_core.navigation.event_text import describe_event, edge_text
 from ltvn_core.types import NodeId
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class EventContext:
-    """One event, beside what held before it."""
+    """One event of a run, beside what held before it."""
 
-    event: e.Event
-    plan: tuple[NodeId, ...] | None
-    """The plan before, None when the query had none yet."""
-    known_beliefs: Mapping[EdgeKey, d.Belief]
-    """Beliefs by edge."""
-    key: EdgeKey | None = None
-    """The edge whose belief the event changed."""
-    before: d.Belief | None = None
-    after: d.Belief | None = None
+    timeline: Timeline
+    number: int
+    """Of the event in the timeline."""
+
+    @property
+    def event(self) -> e.Event:
+        """The event."""
+        return self.timeline.events[self.number].event
+
+    @property
+    def plan(self) -> tuple[NodeId, ...] | None:
+        """The path planned before the plan that this event is; None when the query had none yet."""
+        plan = self.timeline.plan_of(self.number)
+        return None if plan is None else plan.previous
+
+    @property
+    def key(self) -> EdgeKey | None:
+        """The edge whose belief the event changed."""
+        delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
+        if isinstance(delta, d.EdgeAdded):
+            return delta.edge.source, delta.edge.target
+        return (delta.source, delta.target) if isinstance(delta, d.BeliefUpdated) else None
+
+    @property
+    def before(self) -> d.Belief | None:
+        """What was believed of `key` before a belief update."""
+        delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
+        if not isinstance(delta, d.BeliefUpdated):
+            return None
+        return self.belief_before((delta.source, delta.target))
+
+    @property
+    def after(self) -> d.Belief | None:
+        """What is believed of `key` with the event."""
+        delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
+        if isinstance(delta, d.EdgeAdded):
+            return delta.edge.belief
+        return delta.belief if isinstance(delta, d.BeliefUpdated) else None
 
     @property
     def delta(self) -> d.GraphDelta | None:
@@ -51,35 +79,9 @@ class EventContext:
         """The event is one of the many changes that make a map, which is no news."""
         return isinstance(self.event, e.GraphChanged) and self.event.delta.cause in d.BULK_CAUSES
 
-
-@dataclass(slots=True)
-class BreakpointMemory:
-    """What conditions look back at: beliefs and the plan."""
-
-    beliefs: dict[EdgeKey, d.Belief] = field(default_factory=dict)
-    plan: tuple[NodeId, ...] | None = None
-
-    def take(self, event: e.Event) -> EventContext:
-        """Remember an event and return it beside what held before."""
-        occurrence = EventContext(event, self.plan, self.beliefs)
-        if isinstance(event, e.QueryStarted):
-            self.plan = None
-        elif isinstance(event, e.Planned):
-            self.plan = event.nodes
-        elif isinstance(event, e.GraphChanged):
-            self._believe(event.delta, occurrence)
-        return occurrence
-
-    def _believe(self, delta: d.GraphDelta, occurrence: EventContext) -> None:
-        if isinstance(delta, d.EdgeAdded):
-            occurrence.key, occurrence.after = (delta.edge.source, delta.edge.target), delta.edge.belief
-        elif isinstance(delta, d.BeliefUpdated):
-            occurrence.key, occurrence.after = (delta.source, delta.target), delta.belief
-            occurrence.before = self.beliefs.get(occurrence.key)
-        elif isinstance(delta, d.EdgePruned):
-            self.beliefs.pop((delta.source, delta.target), None)
-        if occurrence.key is not None and occurrence.after is not None:
-            self.beliefs[occurrence.key] = occurrence.after
+    def belief_before(self, edge: EdgeKey) -> d.Belief | None:
+        """Return what was believed of an edge before the event; None while it was not in the map."""
+        return self.timeline.belief_before(edge, self.number)
 
 
 def breakpoint_reason(breakpoint_: Breakpoint, occurrence: EventContext) -> str | None:
@@ -168,7 +170,11 @@ def _holds(number: float, value: float, *, less: bool) -> bool:
 def _at_edge(occurrence: EventContext, edge: EdgeKey) -> str | None:
     """Say what happened to an edge, which leaves the map with either of its nodes as well."""
     if isinstance(occurrence.delta, d.NodeDropped) and occurrence.delta.node in edge:
-        return f"{edge_text(edge)} left with node {occurrence.delta.node}" if edge in occurrence.known_beliefs else None
+        return (
+            f"{edge_text(edge)} left with node {occurrence.delta.node}"
+            if occurrence.belief_before(edge) is not None
+            else None
+        )
     return (
         _event_reason(occurrence) if not occurrence.is_bulk and describe_event(occurrence.event).edge == edge else None
     )

@@ -12,6 +12,7 @@ from ltvn_core.analysis.graph_history import GraphHistory
 from ltvn_core.analysis.map_replay import MapEpochs, MapReplay
 from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.graph.deltas import (
+    Belief,
     BeliefUpdated,
     EdgeAdded,
     EdgeProtected,
@@ -113,6 +114,23 @@ class MapHistory:
         """Return all arrivals and departures of a node in order."""
         return self._known(self._by_node, node)
 
+    def belief_before(self, edge: EdgeKey, event: int) -> Belief | None:
+        """Return what was believed of an edge just before event number `event`; None while it is not in the map.
+
+        Of a recording whose beginning is cut off, beliefs count from their first update. Logarithmic.
+        """
+        last = _last_before(self._by_edge.get(edge, ()), event)
+        place = self.count_before(event)
+        if last is None or last.epoch != self.changes[place - 1].epoch:
+            return None
+        for node in edge:
+            moved = _last_before(self._by_node.get(node, ()), event)
+            if moved is not None and moved.event > last.event and isinstance(moved.delta, NodeDropped):
+                return None
+        if isinstance(last.delta, EdgeAdded):
+            return last.delta.edge.belief
+        return last.delta.belief if isinstance(last.delta, BeliefUpdated) else None
+
     def _known(self, filed: Mapping, key: EdgeKey | NodeId) -> tuple[MapChange, ...]:
         """Leave out what came after this copy was made: the files by edge and node are shared with the original."""
         rows = filed.get(key, ())
@@ -138,6 +156,11 @@ class MapHistory:
             # Every second one goes, so that what is left is still spread over the whole run.
             kept = {place: kept[place] for place in sorted(kept)[1::2]}
         self._kept = kept
+
+
+def _last_before(changes: Sequence[MapChange], event: int) -> MapChange | None:
+    place = bisect_left(changes, event, key=_number)
+    return changes[place - 1] if place else None
 
 
 def _number(change: MapChange) -> int:

@@ -4,10 +4,13 @@
 map.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import assert_never
 
+from ltvn_core.analysis.timeline_records import edges_between
 from ltvn_core.graph import deltas
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
 
@@ -32,6 +35,8 @@ class NavigationProgress:
     """In simulation, whether that was true."""
     note: e.Note | None = None
     """The latest thing to read."""
+    failures: Mapping[EdgeKey, int] = field(default_factory=dict)
+    """How often each edge failed in the latest task."""
     queries: int = 0
     reached: int = 0
     """Tasks that ended with the robot judging itself at the goal."""
@@ -51,7 +56,7 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
             return replace(progress, navigator=state)
         case e.QueryStarted(query, goal):
             fresh = replace(progress, query=query, goal=goal, plan=(), attempt=None, localised=None)
-            return replace(fresh, ended=None, judged=None, queries=progress.queries + 1)
+            return replace(fresh, ended=None, judged=None, failures={}, queries=progress.queries + 1)
         case e.Localised():
             return replace(progress, localised=event)
         case e.Planned(_, nodes, cost):
@@ -59,7 +64,7 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
         case e.AttemptStarted():
             return replace(progress, attempt=event)
         case e.AttemptEnded():
-            return replace(progress, attempt=None)
+            return replace(progress, attempt=None, failures=_failures(progress, event))
         case e.Collided():
             return replace(progress, collisions=progress.collisions + 1)
         case e.QueryEnded():
@@ -71,6 +76,13 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
         case e.GraphChanged():
             return _after_change(progress, event)
     assert_never(event)
+
+
+def _failures(progress: NavigationProgress, event: e.AttemptEnded) -> Mapping[EdgeKey, int]:
+    if event.succeeded or event.source is None:
+        return progress.failures
+    driven = edges_between(progress.plan, event.source, event.target)
+    return {**progress.failures, **{edge: progress.failures.get(edge, 0) + 1 for edge in driven}}
 
 
 def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationProgress:

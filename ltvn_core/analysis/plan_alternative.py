@@ -80,12 +80,10 @@ def plan_alternative(
 
 def failure_penalties_at(timeline: Timeline, event: int, planning: PlanningConfig) -> dict[EdgeKey, float]:
     """Return what edges cost more just before event number `event`, for having failed in the query under way."""
-    query, penalties = timeline.query_at(event), dict[EdgeKey, float]()
-    for attempt in query.attempts if query and planning.failure_penalty else ():
-        if attempt.event < event and attempt.failed:
-            for edge in attempt.edges:
-                penalties[edge] = penalties.get(edge, 0.0) + planning.failure_penalty
-    return penalties
+    progress = timeline.progress_before(event)
+    if progress.query is None or not planning.failure_penalty:
+        return {}
+    return {edge: count * planning.failure_penalty for edge, count in progress.failures.items()}
 
 
 def explain_planned_edge(

@@ -1,15 +1,16 @@
 """What the planner knew at one moment of a query: where it was, where to, and which edges had failed.
 
-Owns reading that back from the events. Does not plan (`analysis.what_if`).
+Owns the question to the planner. Does not plan (`analysis.what_if_replanning`).
 """
 
-import itertools
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import AttemptEnded, Localised, Planned, QueryStarted, StampedEvent
-from ltvn_core.types import FrameId, NodeId
+from ltvn_core.navigation.events import Localised
+from ltvn_core.types import NodeId
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,41 +21,22 @@ class PlannerState:
     """Where the robot held itself to be; None when it was lost or nobody asked yet."""
     goal: NodeId | None
     """None outside of queries."""
-    failures: dict[EdgeKey, int] = field(default_factory=dict)
+    failures: Mapping[EdgeKey, int] = field(default_factory=dict)
     """How often each edge had failed in this query, each time at the price of `Planning.failure_penalty`."""
     localised: Localised | None = None
-    """The look that told the source."""
+    """The localisation that told the source."""
 
 
-def planner_state_at(events: Iterable[StampedEvent], step: FrameId) -> PlannerState:
-    """Return what the planner knew after everything that happened up to and in `step`.
+def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:
+    """Return what the planner knew after everything that happened up to and in a step, at the end without one.
 
-    Failed legs count against all edges of the plan that they went along, as the navigator counts them. Linear in the
-    events. Events of a query whose beginning was cut off are used as far as they go.
+    Failed attempts count against all edges of the plan that they went along, as the navigator counts them. Events of a
+    query whose beginning was cut off are used as far as they go. Logarithmic.
     """
-    found, plan = PlannerState(None, None), ()
-    for stamped in events:
-        if stamped.step > step:
-            continue
-        event = stamped.event
-        if isinstance(event, QueryStarted):
-            found, plan = PlannerState(None, event.goal), ()
-        elif isinstance(event, Localised):
-            found = replace(found, source=event.node, localised=event)
-        elif isinstance(event, Planned):
-            plan = event.nodes
-        elif isinstance(event, AttemptEnded) and not event.succeeded and event.source is not None:
-            driven = _edges_between(plan, event.source, event.target)
-            found = replace(found, failures=_counted(found.failures, driven))
-    return found
-
-
-def _edges_between(plan: tuple[NodeId, ...], source: NodeId, target: NodeId) -> list[EdgeKey]:
-    """Return the edges of the plan between two of its nodes, or the edge that joins them if they are not on it."""
-    if source in plan and target in plan[plan.index(source) :]:
-        return list(itertools.pairwise(plan[plan.index(source) : plan.index(target) + 1]))
-    return [(source, target)]
-
-
-def _counted(failures: dict[EdgeKey, int], edges: list[EdgeKey]) -> dict[EdgeKey, int]:
-    return failures | {edge: failures.get(edge, 0) + 1 for edge in edges}
+    progress = timeline.progress_before(timeline.count_until(instant))
+    return PlannerState(
+        source=progress.localised.node if progress.localised else None,
+        goal=progress.goal,
+        failures=progress.failures,
+        localised=progress.localised,
+    )

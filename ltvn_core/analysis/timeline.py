@@ -24,8 +24,8 @@ from ltvn_core.analysis.timeline_records import (
     QueryRecord,
 )
 from ltvn_core.analysis.timeline_rows import ClosedRows, TimelineRows
-from ltvn_core.graph.deltas import Cause, NodeAdded
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.deltas import Belief, Cause, NodeAdded
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, NodeId, Pose
 
@@ -204,6 +204,18 @@ class Timeline:
     def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[AttemptRecord, ...]:
         """Return all attempts along an edge in order, those too that drove past its end."""
         return self._closed.attempts_by_edge.get((source, target), ())
+
+    def belief_before(self, edge: EdgeKey, event: int) -> Belief | None:
+        """Return what was believed of an edge just before event number `event`; None while it is not in the map.
+
+        Of a recording whose beginning is cut off, beliefs count from their first update. Logarithmic.
+        """
+        return self._maps.belief_before(edge, event)
+
+    def plan_of(self, event: int) -> PlanRecord | None:
+        """Return the plan that event number `event` made, None if it made none. Logarithmic."""
+        place = bisect_left(self.plans, event, key=lambda plan: plan.event)
+        return self.plans[place] if place < len(self.plans) and self.plans[place].event == event else None
 
     def query_at(self, event: int) -> QueryRecord | None:
         """Return the query that event number `event` belongs to. Logarithmic."""

@@ -1,10 +1,11 @@
-"""What a run consists of, as rows that point back into the list of its events.
+"""The queries, attempts, plans, map changes and marks of a run, as rows that point back into the list of its events.
 
-Owns the data alone. An `Instant` is the link by which every result of the analysis can be jumped to. The rows are
-filled by `analysis.indexing` and found by `analysis.timeline`.
+Owns the data alone. An `Instant` is the link by which every result of the analysis can be jumped to. The rows are put
+together by `analysis.timeline_rows` and found by `analysis.timeline`.
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -36,7 +37,7 @@ class MarkKind(StrEnum):
     """A node came in because the robot was lost or saw no path."""
     COLLISION = "collision"
     FAILURE = "failure"
-    """A leg did not succeed."""
+    """An attempt did not succeed."""
     REPLAN = "replan"
     """The plan is not the rest of the last one."""
 
@@ -76,6 +77,8 @@ class PlanRecord(NamedTuple):
     instant: Instant
     planned: Planned
     localised: Localised | None
+    previous: tuple[NodeId, ...] | None
+    """The path planned before it in the query; None for the first."""
 
     @property
     def edges(self) -> tuple[EdgeKey, ...]:
@@ -85,7 +88,7 @@ class PlanRecord(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AttemptRecord:
-    """A leg from departure to verdict."""
+    """An attempt to drive to a node, from departure to verdict."""
 
     event: int
     """Index of its start in the timeline's events."""
@@ -111,13 +114,20 @@ class AttemptRecord:
     @property
     def edges(self) -> tuple[EdgeKey, ...]:
         """The edges it drove: several where the subgoal lay farther ahead, none for the approach to a node."""
-        source, target = self.started.source, self.started.target
-        if source is None:
+        if self.started.source is None:
             return ()
-        nodes = self.plan.planned.nodes if self.plan else ()
-        if source in nodes and target in nodes[nodes.index(source) + 1 :]:
-            return tuple(itertools.pairwise(nodes[nodes.index(source) : nodes.index(target) + 1]))
-        return ((source, target),)
+        planned = self.plan.planned.nodes if self.plan else ()
+        return edges_between(planned, self.started.source, self.started.target)
+
+
+def edges_between(path: Sequence[NodeId], source: NodeId, target: NodeId) -> tuple[EdgeKey, ...]:
+    """Return the edges of a path from one of its nodes to a later one, or the edge that joins the two if it has none.
+
+    An attempt to a subgoal farther ahead drives all of them, and its failure counts against each.
+    """
+    if source in path and target in path[path.index(source) + 1 :]:
+        return tuple(itertools.pairwise(path[path.index(source) : path.index(target) + 1]))
+    return ((source, target),)
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from ltvn_core.navigation.events import (
     QueryStarted,
     StateChanged,
 )
+from ltvn_core.types import NodeId
 
 
 @dataclass(slots=True)
@@ -69,6 +70,7 @@ class TimelineRows:
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}
         self._query: _OpenQuery | None = None
         self._attempt: AttemptRecord | None = None
+        self._planned_nodes: tuple[NodeId, ...] | None = None
 
     def copy(self) -> "TimelineRows":
         """Return one that stays as it is when this one goes on; linear in the rows."""
@@ -99,6 +101,7 @@ class TimelineRows:
             case QueryStarted():
                 self._close_query(index - 1)
                 self._query = _OpenQuery(started=event, epoch=epoch, first=index, begin=instant)
+                self._planned_nodes = None
             case QueryEnded():
                 self._query_ended(index, instant, event)
             case Judged():
@@ -121,12 +124,6 @@ class TimelineRows:
         self.marks[None].append(mark)
         self.marks.setdefault(mark.kind, []).append(mark)
 
-    @property
-    def _planned_nodes(self) -> tuple[int, ...] | None:
-        """The latest path planned in the query under way; None before the first."""
-        plan = self._query.plan if self._query is not None else None
-        return plan.planned.nodes if plan is not None else None
-
     def _copy_unclosed(self) -> "TimelineRows":
         twin = copy(self)
         twin.queries = list(self.queries)
@@ -139,7 +136,10 @@ class TimelineRows:
 
     def _planned(self, index: int, instant: Instant, event: Planned) -> None:
         localised = self._query.localised if self._query is not None else None
-        plan = PlanRecord(event=index, instant=instant, planned=event, localised=localised)
+        plan = PlanRecord(
+            event=index, instant=instant, planned=event, localised=localised, previous=self._planned_nodes
+        )
+        self._planned_nodes = event.nodes
         self.plans.append(plan)
         if self._query is not None:
             self._query.plans.append(plan)

@@ -49,12 +49,10 @@ class BreakpointQuestion:
             self._set(context, (*known, fresh))
 
     def _set(self, context: DebugContext, breakpoints: Sequence[Breakpoint]) -> None:
-        self._monitor.change(breakpoints, context.live.events, context.live.start_s)
+        self._monitor.change(breakpoints, context.live)
 
     def _stops(self, context: DebugContext) -> Sequence[BreakpointStop]:
-        return (
-            tuple(self._monitor.stops) if context.is_live else self._monitor.stops_of(context.timeline, context.start_s)
-        )
+        return tuple(self._monitor.stops) if context.is_live else self._monitor.stops_of(context.timeline)
 
     def _breakpoints(self, builder: AnswerBuilder) -> None:
         for each in self._monitor.breakpoints:

@@ -104,7 +104,7 @@ class WhatIfQuestion:
             builder.add_html(f"<div>{builder.link('forget all', SubmitText(_FORGET + _ALL))}</div>")
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> Overlay:
-        graph, situation, changes = context.graph, planner_state_at(context.timeline.events, context.step), self._all
+        graph, situation, changes = context.graph, planner_state_at(context.timeline, context.instant), self._all
         how = edge_weighting(context)
         known = (
             context.timeline.change_count_before(context.timeline.count_until(context.instant)),

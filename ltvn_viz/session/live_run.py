@@ -76,4 +76,4 @@ class LiveRun:
         stamped = StampedEvent(self.robot.step, self.robot.stamp, event)
         self.timeline.append_event(stamped)
         self.recorder.write_event(stamped)
-        self.breakpoint_monitor.consume(stamped, self.timeline.start_s)
+        self.breakpoint_monitor.consume(self.timeline)

@@ -6,14 +6,13 @@ Owns the list, what of it is news, and how hits are found without looking at an 
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import accumulate
-from typing import NamedTuple, Protocol
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
+from ltvn_core.analysis.breakpoint_hits import BreakpointHit, breakpoint_hit, find_breakpoint_hits
 from ltvn_core.analysis.breakpoint_kinds import Breakpoint
-from ltvn_core.analysis.breakpoint_watcher import BreakpointHit, BreakpointWatcher
-from ltvn_core.navigation.events import StampedEvent
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_viz.debugger.context import STAMP_EPSILON_S
 
 _KEPT = 1000
@@ -28,15 +27,6 @@ class BreakpointStop(NamedTuple):
     hit: BreakpointHit
 
 
-class EventSource(Protocol):
-    """What was, or is, going on."""
-
-    @property
-    def events(self) -> Sequence[StampedEvent]:
-        """All events so far."""
-        ...
-
-
 class BreakpointMonitor:
     """What a person wants to stop at."""
 
@@ -45,22 +35,24 @@ class BreakpointMonitor:
         self.breakpoints: tuple[Breakpoint, ...] = ()
         self.stops: deque[BreakpointStop] = deque(maxlen=_KEPT)
         """Where the live run met them, also before they were set."""
-        self._watcher = BreakpointWatcher(())
         self._news: BreakpointStop | None = None
-        self._found: WeakKeyDictionary[EventSource, tuple[BreakpointStop, ...]] = WeakKeyDictionary()
+        self._found: WeakKeyDictionary[Timeline, tuple[BreakpointStop, ...]] = WeakKeyDictionary()
 
-    def change(self, breakpoints: Sequence[Breakpoint], past: Iterable[StampedEvent], start_s: float) -> None:
-        """Watch for these from now on; what the live run met in its `past` is found once. Linear in the past."""
-        self.breakpoints, self._watcher = tuple(breakpoints), BreakpointWatcher(tuple(breakpoints))
+    def change(self, breakpoints: Sequence[Breakpoint], live: Timeline) -> None:
+        """Stop at these from now on; where the live run met them before is found once. Linear in its events."""
+        self.breakpoints = tuple(breakpoints)
         self.stops.clear()
         self._found.clear()
         if breakpoints:
-            self.stops.extend(_stops(self._watcher, past, start_s))
+            self.stops.extend(_stops(live, self.breakpoints))
 
-    def consume(self, stamped: StampedEvent, start_s: float) -> None:
-        """Look at an event of the live run as it comes."""
-        if self.breakpoints and (hit := self._watcher.consume(stamped)) is not None:
-            self._news = BreakpointStop(_time(stamped.stamp, start_s), hit)
+    def consume(self, live: Timeline) -> None:
+        """Look at the newest event of the live run."""
+        if not self.breakpoints:
+            return
+        hit = breakpoint_hit(live, len(live.events) - 1, self.breakpoints)
+        if hit is not None:
+            self._news = BreakpointStop(_time(hit, live.start_s), hit)
             self.stops.append(self._news)
 
     def announce(self, stop: BreakpointStop) -> None:
@@ -72,28 +64,24 @@ class BreakpointMonitor:
         news, self._news = self._news, None
         return news
 
-    def stops_of(self, run: EventSource, start_s: float) -> tuple[BreakpointStop, ...]:
+    def stops_of(self, run: Timeline) -> tuple[BreakpointStop, ...]:
         """Return all stops of a recording in order; linear in its events once for each change of the breakpoints."""
         if not self.breakpoints:
             return ()
         if run not in self._found:
-            self._found[run] = tuple(_stops(BreakpointWatcher(self.breakpoints), run.events, start_s))
+            self._found[run] = tuple(_stops(run, self.breakpoints))
         return self._found[run]
 
-    def first_between(self, run: EventSource, start_s: float, after_s: float, until_s: float) -> BreakpointStop | None:
+    def first_between(self, run: Timeline, after_s: float, until_s: float) -> BreakpointStop | None:
         """Return the first stop of a recording later than one time and not later than another."""
-        stops = self.stops_of(run, start_s)
+        stops = self.stops_of(run)
         place = bisect_right(stops, after_s, key=lambda stop: stop.time_s)
         return stops[place] if place < len(stops) and stops[place].time_s <= until_s else None
 
 
-def _stops(watcher: BreakpointWatcher, events: Iterable[StampedEvent], start_s: float) -> Iterator[BreakpointStop]:
-    """Yield stops in order; an event that comes late is filed under the latest moment, as timelines do."""
-    events = tuple(events)
-    for stamped, stamp in zip(events, accumulate((each.stamp for each in events), max), strict=True):
-        if (hit := watcher.consume(stamped)) is not None:
-            yield BreakpointStop(_time(stamp, start_s), hit)
+def _stops(run: Timeline, breakpoints: Sequence[Breakpoint]) -> Iterator[BreakpointStop]:
+    return (BreakpointStop(_time(hit, run.start_s), hit) for hit in find_breakpoint_hits(run, breakpoints))
 
 
-def _time(stamp: float, start_s: float) -> float:
-    return max(0.0, stamp - start_s) + STAMP_EPSILON_S
+def _time(hit: BreakpointHit, start_s: float) -> float:
+    return max(0.0, hit.moment.stamp - start_s) + STAMP_EPSILON_S

@@ -77,7 +77,7 @@ class Playback:
         if not self.playing:
             return
         before, until = self.time_s, self.time_s + TICK_S
-        stop = self.breakpoint_monitor.first_between(self.timeline, self._start_s, before, until)
+        stop = self.breakpoint_monitor.first_between(self.timeline, before, until)
         self.seek(until if stop is None else stop.time_s)
         self.playing = stop is None and self.time_s < self.length_s
         if stop is not None:

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ltvn_core.analysis.breakpoint_hits import breakpoint_hit, find_breakpoint_hits
 from ltvn_core.analysis.breakpoint_kinds import BeliefCrossingBreakpoint, BreakpointTrigger
 from ltvn_core.analysis.breakpoint_parser import BREAKPOINT_EXAMPLES, format_breakpoint, parse_breakpoint
-from ltvn_core.analysis.breakpoint_watcher import BreakpointHit, BreakpointWatcher, find_breakpoint_hits
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import (
@@ -98,33 +99,31 @@ STAMPED = [e.StampedEvent(k, 0.1 * k, event) for k, event in enumerate(STORY)]
     ],
 )
 def test_a_breakpoint_stops_there_and_nowhere_else(text: str, steps: list[int]) -> None:
-    hits = list(find_breakpoint_hits(STAMPED, [parse_breakpoint(text)]))
+    hits = list(find_breakpoint_hits(Timeline.of(STAMPED), [parse_breakpoint(text)]))
     assert [hit.moment.step for hit in hits] == steps
     assert all(hit.why for hit in hits)
 
 
 def test_several_breakpoints_at_one_moment_are_one_hit() -> None:
     asked = [parse_breakpoint(text) for text in ("edge 1->2", "prune", "p crosses 0.5")]
-    hit = next(hit for hit in find_breakpoint_hits(STAMPED, asked) if hit.moment.step == 9)
+    hit = next(hit for hit in find_breakpoint_hits(Timeline.of(STAMPED), asked) if hit.moment.step == 9)
     assert hit.breakpoints == (asked[0], asked[2])
     assert hit.why == "edge 1->2 has p 0.40, 0 of 1 attempt succeeded (attempt); p of edge 1->2 fell from 0.80 to 0.40"
 
 
 def test_live_watching_finds_what_replay_finds_and_may_be_changed_meanwhile() -> None:
-    watcher = BreakpointWatcher([])
-    live: list[BreakpointHit] = []
+    asked, live, timeline = [BeliefCrossingBreakpoint(0.5)], [], Timeline()
     for k, stamped in enumerate(STAMPED):
-        if k == 6:
-            watcher.changed([BeliefCrossingBreakpoint(0.5)])
-        if hit := watcher.consume(stamped):
+        timeline.append_event(stamped)
+        if hit := breakpoint_hit(timeline, k, asked if k >= 6 else []):
             live.append(hit)
-    assert live == list(find_breakpoint_hits(STAMPED, [BeliefCrossingBreakpoint(0.5)]))
+    assert live == list(find_breakpoint_hits(Timeline.of(STAMPED), asked))
 
 
 def test_every_event_of_the_demo_can_be_watched() -> None:
     events = Recording.open(DEMO_DRIVE).events
     asked = [parse_breakpoint(text) for text in BREAKPOINT_EXAMPLES]
-    hits = list(find_breakpoint_hits(events, asked))
+    hits = list(find_breakpoint_hits(Timeline.of(events), asked))
     looks = [s.event for s in events if isinstance(s.event, e.Localised)]
     small = sum(1 for hit in hits if parse_breakpoint("margin < 0.2") in hit.breakpoints)
     assert small == sum(1 for seen in looks if seen.node is not None and seen.margin < 0.2)
@@ -134,12 +133,12 @@ def test_every_event_of_the_demo_can_be_watched() -> None:
 
 def test_a_recording_that_begins_in_the_middle_of_a_query_is_watched_as_far_as_it_tells() -> None:
     asked = [parse_breakpoint(text) for text in ("p crosses 0.5", "p(1->2) < 0.5", "replan", "prune")]
-    assert [hit.moment.step for hit in find_breakpoint_hits(STAMPED[9:], asked)] == [9, 13, 14, 16, 18]
+    assert [hit.moment.step for hit in find_breakpoint_hits(Timeline.of(STAMPED[9:]), asked)] == [9, 13, 14, 16, 18]
 
 
 def test_fifty_thousand_events_hit_as_often_as_they_should() -> None:
     events = (e.StampedEvent(k, 0.1 * k, believed(0.4 if k % 2 else 0.6)) for k in range(50_000))
-    assert sum(1 for _ in find_breakpoint_hits(events, [BeliefCrossingBreakpoint(0.5)])) == 49_999
+    assert sum(1 for _ in find_breakpoint_hits(Timeline.of(events), [BeliefCrossingBreakpoint(0.5)])) == 49_999
 
 
 @given(st.sampled_from(BREAKPOINT_EXAMPLES), st.floats(allow_nan=False, allow_infinity=False))
@@ -175,5 +174,22 @@ def test_every_happening_has_an_example() -> None:
 
 def test_an_edge_that_leaves_with_its_node_is_noticed() -> None:
     dropped = e.StampedEvent(9, 0.9, e.GraphChanged(NodeDropped(2, Cause.HAND)))
-    hits = list(find_breakpoint_hits([*STAMPED[:3], dropped], [parse_breakpoint("edge 1->2")]))
+    hits = list(find_breakpoint_hits(Timeline.of([*STAMPED[:3], dropped]), [parse_breakpoint("edge 1->2")]))
     assert [hit.why for hit in hits] == ["edge 1->2 left with node 2"]
+
+
+def test_an_edge_that_had_left_already_does_not_leave_again_with_its_node() -> None:
+    gone = [
+        e.GraphChanged(EdgePruned(1, 2, Cause.ATTEMPT)),
+        e.GraphChanged(NodeDropped(2, Cause.HAND)),
+        e.GraphChanged(NodeDropped(1, Cause.HAND)),
+    ]
+    run = [*STAMPED[:3], *(e.StampedEvent(9 + k, 0.9, event) for k, event in enumerate(gone))]
+    hits = list(find_breakpoint_hits(Timeline.of(run), [parse_breakpoint("edge 1->2")]))
+    assert [hit.moment.step for hit in hits] == [9]
+
+
+def test_an_edge_of_the_map_before_does_not_leave_with_a_node_of_this_one() -> None:
+    second = [e.GraphChanged(NodeAdded(Node(1, HERE), Cause.LOAD)), e.GraphChanged(NodeDropped(1, Cause.HAND))]
+    run = [*STAMPED[:3], *(e.StampedEvent(9 + k, 0.9, event) for k, event in enumerate(second))]
+    assert list(find_breakpoint_hits(Timeline.of(run), [parse_breakpoint("edge 1->2")])) == []

@@ -10,6 +10,8 @@ import pytest
 
 from ltvn_core.analysis.planner_state import PlannerState, planner_state_at
 from ltvn_core.analysis.threshold_dry_run import prune_dry_run, rebuild_dry_run
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WhatIfThreshold,
@@ -119,7 +121,7 @@ def test_without_a_change_the_plan_is_the_recorded_one() -> None:
         planned, past = events[k].event, events[:k]
         assert isinstance(planned, Planned)
         graph = TopologicalGraph(s.event.delta for s in past if isinstance(s.event, GraphChanged))
-        found = replan(graph, planner_state_at(past, events[k].step), method, [])
+        found = replan(graph, planner_state_at(Timeline.of(past)), method, [])
         assert found.old.nodes == found.new.nodes == planned.nodes
         assert found.old.cost == pytest.approx(planned.cost)
         assert not found.removed_edges
@@ -130,7 +132,10 @@ def test_barring_an_edge_of_a_recorded_plan_finds_another_way_or_none() -> None:
     recording, events = demo()
     planned = next(stamped for stamped in events if isinstance(stamped.event, Planned) and len(stamped.event.nodes) > 4)
     assert isinstance(planned.event, Planned)
-    graph, asked = recording.graph_at(planned.step), planner_state_at(events, planned.step)
+    graph, asked = (
+        recording.graph_at(planned.step),
+        planner_state_at(Timeline.of(events), Instant(planned.step, planned.stamp)),
+    )
     barred = planned.event.nodes[1], planned.event.nodes[2]
     found = replan(graph, asked, ROBUST, [WithoutEdge(*barred)])
     assert barred in found.removed_edges
@@ -141,13 +146,13 @@ def test_failures_of_a_query_are_forgotten_in_the_next() -> None:
     ended = AttemptEnded(0, 1, 0, 2, 5, AttemptEnd.TIMEOUT, 1.0, 0.1, succeeded=False, reason="")
     events = [StampedEvent(1, 0.1, QueryStarted(0, 3)), StampedEvent(1, 0.1, Planned(0, (0, 1, 2, 3), 1.0))]
     events += [StampedEvent(2, 0.2, ended), StampedEvent(3, 0.3, QueryStarted(1, 4))]
-    assert planner_state_at(events, 2).failures == {(0, 1): 1, (1, 2): 1}
-    assert planner_state_at(events, 3) == PlannerState(None, 4)
-    assert planner_state_at(events[2:3], 9).failures == {(0, 2): 1}
+    assert planner_state_at(Timeline.of(events), Instant(2, 0.2)).failures == {(0, 1): 1, (1, 2): 1}
+    assert planner_state_at(Timeline.of(events)) == PlannerState(None, 4)
+    assert planner_state_at(Timeline.of(events[2:3])).failures == {(0, 2): 1}
 
 
 def test_a_moment_without_a_question_has_no_plan_but_says_why() -> None:
-    found = replan(TopologicalGraph(), planner_state_at([], 0), ROBUST, [])
+    found = replan(TopologicalGraph(), planner_state_at(Timeline()), ROBUST, [])
     assert found.new.nodes == ()
     assert math.isinf(found.new.cost)
     assert "nobody knows where the robot is" in found.notes[0]

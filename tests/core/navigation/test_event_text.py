@@ -4,9 +4,9 @@ from typing import get_args
 
 import pytest
 import rerun as rr
+from ltvn_core.analysis.breakpoint_watcher import find_breakpoint_hits
 
 from ltvn_core.analysis.breakpoint_parser import parse_breakpoint
-from ltvn_core.analysis.breakpoint_watcher import find_breakpoint_hits
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import MarkKind

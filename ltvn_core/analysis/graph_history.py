@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.analysis.growing_table import GrowingTable
 from ltvn_core.graph import deltas as d
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId, Pose
 
 NEVER = np.iinfo(np.int64).max
@@ -71,8 +72,9 @@ class GraphHistory:
         self._edges = GrowingTable(edge)
         self._beliefs = GrowingTable({"edge": int, "at": int, "p": float, "attempts": int})
         self._node_rows: dict[NodeId, int] = {}
-        self._edge_rows: dict[tuple[NodeId, NodeId], int] = {}
-        self._touching: defaultdict[NodeId, set[tuple[NodeId, NodeId]]] = defaultdict(set)
+        self._edge_rows: dict[EdgeKey, int] = {}
+        self._touching: defaultdict[NodeId, list[EdgeKey]] = defaultdict(list)
+        """Edges that a node ever had since it came in, in the order they came."""
         self._latest: tuple[int, GraphArrays] = (0, EMPTY_GRAPH)
 
     def apply(self, delta: d.GraphDelta, stamp: float, pose: Pose | None = None) -> None:
@@ -132,7 +134,7 @@ class GraphHistory:
         )
         self._edge_rows[edge.source, edge.target] = row
         for node in (edge.source, edge.target):
-            self._touching[node].add((edge.source, edge.target))
+            self._touching[node].append((edge.source, edge.target))
         self._believe(row, edge.belief.p, edge.attempts)
 
     def _believe(self, row: int | None, p: float, attempts: int) -> None:
@@ -142,8 +144,6 @@ class GraphHistory:
     def _cut(self, pair: tuple[NodeId, NodeId], cause: d.Cause, stamp: float) -> None:
         row = self._edge_rows.pop(pair, None)
         if row is not None:
-            for node in pair:
-                self._touching[node].discard(pair)
             self._edges["died"][row] = self.version
             self._edges["went_s"][row] = -np.inf if cause in d.BULK_CAUSES else stamp
 
@@ -152,7 +152,7 @@ class GraphHistory:
         if row is None:
             return
         self._nodes["died"][row] = self.version
-        for pair in self._touching.pop(node, set()).copy():
+        for pair in self._touching.pop(node, ()):
             self._cut(pair, cause, stamp)
 
     def _view(self, version: int) -> GraphArrays:

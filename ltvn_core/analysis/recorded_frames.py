@@ -3,6 +3,8 @@
 Owns times and poses; the images themselves are elsewhere.
 """
 
+from bisect import bisect_right
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,18 +19,21 @@ class RecordedFrames:
 
     def __init__(self) -> None:
         """Begin without images."""
-        self._table = GrowingTable({"step": int, "stamp": float, "x": float, "y": float, "yaw": float})
+        self._steps: list[FrameId] = []
+        self._stamps: list[float] = []
+        self._driven = GrowingTable({"x": float, "y": float, "yaw": float})
         self._poses: dict[FrameId, Pose] = {}
         self._trajectory: tuple[tuple[int, int], NDArray[np.float64]] = ((0, 0), NO_TRAJECTORY)
 
     def __len__(self) -> int:
         """Count the images that were taken while driving."""
-        return len(self._table)
+        return len(self._steps)
 
     def append(self, step: FrameId, stamp: float, pose: Pose) -> None:
         """Add an image taken at `stamp` seconds at `pose` (3,); time never runs back."""
-        stamp = max(stamp, float(self._table["stamp"][-1])) if len(self) else stamp
-        self._table.append(step=step, stamp=stamp, x=pose[0], y=pose[1], yaw=pose[2])
+        self._steps.append(step)
+        self._stamps.append(max(stamp, self._stamps[-1]) if self._stamps else stamp)
+        self._driven.append(x=pose[0], y=pose[1], yaw=pose[2])
         self.place(step, pose)
 
     def place(self, step: FrameId, pose: Pose) -> None:
@@ -41,19 +46,19 @@ class RecordedFrames:
 
     def count_at(self, stamp: float) -> int:
         """Return how many images were taken up to `stamp` seconds. Logarithmic."""
-        return int(np.searchsorted(self._table["stamp"], stamp, "right"))
+        return bisect_right(self._stamps, stamp)
 
     def step(self, row: int) -> FrameId:
         """Return the step of an image by its row."""
-        return int(self._table["step"][row])
+        return self._steps[row]
 
     def stamp(self, row: int) -> float:
         """Return the time of an image by its row, seconds on the robot's clock."""
-        return float(self._table["stamp"][row])
+        return self._stamps[row]
 
     def driven_pose(self, row: int) -> Pose:
         """Return where an image was taken by its row, (3,)."""
-        return np.array([self._table[name][row] for name in ("x", "y", "yaw")])
+        return np.array([self._driven[name][row] for name in ("x", "y", "yaw")])
 
     def trajectory(self, count: int, most: int) -> NDArray[np.float64]:
         """Return (T, 3) poses of the first `count` images, thinned to about `most`, the last one always among them.
@@ -64,6 +69,6 @@ class RecordedFrames:
         if self._trajectory[0] != (count, most):
             stride = -(-count // most)
             rows = np.unique(np.r_[np.arange(0, count, stride), count - 1]) if count else np.empty(0, int)
-            poses = np.stack([self._table[name][rows] for name in ("x", "y", "yaw")], axis=1)
+            poses = np.stack([self._driven[name][rows] for name in ("x", "y", "yaw")], axis=1)
             self._trajectory = (count, most), poses
         return self._trajectory[1]

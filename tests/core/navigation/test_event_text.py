@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 import rerun as rr
-from ltvn_core.analysis.breakpoint_watcher import find_breakpoint_hits
+from ltvn_core.analysis.breakpoint_hits import find_breakpoint_hits
 
 from ltvn_core.analysis.breakpoint_parser import parse_breakpoint
 from ltvn_core.analysis.failure_triage import failed_queries
@@ -83,7 +83,7 @@ def test_log_marks_breakpoints_and_debugger_show_the_same_words() -> None:
     collision = next(mark for mark in timeline.marks if mark.kind is MarkKind.COLLISION)
     event = timeline.events[collision.event].event
     logged = [part for row in draw_event(event, DrawnPoses()) for part in row.values if isinstance(part, rr.TextLog)]
-    hit = next(find_breakpoint_hits(timeline.events, [parse_breakpoint("collision")]))
+    hit = next(find_breakpoint_hits(timeline, [parse_breakpoint("collision")]))
     (failure,) = failed_queries(timeline)
 
     assert collision.text == describe_event(event).text == hit.why

@@ -8,16 +8,26 @@ STAMP := $(VENV)/.installed
 export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help demo test format lint type check bench clean
+# So many tests run side by side, one thread each; a module's tests stay together, and the long modules come first.
+PROCESSES ?= 2
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
+
+.PHONY: help demo test test-fast coverage format lint type check bench clean
 
 help:  ## List the targets.
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
 demo: $(STAMP)  ## Open the page on the demo apartment and its ready-made map.
 	$(BIN)/ltvn app
 
 test: $(STAMP) chromium  ## Run every test, the browser's among them.
-	$(BIN)/python -m pytest
+	$(PYTEST)
+
+test-fast: $(STAMP)  ## Run the tests that need no browser and little time.
+	$(PYTEST) -m 'not browser and not slow'
+
+coverage: $(STAMP) chromium  ## Run every test and print what share of the lines they run; takes longer.
+	$(PYTEST) --cov ltvn_core --cov ltvn_viz --cov-report term:skip-covered
 
 format: $(STAMP)  ## Format the code.
 	$(BIN)/ruff format .

@@ -15,6 +15,8 @@ from ltvn_core.verbs.verb import to_text
 from tests.core.recording import example_recording
 from tests.repository import DEMO_MAP
 
+pytestmark = pytest.mark.slow
+
 
 def ltvn(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(

@@ -22,6 +22,7 @@ from tests.repository import ROOT
 PAGE = ROOT / "docs" / "network.md"
 
 
+@pytest.mark.slow
 def test_all_images_of_the_page_are_drawn_and_small(tmp_path: Path) -> None:
     pytest.importorskip("embreex")
     page = tmp_path / "network.md"

@@ -144,6 +144,7 @@ def test_the_demo_drive_is_judged_as_a_whole() -> None:
     assert advice.hint.text
 
 
+@pytest.mark.slow
 def test_two_thousand_images_and_ten_thousand_nodes_are_counted_right() -> None:
     poses = ring(laps=62.5)
     graph = chain(poses)

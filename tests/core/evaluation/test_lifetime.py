@@ -29,6 +29,9 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.verbs.lifelong import LifelongSummary, LifelongVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 
+pytestmark = pytest.mark.slow
+
+
 WALL_X = 3.0
 FALSE_EDGES = 15
 SURE = Belief(0.9, 0.05, 0.01)

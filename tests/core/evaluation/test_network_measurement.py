@@ -54,6 +54,7 @@ def measured() -> SceneMeasurement:
     return found
 
 
+@pytest.mark.slow
 def test_an_oracle_drives_edges_that_exist_with_success() -> None:
     true = [each for each in measured().attempted if each.edge.true]
     assert len(true) == 6

@@ -192,6 +192,7 @@ def test_steps_and_closeness_are_inverse_and_the_navigator_asks_in_steps() -> No
     assert sptm_system(ROBUST).method == ROBUST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ltvn", "sptm", "ving"])
 def test_each_system_reaches_goals_in_the_demo_apartment(name: str, images: list[Observation]) -> None:
     scene = load_scene("demo")

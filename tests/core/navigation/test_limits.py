@@ -77,6 +77,7 @@ def test_too_many_collisions_end_the_query() -> None:
     assert [event.count for event in events_of(Collided, events)] == [1, 2, 3, 4]
 
 
+@pytest.mark.slow
 def test_the_depth_image_stops_the_robot_before_it_collides() -> None:
     place = mapped_corridor(replace(ROBUST, recovering=replace(ROBUST.recovering, step_limit=200)))
     wall_x = 2.1

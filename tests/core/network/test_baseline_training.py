@@ -29,6 +29,7 @@ def walks(name: str, rival: str) -> Shard:
     return label_walks(seen, TEMPORAL_RULES[rival], np.random.default_rng(0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rival", ["sptm", "ving"])
 def test_training_goes_on_from_trained_weights(tmp_path: Path, rival: str) -> None:
     torch.manual_seed(0)

@@ -54,6 +54,7 @@ def start(tmp_path: Path) -> Path:
     return tmp_path / "start.safetensors"
 
 
+@pytest.mark.slow
 def test_a_short_run_changes_the_weights_and_not_the_parent(tmp_path: Path, start: Path) -> None:
     before, told = start.read_bytes(), list[FineTuningProgress]()
     result = run_fine_tuning(data(), start, PLAN, tmp_path / "work", on_progress=told.append)

@@ -23,6 +23,7 @@ def test_the_card_belongs_to_the_weights_and_both_are_small() -> None:
     assert SHIPPED_WEIGHTS.stat().st_size < 20e6
 
 
+@pytest.mark.slow
 def test_far_pairs_are_rarely_called_reachable_where_most_near_ones_are() -> None:
     figures = evaluate_drives(load_predictor(), [drive()], np.random.default_rng(0), limit=3000)
     assert figures.far_fpr_at_tpr60 == 0

@@ -82,6 +82,7 @@ def test_features_of_the_other_network_are_refused(predictor: NetworkPredictor) 
         predictor.predict(features, features)
 
 
+@pytest.mark.slow
 def test_a_few_steps_lower_the_loss_which_is_eq_1_alone() -> None:
     sampler, learning = BatchSampler([tiny_shard()]), trainer()
     reports = [learning.step(sampler, FULL, 0.1 + step / 100) for step in range(40)]

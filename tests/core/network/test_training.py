@@ -29,6 +29,7 @@ def trainer() -> Trainer:
     return Trainer(PLAN, SMALL)
 
 
+@pytest.mark.slow
 def test_a_few_steps_lower_the_loss() -> None:
     sampler, learning = BatchSampler([tiny_shard()]), trainer()
     losses = [learning.step(sampler, FULL, 0.1 + step / 100).total for step in range(40)]
@@ -62,6 +63,7 @@ def test_a_checkpoint_of_another_plan_or_a_cut_one_is_refused(tmp_path: Path) ->
         restore_checkpoint(trainer(), path)
 
 
+@pytest.mark.slow
 def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None:
     plan = TrainingPlan(PLAN, minutes=None, steps=3, validations=1, minings=1, mined_scenes=1, validation_pairs=40)
     result = train(tiny_data(), plan, tmp_path)
@@ -77,6 +79,7 @@ def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None
     assert drives == evaluate_drives(predictor, [tiny_drive()], np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_two_processes_train_one_network(tmp_path: Path) -> None:
     plan = TrainingPlan(PLAN, minutes=None, steps=2, validations=1, minings=0, validation_pairs=20)
     result = train_distributed(tiny_data, plan, tmp_path, processes=2)
@@ -85,6 +88,7 @@ def test_two_processes_train_one_network(tmp_path: Path) -> None:
     assert len(load_predictor(result.weights).fingerprint) == 12
 
 
+@pytest.mark.slow
 def test_an_error_in_a_process_is_told_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="no data today"):
         train_distributed(no_data, TrainingPlan(PLAN, minutes=None, steps=2), tmp_path, processes=2)
@@ -94,6 +98,7 @@ def no_data() -> TrainingData:
     raise DatasetError("no data today")
 
 
+@pytest.mark.slow
 def test_metrics_that_cannot_be_written_end_training_and_leave_what_was_kept(tmp_path: Path) -> None:
     plan = TrainingPlan(PLAN, minutes=None, steps=4, validations=2, minings=0, validation_pairs=20)
     train(tiny_data(), plan, tmp_path)

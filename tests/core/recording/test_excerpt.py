@@ -77,6 +77,7 @@ def test_events_out_of_order_keep_their_order_and_their_map(drive: Recording) ->
     assert list(found.events) == with_map[place : place + len(found.events)]
 
 
+@pytest.mark.slow
 def test_the_test_that_is_written_passes(tmp_path: Path) -> None:
     files = ["--output", tmp_path / "moment.rrd", "--test", tmp_path / "test_moment.py"]
     run = ltvn("export", DEMO_DRIVE, "--from", "165", "--to", "175", *files)
@@ -90,6 +91,7 @@ def test_the_test_that_is_written_passes(tmp_path: Path) -> None:
     assert passed.returncode == 0, passed.stdout
 
 
+@pytest.mark.slow
 def test_a_page_and_a_figure_ask_nothing_of_another_machine(tmp_path: Path) -> None:
     run = ltvn("export", DEMO_DRIVE, "--html", tmp_path / "map.html", "--svg", tmp_path / "map.svg")
     assert run.returncode == 0, run.stderr

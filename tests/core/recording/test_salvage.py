@@ -88,6 +88,7 @@ def recording_for_ever(path: Path) -> "subprocess.Popen[str]":
     )
 
 
+@pytest.mark.slow
 def test_a_killed_recording_loses_at_most_half_a_second(tmp_path: Path) -> None:
     path, written = tmp_path / "killed.rrd", dict[int, float]()
     with recording_for_ever(path) as recorder:
@@ -206,6 +207,7 @@ print(told, message)
 """
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_is_said_once_and_the_beginning_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "filled.rrd"
     run = subprocess.run(

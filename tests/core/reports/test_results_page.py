@@ -21,6 +21,7 @@ PAGE = ROOT / "docs" / "results.md"
 INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
 
 
+@pytest.mark.slow
 def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) -> None:
     folder = tmp_path / "runs"
     folder.mkdir()

@@ -75,6 +75,7 @@ def test_a_baseline_learns_the_same_drive_by_time_alone(
     assert card["plan"]["minings"] == 0
 
 
+@pytest.mark.slow
 def test_the_same_weights_are_not_made_twice_and_others_not_overwritten(
     tmp_path: Path, start: Path, dataset: Path
 ) -> None:

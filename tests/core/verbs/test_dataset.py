@@ -29,6 +29,7 @@ def test_training_without_a_dataset_says_how_to_make_one(tmp_path: Path) -> None
         TrainVerb(data=tmp_path, output=tmp_path / "w.safetensors", work=tmp_path / "work", processes=1).run()
 
 
+@pytest.mark.slow
 def test_scenes_for_measuring_are_never_learned_from(tmp_path: Path) -> None:
     DatasetVerb(folder=tmp_path, scenes=("train-00", "tune-0", "tune-3"), clusters=2).run()
     learned, validation = read_shards(tmp_path)

@@ -13,11 +13,13 @@ from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 
+pytestmark = pytest.mark.slow
+
+
 QUERIES = 20
 KEYS = {"frames", "nodes", "edges", "queries", "reached", "collisions", "pruned", "added", "recording", "wall_s"}
 
 
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize(("predictor", "least"), [("oracle", 19), ("network", 16)])
 def test_the_demo_reaches_its_goals_and_its_recording_tells_all(predictor: str, least: int, tmp_path: Path) -> None:
     summary = demonstrate(predictor, tmp_path)

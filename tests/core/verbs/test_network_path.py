@@ -7,6 +7,9 @@ import pytest
 
 from ltvn_core.cli import main
 
+pytestmark = pytest.mark.slow
+
+
 pytest.importorskip("embreex")
 pytest.importorskip("pybullet")
 
@@ -20,7 +23,6 @@ def ltvn(*arguments: object, summary: Path) -> dict:
     return json.loads(summary.read_text())
 
 
-@pytest.mark.timeout(600)
 def test_data_training_fine_tuning_and_measuring_follow_each_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -155,6 +155,7 @@ def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(de
     assert demo.do(c.Seek(1.0)).mode is Mode.REPLAY
 
 
+@pytest.mark.slow
 def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo: SessionHarness) -> None:
     demo.do(c.ChooseQuestion(QuestionName.SHARE))
     before = set(demo.library.folder.iterdir())

@@ -83,6 +83,7 @@ def replayed() -> Iterator[list[Snapshot]]:
         session.close()
 
 
+@pytest.mark.slow
 def test_in_the_demo_recording_images_are_read_bit_by_bit_until_all_are_compared(replayed: list[Snapshot]) -> None:
     last = replayed[-1]
 

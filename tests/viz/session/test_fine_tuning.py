@@ -85,6 +85,7 @@ class GatedSimulation:
         return simulated(drive, on_progress)
 
 
+@pytest.mark.slow
 def test_a_fine_tuning_saves_weights_with_a_card_and_changes_nothing_else(folder: Path) -> None:
     harness = fine_tuning_harness(folder)
     nodes, start = set(harness.state.live_map.graph.nodes), harness.state.fine_tuning.weights
@@ -102,6 +103,7 @@ def test_a_fine_tuning_saves_weights_with_a_card_and_changes_nothing_else(folder
     assert set(harness.state.live_map.graph.nodes) == nodes
 
 
+@pytest.mark.slow
 def test_new_weights_come_into_use_with_a_map_built_by_them(folder: Path) -> None:
     harness = fine_tuning_harness(folder)
     harness.do(c.FineTune(3), ticks=2)
@@ -145,6 +147,7 @@ def test_the_kept_recording_is_what_one_learns_from(folder: Path) -> None:
     assert len(request.drive.label(horizon=15).poses) > 40
 
 
+@pytest.mark.slow
 def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
@@ -178,6 +181,7 @@ def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: Th
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_second_fine_tuning_waits_for_the_first(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
@@ -223,6 +227,7 @@ def test_a_folder_that_cannot_hold_weights_is_found_out_before_learning(folder: 
     assert told == ["reading and labelling the drive"]
 
 
+@pytest.mark.slow
 def test_progress_runs_from_reading_to_the_last_judgement_and_never_back(folder: Path) -> None:
     told: list[tuple[float, str]] = []
     request = FineTuningRequest(DriveSource("images", drive()), tiny_weights(folder), folder / "new.safetensors", 3)

@@ -179,6 +179,7 @@ def test_hammering_all_commands_breaks_nothing(harness: SessionHarness) -> None:
     assert harness.session.mode is Mode.TELEOP
 
 
+@pytest.mark.slow
 def test_a_flood_of_commands_is_bounded(harness: SessionHarness, caplog: pytest.LogCaptureFixture) -> None:
     for _ in range(10_000):
         harness.session.send(c.StopRobot())

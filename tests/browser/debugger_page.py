@@ -5,7 +5,6 @@ Owns how one asks, clicks, types and waits. What is asked is the business of who
 
 import re
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,13 +18,14 @@ from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.debugger.inspector import Inspection
 from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session.activities.playback import Playback
-from ltvn_viz.session.commands import ChooseQuestion, Command, PointAt
+from ltvn_viz.session.commands import ChooseQuestion, Command, OpenRecording, PointAt
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.viewpoint import Point
+from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.repository import RECORDINGS
+from tests.waiting import until
 
-PATIENCE_S = 240.0
 WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
 _IS_SHOWN = """html => {
@@ -85,19 +85,31 @@ class DebuggerPage:
         return self.answer.locator("a", has_text=whole).first
 
     def go_to_the_robot(self) -> None:
-        """Leave the recording, if one is open, by the link of what only helps live."""
+        """Leave the recording, if one is open, by the link of what only helps live, and wait until the map is whole."""
         if self.is_replay:
             self.ask(QuestionName.COACH)
             self.follow("go back to the robot")
             self.until(lambda: not self.is_replay)
+        self.until(lambda: self.app.session.state.worker.pending == 0)
 
-    def cut_what_differs(self, other: str) -> None:
-        """At the robot, compare its map with another one, and cut the first edge that differs by hand."""
-        self.go_to_the_robot()
+    def go_to_the_recording(self, name: str) -> None:
+        """Open a recording unless it is open already, with the “Why” tab before it."""
+        if not self.is_replay:
+            self.app.session.send(OpenRecording(name))
+            self.until(lambda: self.is_replay)
+        self.page.get_by_role("tab", name="Why").click()
+
+    def compare_with(self, other: str) -> None:
+        """Compare the map with that of another file, whichever one was chosen before."""
         self.ask(QuestionName.COMPARE)
         if "choose another" in self.shown.html:
             self.follow("choose another")
         self.follow(other)
+
+    def cut_what_differs(self, other: str) -> None:
+        """At the robot, compare its map with another one, and cut the first edge that differs by hand."""
+        self.go_to_the_robot()
+        self.compare_with(other)
         self.says("believed differently")
         self.answer.locator("table").nth(1).locator("a").first.click()
         self.says("its pictures and attempts")
@@ -126,10 +138,7 @@ class DebuggerPage:
 
     def until(self, holds: Callable[[], bool]) -> None:
         """Wait until something holds in the app."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not holds():
-            assert time.monotonic() < deadline, f"never happened; the answer is: {self.answer.inner_text()}"
-            self.page.wait_for_timeout(50)
+        until(holds, meanwhile=lambda: self.page.wait_for_timeout(50), explain=self.answer.inner_text)
 
     def drive(self, key: str, holds: Callable[[], bool]) -> None:
         """Hold a key until something holds in the app."""
@@ -197,14 +206,8 @@ def open_debugger(chromium: Browser, folder: Path, name: str, *, at_s: float = 0
     for path in RECORDINGS.glob("demo-*.rrd"):
         shutil.copy(path, folder)
     options = AppOptions(port=0, map=folder / "demo-map.rrd", recordings=folder, replay=name, replay_at_s=at_s)
-    with running_app(options) as app:
-        page = chromium.new_page(viewport=WINDOW)
-        page.set_default_timeout(PATIENCE_S * 1000)
-        try:
-            page.goto(app.server.url)
-            page.get_by_role("tab", name="Why").click()
-            debugger = DebuggerPage(app, page, folder)
-            debugger.until(lambda: app.session.mode is Mode.REPLAY)
-            yield debugger
-        finally:
-            page.close()
+    with running_app(options) as app, open_page(chromium, app.server.url, **WINDOW) as page:
+        page.get_by_role("tab", name="Why").click()
+        debugger = DebuggerPage(app, page, folder)
+        debugger.until(lambda: app.session.mode is Mode.REPLAY)
+        yield debugger

@@ -19,13 +19,14 @@ from ltvn_viz.session.commands import OpenRecording
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.debugger_page import WINDOW, DebuggerPage, open_debugger
+from tests.browser.pages import wait_until_drawn
 from tests.browser.screenshots import save, shown
 from tests.repository import ROOT
+from tests.waiting import PATIENCE_S
 
 FOLDER = ROOT / "docs" / "images" / "debugging"
 MOST_BYTES = 150_000
 _CAMERA_PX = 520
-_RERUN_S = 240.0
 _COLOURS = 2000
 """A viewer that is still loading shows fewer."""
 
@@ -98,8 +99,7 @@ def breaks(debugger: DebuggerPage) -> None:
 
 def compare(debugger: DebuggerPage) -> None:
     """The faulty map against the good one."""
-    debugger.ask(QuestionName.COMPARE)
-    debugger.follow("demo-map.rrd")
+    debugger.compare_with("demo-map.rrd")
     debugger.says("nodes", "edges", "pieces", "believed differently")
 
 
@@ -187,7 +187,7 @@ def _rerun(browser: Browser, debugger: DebuggerPage) -> None:
 
 def _complete(viewer: Page) -> None:
     """Wait until the viewer has opened the file, shows many colours, and shows nothing new any more."""
-    deadline, before = time.monotonic() + _RERUN_S, None
+    deadline, before = time.monotonic() + PATIENCE_S, None
     while time.monotonic() < deadline:
         now = shown(viewer)
         is_open = viewer.evaluate("document.body.dataset.open === 'yes'")
@@ -207,8 +207,7 @@ def _clear_the_view(page: Page) -> None:
 
 def _drawn(debugger: DebuggerPage) -> None:
     """Wait until the browser has drawn the scene anew."""
-    client = next(iter(debugger.app.server.viser.get_clients().values()))
-    client.get_render(60, 80, timeout=60.0)
+    wait_until_drawn(debugger.app.server.viser)
     debugger.page.mouse.move(5, 5)
 
 

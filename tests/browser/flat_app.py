@@ -1,7 +1,6 @@
 """The real page on a flat world, for browser tests: everything but simulator and network is the app's own."""
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -22,13 +21,10 @@ from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import drive_listener
 from tests.core.flat_world import FlatWorld, two_rooms
 from tests.viz.session_harness import SessionHarness
+from tests.waiting import PATIENCE_S, until
 
 WAY = ((1.0, 1.0), (1.0, 2.0), (3.0, 2.0), (5.0, 2.0), (5.0, 3.2))
 """A tour through the door of the two rooms."""
-
-
-PATIENCE_S = 30.0
-"""A page drawn by software takes its time."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ def serving(folder: Path) -> Iterator[FlatApp]:
     """Serve the page with a map of both rooms; recordings go into `folder`."""
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=ThreadPoolExecutor(1))
     # A page drawn by software may stall for longer than the lease of a real one.
-    with GuardedServer(seat=DriverSeat(lease_s=2.0)) as server:
+    with GuardedServer(seat=DriverSeat(lease_s=5.0)) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         set_initial_camera(server.viser, (0, 0), (6, 4))
         painters: list[Painter] = []
@@ -64,15 +60,16 @@ def serving(folder: Path) -> Iterator[FlatApp]:
             painters[0].close()
 
 
-def until(app: FlatApp, holds: Callable[[Snapshot], bool], patience_s: float = PATIENCE_S) -> Snapshot:
-    """Wait until what the page is told to show fulfils something."""
-    deadline = time.monotonic() + patience_s
-    while time.monotonic() < deadline:
+def until_shown(app: FlatApp, holds: Callable[[Snapshot], bool], *, patience_s: float = PATIENCE_S) -> Snapshot:
+    """Wait until what the page is told to show fulfils something, and return that."""
+
+    def matching() -> Snapshot | None:
         now = app.harness.now if app.harness.shown else Snapshot()
-        if holds(now):
-            return now
-        time.sleep(0.02)
-    raise AssertionError(f"never happened; at last {app.harness.now}")
+        return now if holds(now) else None
+
+    found = until(matching, patience_s=patience_s, explain=lambda: app.harness.now)
+    assert found is not None
+    return found
 
 
 def _show(harness: SessionHarness, painter: Painter, snapshot: Snapshot) -> None:

@@ -8,8 +8,6 @@ Needs Chromium.
 import math
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +23,11 @@ from tests.browser.conftest import FLAGS
 from tests.browser.running_app import running_app
 from tests.browser.screenshots import save
 from tests.repository import ROOT
+from tests.waiting import PATIENCE_MS, until
 
 OUTPUT = ROOT / "docs" / "images" / "page.png"
 WINDOW: ViewportSize = {"width": 1400, "height": 900}
 MOST_BYTES = 300_000
-PATIENCE_S = 240.0
 UNDERWAY_M = 2.0
 """So far the robot has come when the picture is taken."""
 
@@ -43,7 +41,7 @@ def main() -> int:
     ):
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
         page = browser.new_page(viewport=WINDOW)
-        page.set_default_timeout(PATIENCE_S * 1000)
+        page.set_default_timeout(PATIENCE_MS)
         page.goto(app.server.url)
         page.get_by_text("Next:").wait_for()
         page.add_style_tag(content=".mantine-Notification-root {display: none !important}")
@@ -64,20 +62,12 @@ def _set_out(app: RunningApp, page: Page) -> None:
     goals = [int(picture.get_attribute("data-id") or -1) for picture in pictures.all()]
     ways = [planner.plan(here, goal).cost for goal in goals]
     pictures.nth(int(np.argmax(ways))).click()
-    _until(lambda: app.session.mode is Mode.NAVIGATING)
-    _until(lambda: _gap_m(robot.exact_pose, start) > UNDERWAY_M)
+    until(lambda: app.session.mode is Mode.NAVIGATING)
+    until(lambda: _gap_m(robot.exact_pose, start) > UNDERWAY_M)
 
 
 def _gap_m(a: Pose | None, b: Pose) -> float:
     return math.inf if a is None else float(np.hypot(*(a - b)[:2]))
-
-
-def _until(holds: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not holds():
-        if time.monotonic() > deadline:
-            raise TimeoutError("The robot did not set out.")
-        time.sleep(0.05)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,12 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page
 
-_PATIENCE_S = 240.0
+from tests.waiting import PATIENCE_MS
 
 
 def shown(page: Page) -> Image.Image:
     """Return what the window shows."""
-    return Image.open(io.BytesIO(page.screenshot(timeout=_PATIENCE_S * 1000))).convert("RGB")
+    return Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS))).convert("RGB")
 
 
 def save(page: Page, path: Path, most_bytes: int) -> None:

@@ -20,14 +20,21 @@ from tests.repository import DEMO_FAULT
 Faults: TypeAlias = dict[str, set[tuple[int, int]]]
 """Planted edges by kind."""
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def fault(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DebuggerPage]:
-    """The recording with planted faults."""
+def fault_page(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DebuggerPage]:
+    """A page on the recording with planted faults, and wherever the tests before have led it."""
     with open_debugger(chromium, tmp_path_factory.mktemp("recordings"), "demo-fault.rrd") as debugger:
         yield debugger
+
+
+@pytest.fixture
+def fault(fault_page: DebuggerPage) -> DebuggerPage:
+    """A page on the recording with planted faults."""
+    fault_page.go_to_the_recording("demo-fault.rrd")
+    return fault_page
 
 
 @pytest.fixture(scope="module")
@@ -136,8 +143,7 @@ def test_a_replay_stops_at_a_breakpoint_that_was_typed(fault: DebuggerPage) -> N
 
 
 def test_the_map_is_compared_with_the_good_one(fault: DebuggerPage, planted: Faults) -> None:
-    fault.ask(QuestionName.COMPARE)
-    fault.follow("demo-map.rrd")
+    fault.compare_with("demo-map.rrd")
     told = fault.says("nodes", "edges", "pieces")
     differing = {*edges_in(told)}
     assert differing & planted["look-alike"], told
@@ -214,6 +220,7 @@ def advice(html: str) -> tuple[str, str]:
 
 
 def test_an_edge_is_cut_and_put_back_by_hand(fault: DebuggerPage) -> None:
+    fault.go_to_the_robot()
     edges = fault.app.session.state.live_map.graph.edges
     before = len(edges)
     fault.cut_what_differs("demo-fault.rrd")

@@ -4,8 +4,7 @@ import re
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,39 +12,27 @@ from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
+from tests.browser.pages import open_page, wait_until_drawn
 from tests.browser.running_app import running_app
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
-
-PATIENCE_S = 90.0
-
-expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 @pytest.fixture(scope="module")
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
     folder = tmp_path_factory.mktemp("recordings")
     options = AppOptions(port=0, predictor="oracle", recordings=folder)
-    with running_app(options, lease_s=2.0) as app:
+    with running_app(options, lease_s=5.0) as app:
         yield app
 
 
 @pytest.fixture(scope="module")
 def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
-    page = chromium.new_page(viewport={"width": 900, "height": 560})
-    page.set_default_timeout(PATIENCE_S * 1000)
-    page.goto(app.server.url)
-    page.get_by_text("Next:").wait_for()
-    next(iter(app.server.viser.get_clients().values())).get_render(60, 80, timeout=PATIENCE_S)  # The scene is drawn.
-    yield page
-    page.close()
-
-
-def until(holds: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not holds():
-        assert time.monotonic() < deadline, "never happened"
-        time.sleep(0.05)
+    with open_page(chromium, app.server.url, width=900, height=560) as page:
+        page.get_by_text("Next:").wait_for()
+        wait_until_drawn(app.server.viser)
+        yield page
 
 
 def count(page: Page, what: str) -> int:
@@ -58,11 +45,13 @@ def test_one_drives_and_the_map_grows_records_and_watches_it_again(app: RunningA
     expect(page.get_by_text("Hold W A S D or the arrow keys")).to_be_visible()
     page.get_by_role("button", name=re.compile("^Record")).click()
     expect(page.locator(".lt-mode[data-rec='1']")).to_be_visible()
-    for key in "dddd":
-        page.keyboard.down(key)
+
+    def turn_on() -> None:
+        page.keyboard.down("d")
         page.wait_for_timeout(1500)
-        page.keyboard.up(key)
-    until(lambda: count(page, "nodes") >= 3)
+        page.keyboard.up("d")
+
+    until(lambda: count(page, "nodes") >= 3, meanwhile=turn_on)
     page.get_by_role("button", name=re.compile("^Keep")).click()
     expect(page.get_by_text("Kept as").first).to_be_visible()
     page.get_by_role("tab", name="Replay").click()
@@ -86,5 +75,5 @@ def test_a_polite_kill_ends_the_app_in_order(tmp_path: Path) -> None:
     said = next(line for line in process.stderr if "http://127.0.0.1" in line)
     assert "token=" in said
     process.send_signal(signal.SIGTERM)
-    assert process.wait(timeout=60) == 0
+    assert process.wait(timeout=PATIENCE_S) == 0
     process.stderr.close()

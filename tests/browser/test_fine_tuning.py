@@ -1,7 +1,6 @@
 """The network learns a place from a drive, in a real browser: shipped network, simulated apartment, a few steps."""
 
 import re
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -13,13 +12,13 @@ from ltvn_core.recording.info import read_info
 from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
+from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.viz.tiny_fine_tuning import PLAN, simulated
+from tests.waiting import until
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.browser
 
-PATIENCE_S = 120.0
-expect.set_options(timeout=PATIENCE_S * 1000)
 FEW_STEPS = BackgroundFineTuning(replace(PLAN, learning=replace(PLAN.learning, rate=1e-5)), simulated)
 
 
@@ -34,19 +33,11 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
 
 @pytest.fixture(scope="module")
 def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
-    page = chromium.new_page(viewport={"width": 1000, "height": 760})
-    page.set_default_timeout(PATIENCE_S * 1000)
-    page.goto(app.server.url)
-    page.get_by_text("Next:").wait_for()
-    yield page
-    page.close()
-
-
-def until(holds: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not holds():
-        assert time.monotonic() < deadline, "never happened"
-        time.sleep(0.05)
+    """The page of somebody who has just kept the recording of a short drive."""
+    with open_page(chromium, app.server.url, width=1000, height=760) as page:
+        page.get_by_text("Next:").wait_for()
+        record(app, page, lambda: app.session.state.live.timeline.at().frames > 120)
+        yield page
 
 
 def button(page: Page, name: str) -> Locator:
@@ -58,44 +49,51 @@ def record(app: RunningApp, page: Page, holds: Callable[[], bool]) -> None:
     last_recording = app.session.state.last_recording
     button(page, "Record").click()
     until(lambda: app.session.state.live.recorder.is_on)
-    deadline = time.monotonic() + PATIENCE_S
-    while not holds():
-        assert time.monotonic() < deadline, f"turned too little: {app.server.seat.state_of(1)}"
+
+    def drive_on() -> None:
         for key in "wa":  # Anew each time: a page that stalled for longer than the lease has lost it.
             page.keyboard.down(key)
             page.wait_for_timeout(1200)
             page.keyboard.up(key)
+
+    until(holds, meanwhile=drive_on, explain=lambda: f"turned too little: {app.server.seat.state_of(1)}")
     button(page, "Keep").click()
     until(lambda: app.session.state.last_recording != last_recording)
 
 
-def test_a_short_drive_is_recorded(app: RunningApp, page: Page) -> None:
-    record(app, page, lambda: app.session.state.live.timeline.at().frames > 120)
+def weights_in(app: RunningApp) -> set[str]:
+    return {path.name for path in app.session.state.library.folder.glob("*.safetensors")}
+
+
+def test_a_short_drive_is_recorded_and_offered_to_learn_from(app: RunningApp, page: Page) -> None:
     expect(page.get_by_text(f"learn this place from {app.session.state.last_recording}")).to_be_visible()
 
 
 def test_learning_is_seen_and_stopped(app: RunningApp, page: Page) -> None:
+    before = weights_in(app)
     button(page, "Learn from this drive").click()
     expect(page.get_by_role("progressbar")).to_be_visible()
     button(page, "Stop learning").click()
     expect(page.get_by_text("Stopped; the network is as it was.")).to_be_visible()
-    assert not list(app.session.state.library.folder.glob("*.safetensors"))
+    assert weights_in(app) == before
 
 
-def test_a_whole_fine_tuning_offers_new_weights_and_changes_nothing(app: RunningApp, page: Page) -> None:
+def test_a_whole_fine_tuning_changes_nothing_until_its_weights_are_used_for_a_new_map(
+    app: RunningApp, page: Page
+) -> None:
+    before = weights_in(app)
     button(page, "Learn from this drive").click()
     expect(page.get_by_role("progressbar")).to_have_attribute("aria-valuenow", re.compile("[1-9]"))
     button(page, "Use these weights").wait_for()
     expect(page.get_by_text(re.compile("Here: false links .* waypoint error .* cm"))).to_be_visible()
-    [weights] = app.session.state.library.folder.glob("*.safetensors")
-    expect(page.get_by_text(weights.name)).to_be_visible()
+    [name] = weights_in(app) - before
+    weights = app.session.state.library.folder / name
+    expect(page.get_by_text(name)).to_be_visible()
     assert read_card(weights)["recording"] == app.session.state.last_recording
     assert app.session.state.live_map.fingerprint == weights_fingerprint(SHIPPED_WEIGHTS)
 
-
-def test_the_new_weights_rebuild_the_map_and_name_the_next_recording(app: RunningApp, page: Page) -> None:
-    [weights] = app.session.state.library.folder.glob("*.safetensors")
     button(page, "Use these weights").click()
+
     until(lambda: app.session.state.live_map.fingerprint == weights_fingerprint(weights))
     until(lambda: app.session.mode is Mode.TELEOP)
     expect(page.get_by_text(f"weights {weights_fingerprint(weights)}").first).to_be_visible()

@@ -6,17 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import viser.transforms as vt
 from playwright.sync_api import Browser, Page, expect
 
+from ltvn_viz.session import commands as c
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
-from tests.browser.flat_app import PATIENCE_S, FlatApp, serving, until
+from tests.browser.flat_app import FlatApp, serving, until_shown
+from tests.browser.pages import on_screen, open_page
 
 pytestmark = pytest.mark.browser
-
-
-expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 @pytest.fixture(scope="module")
@@ -27,19 +25,21 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
 
 @pytest.fixture(scope="module")
 def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
-    page = chromium.new_page(viewport={"width": 1000, "height": 640})
-    page.goto(app.server.url)
-    page.get_by_text("Next:").wait_for(timeout=PATIENCE_S * 1000)
-    yield page
-    page.close()
+    with open_page(chromium, app.server.url, width=1000, height=640) as page:
+        page.get_by_text("Next:").wait_for()
+        yield page
 
 
 @pytest.fixture(autouse=True)
-def idle(app: FlatApp, page: Page) -> Iterator[None]:
-    """Leave nothing running for the next test."""
-    yield
+def idle(app: FlatApp, page: Page) -> None:
+    """Begin at the robot, with nothing under way and nothing being recorded."""
     page.keyboard.press("Escape")
-    until(app, lambda now: now.mode in (Mode.TELEOP, Mode.REPLAY))
+    now = until_shown(app, lambda now: now.mode in (Mode.TELEOP, Mode.REPLAY))
+    if now.mode is Mode.REPLAY:
+        app.session.send(c.CloseRecording())
+    if now.recording.name is not None:
+        app.session.send(c.DiscardRecording())
+    until_shown(app, lambda now: now.mode is Mode.TELEOP and now.recording.name is None)
 
 
 def drive(app: FlatApp, page: Page, key: str, holds: Callable[[Snapshot], bool]) -> None:
@@ -47,7 +47,7 @@ def drive(app: FlatApp, page: Page, key: str, holds: Callable[[Snapshot], bool])
     for _ in range(5):
         page.keyboard.down(key)
         try:
-            until(app, holds, patience_s=5.0)
+            until_shown(app, holds, patience_s=5.0)
         except AssertionError:
             assert app.server.seat.current_twist() is None, "the key is held and nothing comes of it"
         else:
@@ -61,27 +61,20 @@ def open_tab(page: Page, name: str) -> None:
     page.get_by_role("tab", name=name).click()
 
 
-def on_screen(app: FlatApp, page: Page, point: np.ndarray) -> tuple[float, float]:
-    """Return where a point (3,) of the scene appears in the window, in pixels."""
-    client = next(iter(app.server.viser.get_clients().values()))
-    client.get_render(60, 80, timeout=PATIENCE_S)  # By then the scene has been drawn.
-    camera = client.camera
-    pose = vt.SE3.from_rotation_and_translation(vt.SO3(np.asarray(camera.wxyz)), np.asarray(camera.position))
-    seen = pose.inverse().apply(point)
-    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-    box = page.locator("canvas").first.bounding_box()
-    assert box is not None
-    return (
-        float(box["x"] + camera.image_width / 2 + focal * seen[0] / seen[2]),
-        float(box["y"] + camera.image_height / 2 + focal * seen[1] / seen[2]),
-    )
+def far_image(app: FlatApp) -> int:
+    """Return which image of the gallery was taken farthest from where the robot is, so that it has a way to go."""
+    now = app.harness.now
+    rows = [now.moment.graph.ids.tolist().index(node) for node in now.gallery]
+    away = now.moment.graph.poses[rows, :2] - app.harness.robot.pose[:2]
+    return int(np.argmax(np.linalg.norm(away, axis=1)))
 
 
-def test_a_first_time_visitor_sees_what_to_do(page: Page) -> None:
-    expect(page).to_have_title("Lifelong Topological Visual Navigation")
-    expect(page.get_by_text("Pick a goal")).to_be_visible()
-    expect(page.get_by_role("button", name=re.compile("^Record"))).to_be_enabled()
-    expect(page.get_by_role("button", name=re.compile("^Keep"))).to_be_disabled()
+def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path) -> None:
+    with serving(tmp_path) as app, open_page(chromium, app.server.url, width=1000, height=640) as page:
+        expect(page).to_have_title("Lifelong Topological Visual Navigation")
+        expect(page.get_by_text("Pick a goal")).to_be_visible()
+        expect(page.get_by_role("button", name=re.compile("^Record"))).to_be_enabled()
+        expect(page.get_by_role("button", name=re.compile("^Keep"))).to_be_disabled()
 
 
 def test_the_status_line_shows_mode_and_rate(page: Page) -> None:
@@ -95,11 +88,12 @@ def test_a_gallery_image_sends_the_robot_there(app: FlatApp, page: Page) -> None
     pictures = page.locator(".lt-gallery img")
     expect(pictures.first).to_be_visible()
     pictures.first.evaluate("image => image.decode()")  # Raises for an image that did not come.
-    goal = int(pictures.nth(1).get_attribute("data-id") or -1)
-    pictures.nth(1).click()
-    now = until(app, lambda now: now.mode is Mode.NAVIGATING)
+    picture = pictures.nth(far_image(app))
+    goal = int(picture.get_attribute("data-id") or -1)
+    picture.click()
+    now = until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     assert now.selected == goal
-    now = until(app, lambda now: now.mode is Mode.TELEOP)
+    now = until_shown(app, lambda now: now.mode is Mode.TELEOP)
     assert now.moment.progress.ended is not None
     assert now.moment.progress.ended.goal == goal
     expect(page.get_by_text("Last task: arrived")).to_be_visible()
@@ -112,29 +106,29 @@ def test_clicking_a_node_in_the_scene_sends_the_robot_there(app: FlatApp, page: 
     alone = np.sort(np.linalg.norm(xy[:, None] - xy[None], axis=-1), axis=1)[:, 1]
     alone[np.linalg.norm(xy - app.harness.robot.pose[:2], axis=1) < 0.7] = 0
     row = int(np.argmax(alone))
-    page.mouse.click(*on_screen(app, page, np.array([*xy[row], 0.08])))
-    now = until(app, lambda now: now.mode is Mode.NAVIGATING)
+    page.mouse.click(*on_screen(app.server.viser, page, np.array([*xy[row], 0.08])))
+    now = until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     assert now.moment.progress.goal is None or now.selected == int(graph.ids[row])
 
 
 def test_pause_step_and_cancel_do_what_they_say(app: FlatApp, page: Page) -> None:
     open_tab(page, "Go")
-    page.locator(".lt-gallery img").nth(0).click()
-    until(app, lambda now: now.mode is Mode.NAVIGATING)
+    page.locator(".lt-gallery img").nth(far_image(app)).click()
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     page.get_by_role("button", name=re.compile("^Pause")).click()
-    until(app, lambda now: now.mode is Mode.PAUSED)
+    until_shown(app, lambda now: now.mode is Mode.PAUSED)
     where = app.harness.robot.step
     page.get_by_role("button", name=re.compile("^Step")).click()
-    until(app, lambda now: now.mode is Mode.PAUSED and app.harness.robot.step == where + 1)
+    until_shown(app, lambda now: now.mode is Mode.PAUSED and app.harness.robot.step == where + 1)
     page.get_by_role("button", name=re.compile("^Cancel")).click()
-    until(app, lambda now: now.mode is Mode.TELEOP)
+    until_shown(app, lambda now: now.mode is Mode.TELEOP)
     expect(page.get_by_text("Last task: cancelled")).to_be_visible()
 
 
 def test_driving_keys_take_over_from_navigation(app: FlatApp, page: Page) -> None:
     open_tab(page, "Go")
-    page.locator(".lt-gallery img").nth(2).click()
-    until(app, lambda now: now.mode is Mode.NAVIGATING)
+    page.locator(".lt-gallery img").nth(far_image(app)).click()
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     drive(app, page, "a", lambda now: now.mode is Mode.TELEOP)
     expect(page.get_by_text("You took over").first).to_be_visible()
 
@@ -142,25 +136,25 @@ def test_driving_keys_take_over_from_navigation(app: FlatApp, page: Page) -> Non
 def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) -> None:
     open_tab(page, "Drive")
     page.get_by_role("button", name=re.compile("^Record")).click()
-    until(app, lambda now: now.recording.name is not None)
+    until_shown(app, lambda now: now.recording.name is not None)
     drive(app, page, "d", lambda now: now.recording.frames > 8)
     page.get_by_role("button", name=re.compile("^Keep")).click()
-    until(app, lambda now: now.recording.name is None and bool(now.recordings))
+    until_shown(app, lambda now: now.recording.name is None and bool(now.recordings))
     open_tab(page, "Replay")
     page.get_by_role("button", name="Open", exact=True).click()
-    now = until(app, lambda now: now.mode is Mode.REPLAY)
+    now = until_shown(app, lambda now: now.mode is Mode.REPLAY)
     assert now.replay is not None
     slider = page.get_by_role("slider").locator("visible=true").first
     slider.focus()
     slider.press("End")
-    now = until(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
+    now = until_shown(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
     assert now.moment.frames > 1
     slider.press("Home")
-    until(app, lambda now: now.replay is not None and now.replay.time_s == 0)
+    until_shown(app, lambda now: now.replay is not None and now.replay.time_s == 0)
     page.get_by_role("button", name="Play").click()
-    until(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
+    until_shown(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
     page.get_by_role("button", name="Back to the robot").click()
-    until(app, lambda now: now.mode is Mode.TELEOP)
+    until_shown(app, lambda now: now.mode is Mode.TELEOP)
 
 
 def test_a_refused_command_says_what_is_possible(app: FlatApp, page: Page) -> None:
@@ -170,13 +164,13 @@ def test_a_refused_command_says_what_is_possible(app: FlatApp, page: Page) -> No
 
 def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: Path) -> None:
     open_tab(page, "Go")
-    node = app.harness.now.gallery[0]
+    node = app.harness.now.gallery[far_image(app)]
     picture = tmp_path / "goal.jpg"
     picture.write_bytes(app.harness.thumbnails.get(node) or b"")
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Go to an uploaded picture").click()
     chooser.value.set_files(picture)
-    until(app, lambda now: now.mode is Mode.NAVIGATING)
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     assert app.harness.now.similar_nodes
 
 

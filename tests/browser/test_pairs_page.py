@@ -13,11 +13,10 @@ from ltvn_core.training_data.pose_sampling import ClusterSampling
 from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
 from ltvn_core.training_data.shards import shard_path, write_shard
 from ltvn_viz.pairs.pairs_app import PairsApp, PairsOptions, open_pairs_app
+from tests.browser.pages import open_page
 from tests.core.training_data.box_world import two_rooms
 
 pytestmark = pytest.mark.browser
-
-PATIENCE_MS = 60_000
 
 
 @pytest.fixture(scope="module")
@@ -35,16 +34,12 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PairsApp]:
 
 @pytest.fixture
 def page(app: PairsApp, chromium: Browser) -> Iterator[Page]:
-    page = chromium.new_page(viewport={"width": 900, "height": 700})
-    page.set_default_timeout(PATIENCE_MS)
-    page.goto(app.server.url)
-    page.locator(".lp-place").wait_for()
-    yield page
-    page.close()
+    with open_page(chromium, app.server.url, width=900, height=700) as page:
+        page.locator(".lp-place").wait_for()
+        yield page
 
 
 def test_a_person_sees_a_pair_goes_on_and_asks_for_those_that_fail_a_criterion(page: Page) -> None:
-    expect.set_options(timeout=PATIENCE_MS)
     place, failed = page.locator(".lp-place"), page.locator(".lp-criterion")
     expect(place).to_contain_text("pair 1 of")
     expect(page.locator(".lt-table")).to_contain_text("overlap")

@@ -3,7 +3,6 @@
 import http.client
 import io
 import socket
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -23,10 +22,9 @@ from ltvn_core.recording.viewer_server import ServedViewer, serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_viz.session.rerun_viewers import RerunViewers
 from tests.core.recording import example_recording
+from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
-
-PATIENCE_S = 120.0
 
 
 @pytest.fixture(scope="module")
@@ -109,22 +107,19 @@ def test_it_listens_on_the_loopback_only(viewer: ServedViewer) -> None:
     assert {c.laddr.ip for c in listening if c.laddr.port == port} == {"127.0.0.1"}
 
 
-def _until(page: Page, condition: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, f"never: {what}"
-        page.wait_for_timeout(250)
+def _until(page: Page, holds: Callable[[], bool], what: str) -> None:
+    until(holds, meanwhile=lambda: page.wait_for_timeout(250), explain=lambda: f"not so that {what}")
 
 
 def _colours(page: Page) -> int:
     """Return how many colours the page shows; a page that is still loading has few."""
-    picture = Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_S * 1000))).convert("RGB")
+    picture = Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS))).convert("RGB")
     return len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0))
 
 
 def _status(viewer: ServedViewer, path: str, host: str | None = None) -> int:
     address = urlsplit(viewer.url)
-    connection = http.client.HTTPConnection("127.0.0.1", address.port or 0, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", address.port or 0, timeout=PATIENCE_S)
     try:
         connection.request("GET", path, headers={} if host is None else {"Host": host})
         return connection.getresponse().status

@@ -13,10 +13,10 @@ from ltvn_core.evaluation.map_layout import map_layout
 from ltvn_core.recording.reader import Recording
 from ltvn_viz.layers.scene_html import scene_html
 from tests.repository import DEMO_MAP
+from tests.waiting import PATIENCE_MS, until
 
 pytestmark = pytest.mark.browser
 
-PATIENCE_S = 120.0
 MOST_BYTES = 4_000_000
 
 
@@ -38,7 +38,7 @@ def sent() -> list[Request]:
 def page(chromium: Browser, file: Path, sent: list[Request]) -> Iterator[Page]:
     context = chromium.new_context(offline=True, viewport={"width": 800, "height": 560}, has_touch=True)
     page = context.new_page()
-    page.set_default_timeout(PATIENCE_S * 1000)
+    page.set_default_timeout(PATIENCE_MS)
     page.on("request", lambda request: sent.append(request))
     page.goto(file.as_uri())
     yield page
@@ -47,16 +47,19 @@ def page(chromium: Browser, file: Path, sent: list[Request]) -> Iterator[Page]:
 
 def canvas(page: Page) -> Image.Image:
     """Return what the scene's canvas shows."""
-    return Image.open(io.BytesIO(page.locator("canvas").last.screenshot(timeout=PATIENCE_S * 1000))).convert("RGB")
+    return Image.open(io.BytesIO(page.locator("canvas").last.screenshot(timeout=PATIENCE_MS))).convert("RGB")
 
 
 def drawn(page: Page, holds: Callable[[Image.Image], bool]) -> Image.Image:
     """Wait until the canvas shows something."""
-    for _ in range(int(PATIENCE_S * 2)):
-        if holds(now := canvas(page)):
-            return now
-        page.wait_for_timeout(500)
-    raise AssertionError("the canvas never showed it")
+
+    def matching() -> Image.Image | None:
+        now = canvas(page)
+        return now if holds(now) else None
+
+    found = until(matching, meanwhile=lambda: page.wait_for_timeout(500))
+    assert found is not None
+    return found
 
 
 def is_full(shown: Image.Image) -> bool:

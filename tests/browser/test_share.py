@@ -11,13 +11,15 @@ from ltvn_viz.app_setup import open_replay
 from ltvn_viz.debugger.question import QuestionName, Selection
 from ltvn_viz.debugger.share_question import SAVE_EXCERPT
 from ltvn_viz.session.share_links import link
-from tests.browser.flat_app import FlatApp, serving, until
+from ltvn_viz.session.snapshot import Snapshot
+from tests.browser.flat_app import FlatApp, serving, until_shown
+from tests.browser.pages import open_page
 from tests.repository import RECORDINGS
 
 pytestmark = pytest.mark.browser
 
-PATIENCE_S = 120.0
 DRIVE = "demo-drive.rrd"
+EDGE = (728, 724)
 
 
 @pytest.fixture(scope="module")
@@ -30,36 +32,42 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
         yield app
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
-    page = chromium.new_page(viewport={"width": 1000, "height": 640})
-    page.set_default_timeout(PATIENCE_S * 1000)
-    yield page
-    page.close()
+    with open_page(chromium, "about:blank", width=1000, height=640) as page:
+        yield page
 
 
-def opened(app: FlatApp, page: Page, address: str) -> None:
+def open_link(app: FlatApp, page: Page, address: str) -> None:
     """Open a link, with the key that the terminal printed."""
     page.goto(f"{app.server.url}&{address.removeprefix('/?')}")
     page.get_by_text("Next:").wait_for()
 
 
-def test_a_link_shows_the_recording_the_moment_and_the_edge(app: FlatApp, page: Page) -> None:
-    source, target = 728, 724
-    opened(app, page, link(DRIVE, 42.5, QuestionName.EDGE, Selection(None, (source, target))))
+def open_link_to_edge(app: FlatApp, page: Page) -> Snapshot:
+    """Open a link to an edge at a moment of the demo's drive, and return what the page is told to show."""
+    open_link(app, page, link(DRIVE, 42.5, QuestionName.EDGE, Selection(None, EDGE)))
+    return until_shown(
+        app,
+        lambda now: now.replay is not None and now.replay.time_s == 42.5 and now.inspection.selection.edge == EDGE,
+    )
 
-    now = until(app, lambda now: now.replay is not None and bool(now.inspection.html), PATIENCE_S)
+
+def test_a_link_shows_the_recording_the_moment_and_the_edge(app: FlatApp, page: Page) -> None:
+    now = open_link_to_edge(app, page)
 
     assert now.replay is not None
     assert (now.replay.name, now.replay.time_s) == (DRIVE, 42.5)
-    assert now.inspection.selection.edge == (source, target)
+    assert now.inspection.selection.edge == EDGE
     page.get_by_role("tab", name="Why").click()
-    page.get_by_text(f"{source} → {target}").first.wait_for()
+    page.get_by_text(f"{EDGE[0]} → {EDGE[1]}").first.wait_for()
+    assert until_shown(app, lambda now: bool(now.inspection.html)).inspection.question is QuestionName.EDGE
     assert "replay" not in page.url
     assert "token" not in page.url
 
 
 def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, page: Page) -> None:
+    open_link_to_edge(app, page)
     page.get_by_role("tab", name="Why").click()
     boxes = page.locator("input:visible").all()
     next(box for box in boxes if box.input_value() == QuestionName.EDGE.value).click()
@@ -69,11 +77,11 @@ def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, p
 
     page.get_by_text(SAVE_EXCERPT).click()
 
-    expect(page.get_by_text("Written: moment-demo-drive")).to_be_visible(timeout=PATIENCE_S * 1000)
+    expect(page.get_by_text("Written: moment-demo-drive")).to_be_visible()
     assert list(app.harness.library.folder.glob("moment-*.rrd"))
 
 
 def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(app: FlatApp, page: Page) -> None:
-    opened(app, page, "/?replay=<b>gone.rrd&at=3")
+    open_link(app, page, "/?replay=<b>gone.rrd&at=3")
     page.get_by_text("There is no recording").first.wait_for()
-    assert until(app, lambda now: now.message is not None, PATIENCE_S).message is not None
+    assert until_shown(app, lambda now: now.message is not None).message is not None

@@ -3,7 +3,6 @@
 Everything runs in one thread, in simulated time; nothing sleeps. Owns no assertion.
 """
 
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
@@ -38,9 +37,7 @@ from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.worker import Worker
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
-
-PATIENCE_S = 30.0
-"""So long may other threads need, on a busy machine."""
+from tests.waiting import until
 
 WAY = ((1.0, 1.0), (4.0, 1.0), (4.0, 3.0))
 """A tour through the single room."""
@@ -135,7 +132,7 @@ class SessionHarness:
         executor: Executor | None = None,
         fine_tuning: FineTuning | None = None,
     ) -> None:
-        """Set the stage, with a map of a tour along `way` unless told otherwise; jobs are done at once by default."""
+        """Open a session with a map of a tour along `way` unless told otherwise; jobs are done at once by default."""
         self.world = world or ONE_ROOM
         self.driver = FakeDriver()
         self.shown: list[Snapshot] = []
@@ -187,22 +184,17 @@ class SessionHarness:
         """
         for _ in range(ticks):
             self.session.tick()
-        deadline = time.monotonic() + PATIENCE_S
-        while ticks > 1 and self.now.inspection.answer.is_pending and time.monotonic() < deadline:
-            self.session.tick()
+        if ticks > 1:
+            until(lambda: not self.now.inspection.answer.is_pending, meanwhile=self.session.tick)
         return self.now
 
-    def until(self, holds: Callable[[Snapshot], bool], ticks: int = 9000) -> Snapshot:
-        """Let ticks pass until something holds, as many as asked for and longer where other threads are still busy."""
-        patience = time.monotonic() + PATIENCE_S
-        while ticks > 0 or time.monotonic() < patience:
-            if holds(self.wait()):
-                return self.now
-            ticks -= 1
-        raise AssertionError(f"never happened; at last: {self.now}")
+    def until(self, holds: Callable[[Snapshot], bool]) -> Snapshot:
+        """Let ticks pass until something holds, and return what the page shows then."""
+        until(lambda: holds(self.wait()), meanwhile=lambda: None, explain=lambda: self.now)
+        return self.now
 
     def open_replay(self, name: str) -> Playback:
-        """Play a tape back."""
+        """Play back what a writer kept."""
         self.library.path(name)
         writer = next(writer for writer in self.writers if writer.path.name == name)
         frames = [(seen.step, seen.stamp, np.asarray(seen.exact_pose)) for seen in writer.frames]

@@ -1,4 +1,4 @@
-"""What a lesson needs, as small as it can be: a drive through the box world, tiny weights, a plan of a few steps."""
+"""What fine-tuning needs, as small as it can be: a drive through the box world, tiny weights, a plan of a few steps."""
 
 from dataclasses import replace
 from functools import lru_cache

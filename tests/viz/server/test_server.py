@@ -15,6 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 from ltvn_core.errors import ServerError
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.guarded_server import GuardedServer
+from tests.waiting import PATIENCE_S
 
 THUMB = b"\xff\xd8 a picture"
 
@@ -28,7 +29,7 @@ def server() -> Iterator[GuardedServer]:
 
 def get(server: GuardedServer, path: str, **headers: str) -> http.client.HTTPResponse:
     """Ask for a path with exactly these headers."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE_S)
     connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
     for name, value in ({"Host": f"127.0.0.1:{server.port}"} | headers).items():
         connection.putheader(name.replace("_", "-"), value)
@@ -54,7 +55,7 @@ def open_socket(server: GuardedServer, path: str, *, origin: str | None, with_co
         origin=origin,  # type: ignore[arg-type]
         additional_headers=headers,
         subprotocols=protocols,  # type: ignore[arg-type]
-        open_timeout=10,
+        open_timeout=PATIENCE_S,
     )
 
 
@@ -82,10 +83,10 @@ def test_a_link_reaches_the_app_unless_somebody_else_drives(server: GuardedServe
     server.listen(DriveListener(on_link=lambda _, query: heard.put(query)))
     with open_socket(server, "/drive", origin=f"http://127.0.0.1:{server.port}", with_cookie=True) as page:
         page.send(json.dumps({"type": "link", "query": "replay=a.rrd"}))
-        assert heard.get(timeout=10) == "replay=a.rrd"
+        assert heard.get(timeout=PATIENCE_S) == "replay=a.rrd"
         with open_socket(server, "/drive", origin=f"http://127.0.0.1:{server.port}", with_cookie=True) as other:
             other.send(json.dumps({"type": "link", "query": "replay=b.rrd"}))
-            while json.loads(other.recv(timeout=10))["type"] != "refused":
+            while json.loads(other.recv(timeout=PATIENCE_S))["type"] != "refused":
                 pass
     assert heard.empty()
 
@@ -112,7 +113,7 @@ def test_a_socket_needs_cookie_and_origin(server: GuardedServer, path: str) -> N
         with pytest.raises(InvalidStatus):
             open_socket(server, path, origin=origin, with_cookie=with_cookie)
     with open_socket(server, path, origin=own, with_cookie=True) as opened:
-        assert opened.recv(timeout=10)
+        assert opened.recv(timeout=PATIENCE_S)
 
 
 def test_the_page_asks_for_nothing_from_outside_and_may_not_be_framed(server: GuardedServer) -> None:
@@ -160,12 +161,12 @@ def test_an_invalid_message_closes_only_its_own_socket(server: GuardedServer, me
         open_socket(server, "/drive", origin=own, with_cookie=True) as good,
         open_socket(server, "/drive", origin=own, with_cookie=True) as bad,
     ):
-        bad.recv(timeout=10)
+        bad.recv(timeout=PATIENCE_S)
         bad.send(message)
         with pytest.raises(ConnectionClosed):
             list(bad)  # Reads what is still under way until the other end closes.
         good.send(json.dumps({"type": "action", "action": "stop", "id": None}))
-        assert any(json.loads(good.recv(timeout=10))["reason"] == "stopped" for _ in range(3))
+        assert any(json.loads(good.recv(timeout=PATIENCE_S))["reason"] == "stopped" for _ in range(3))
 
 
 def test_only_this_machine_can_reach_the_port(server: GuardedServer) -> None:

@@ -27,6 +27,7 @@ from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import FineTuningPhase
 from tests.viz.session_harness import InlineExecutor, SessionHarness
 from tests.viz.tiny_fine_tuning import PLAN, TUNER, drive, record_drive, show_drive, simulated, tiny_weights
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def executor() -> Iterator[ThreadPoolExecutor]:
 
 
 def fine_tuning_harness(folder: Path, tune: Tune | None = TUNER, executor: Executor | None = None) -> SessionHarness:
-    """A theatre with a drive at hand and tiny weights to teach."""
+    """A session with a drive at hand and tiny weights to fine-tune."""
     weights = tiny_weights(folder.parent)
     harness = SessionHarness(folder, mapped=False, fine_tuning=FineTuning(tune, weights, executor or InlineExecutor()))
     show_drive(harness)
@@ -65,7 +66,7 @@ def learned(
 
 
 def harness_with_new_weights(folder: Path) -> SessionHarness:
-    """A theatre in which new weights wait to be used."""
+    """A session in which new weights wait to be used."""
     offer = learned(drive_metrics(0.004), drive_metrics(0.002), tiny_weights(folder.parent))
     harness = fine_tuning_harness(folder, lambda *_: offer)
     assert harness.do(c.FineTune(3), ticks=2).fine_tuning.phase is FineTuningPhase.LEARNED
@@ -81,7 +82,7 @@ class GatedSimulation:
     def __call__(self, drive: TrajectoryPairs, on_progress: ProgressReporter) -> FineTuningData:
         on_progress(0.0, "drawing simulated rooms")
         self.entered.set()
-        assert self.open.wait(30)
+        assert self.open.wait(PATIENCE_S)
         return simulated(drive, on_progress)
 
 
@@ -125,7 +126,7 @@ def test_cancelling_the_rebuilding_keeps_map_weights_and_offer(folder: Path, exe
     before = harness.state.live_map.graph
     harness.state.worker._executor = executor
     gate = threading.Event()
-    executor.submit(gate.wait, 30)
+    executor.submit(gate.wait, PATIENCE_S)
     harness.do(c.UseWeights())
     harness.do(c.Cancel())
     gate.set()
@@ -136,12 +137,12 @@ def test_cancelling_the_rebuilding_keeps_map_weights_and_offer(folder: Path, exe
 
 
 def test_the_kept_recording_is_what_one_learns_from(folder: Path) -> None:
-    lessons: list[FineTuningRequest] = []
-    harness = fine_tuning_harness(folder, lambda request, *_: lessons.append(request))
+    requests: list[FineTuningRequest] = []
+    harness = fine_tuning_harness(folder, lambda request, *_: requests.append(request))
     harness.state.last_recording = record_drive(folder / "drive.rrd").name
     assert harness.wait().fine_tuning.drive == "drive.rrd"
     harness.do(c.FineTune(5), ticks=2)
-    [request] = lessons
+    [request] = requests
     assert (request.drive.images, request.minutes) == (folder / "drive.rrd", 5)
     assert request.output.name.startswith("drive-learned-")
     assert len(request.drive.label(horizon=15).poses) > 40
@@ -152,7 +153,7 @@ def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, execut
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
     harness.do(c.FineTune(3))
-    assert gate.entered.wait(30)
+    assert gate.entered.wait(PATIENCE_S)
     harness.driver.twist = Twist(0.4, 0.0)
     before = harness.robot.pose.copy()
     now = harness.wait(30)
@@ -172,10 +173,10 @@ def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: Th
     gate = GatedSimulation()
     harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
     harness.do(c.FineTune(3))
-    assert gate.entered.wait(30)
+    assert gate.entered.wait(PATIENCE_S)
     assert harness.do(c.StopFineTuning()).fine_tuning.doing == "stopping"
     gate.open.set()
-    now = harness.until(lambda now: now.fine_tuning.phase is not FineTuningPhase.LEARNING, ticks=10**6)
+    now = harness.until(lambda now: now.fine_tuning.phase is not FineTuningPhase.LEARNING)
     assert now.fine_tuning.phase is FineTuningPhase.IDLE
     assert now.fine_tuning.lines == ("Stopped; the network is as it was.",)
     assert list(folder.iterdir()) == []

@@ -78,7 +78,7 @@ def test_a_full_disk_ends_the_recording_keeps_the_file_and_says_so(harness: Sess
     record(harness, ticks=5)
     harness.writers[0].full = True
     harness.driver.twist = Twist(0.3, 0.0)
-    shown = harness.until(lambda now: now.recording.name is None, ticks=10)
+    shown = harness.until(lambda now: now.recording.name is None)
     assert shown.message is not None
     assert "No space left" in shown.message.text
     assert harness.writers[0].closed

@@ -28,7 +28,7 @@ def recorded(tmp_path: Path) -> tuple[SessionHarness, list[Snapshot], str]:
     name = harness.now.recording.name
     assert name is not None
     harness.do(c.KeepRecording())
-    harness.until(lambda now: bool(now.recordings), ticks=90_000)
+    harness.until(lambda now: bool(now.recordings))
     harness.do(c.OpenRecording(name), ticks=2)
     assert harness.session.mode is Mode.REPLAY
     return harness, live, name

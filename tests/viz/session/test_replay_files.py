@@ -49,15 +49,15 @@ def recording(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def staged() -> Iterator[Callable[[AppOptions], AppState]]:
+def open_state() -> Iterator[Callable[[AppOptions], AppState]]:
     with ExitStack() as stack:
         yield lambda options: open_app_state(options, stack, ThumbnailStore())
 
 
 def test_a_recording_of_an_unknown_scene_is_watched_without_robot_and_walls(
-    recording: Path, staged: Callable[[AppOptions], AppState]
+    recording: Path, open_state: Callable[[AppOptions], AppState]
 ) -> None:
-    state = staged(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
+    state = open_state(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
     shown: list[Snapshot] = []
     session = Session(state, FakeDriver(), shown.append)
     session.send(c.OpenRecording(recording.name))
@@ -76,9 +76,11 @@ def test_a_recording_of_an_unknown_scene_is_watched_without_robot_and_walls(
     session.close()
 
 
-def test_without_a_recording_to_watch_an_unknown_scene_is_an_error(staged: Callable[[AppOptions], AppState]) -> None:
+def test_without_a_recording_to_watch_an_unknown_scene_is_an_error(
+    open_state: Callable[[AppOptions], AppState],
+) -> None:
     with pytest.raises(SceneError):
-        staged(AppOptions(scene="somewhere-else", predictor="oracle"))
+        open_state(AppOptions(scene="somewhere-else", predictor="oracle"))
 
 
 def test_a_replay_shows_the_images_of_the_file(recording: Path) -> None:
@@ -109,31 +111,31 @@ def test_a_foreign_file_is_a_clear_error_in_the_page(recording: Path, tmp_path: 
     assert "holiday.rrd" in shown.message.text
 
 
-def test_a_map_of_other_weights_is_refused(tmp_path: Path, staged: Callable[[AppOptions], AppState]) -> None:
+def test_a_map_of_other_weights_is_refused(tmp_path: Path, open_state: Callable[[AppOptions], AppState]) -> None:
     harness = SessionHarness(tmp_path / "unused")
     live_map = harness.state.live_map
     path = tmp_path / "map.rrd"
     save_map(path, live_map.graph, live_map.map_observations(), scene="demo", config={}, fingerprint="older weights")
     with pytest.raises(MapError, match="older weights"):
-        staged(AppOptions(map=path, predictor="oracle", recordings=tmp_path))
+        open_state(AppOptions(map=path, predictor="oracle", recordings=tmp_path))
 
 
 def test_a_recording_to_watch_that_is_not_there_is_named(
-    tmp_path: Path, staged: Callable[[AppOptions], AppState]
+    tmp_path: Path, open_state: Callable[[AppOptions], AppState]
 ) -> None:
     with pytest.raises(LtvnError, match=r"gone\.rrd"):
-        staged(AppOptions(recordings=tmp_path, replay="gone.rrd"))
+        open_state(AppOptions(recordings=tmp_path, replay="gone.rrd"))
 
 
 def test_a_map_to_begin_with_that_is_not_there_is_named(
-    tmp_path: Path, staged: Callable[[AppOptions], AppState]
+    tmp_path: Path, open_state: Callable[[AppOptions], AppState]
 ) -> None:
     with pytest.raises(LtvnError, match=r"gone\.rrd"):
-        staged(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))
+        open_state(AppOptions(recordings=tmp_path, map=tmp_path / "gone.rrd"))
 
 
-def test_a_recording_can_be_opened_at_a_moment(recording: Path, staged: Callable[[AppOptions], AppState]) -> None:
-    state = staged(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
+def test_a_recording_can_be_opened_at_a_moment(recording: Path, open_state: Callable[[AppOptions], AppState]) -> None:
+    state = open_state(AppOptions(scene="somewhere-else", recordings=recording.parent, replay=recording.name))
     shown: list[Snapshot] = []
     session = Session(state, FakeDriver(), shown.append)
     session.send(c.OpenRecording(recording.name, at_s=1.5))

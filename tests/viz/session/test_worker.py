@@ -15,6 +15,7 @@ from ltvn_viz.session.camera_feed import CameraFeed
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.worker import Worker
 from tests.viz.session_harness import InlineExecutor, SessionHarness
+from tests.waiting import PATIENCE_S
 
 
 class Gate:
@@ -25,7 +26,7 @@ class Gate:
 
     def __call__(self) -> str:
         self.entered.set()
-        assert self.open.wait(10)
+        assert self.open.wait(PATIENCE_S)
         return "through"
 
 
@@ -38,7 +39,7 @@ def executor() -> Iterator[ThreadPoolExecutor]:
 def test_a_person_drives_while_the_worker_is_busy(tmp_path: Path, executor: ThreadPoolExecutor) -> None:
     harness, gate = SessionHarness(tmp_path, executor=executor), Gate()
     harness.state.worker.submit(gate, lambda _: None)
-    assert gate.entered.wait(10)
+    assert gate.entered.wait(PATIENCE_S)
     harness.driver.twist = Twist(0.4, 0.0)
     before = harness.robot.pose.copy()
     harness.wait(30)
@@ -146,11 +147,11 @@ def test_the_newest_pose_wins_in_the_persons_camera() -> None:
     times = iter(np.arange(0.0, 100.0, 1.0))
     feed = CameraFeed(render, clock=lambda: float(next(times)))
     feed.latest_image(np.array([0.0, 0, 0]))
-    assert gate.entered.wait(10)
+    assert gate.entered.wait(PATIENCE_S)
     for x in (1.0, 2.0, 3.0):
         picture = feed.latest_image(np.array([x, 0, 0]))
     gate.open.set()
-    assert second.wait(10)
+    assert second.wait(PATIENCE_S)
     feed.close()
     assert drawn == [0.0, 3.0]
     assert picture.dropped == 2

@@ -20,8 +20,8 @@ class ChangesLayer:
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the two empty batches."""
-        self._came = LineSegments(scene, "/graph/came", thickness_px=4.0)
-        self._went = LineSegments(scene, "/graph/went", thickness_px=5.0)
+        self.added = LineSegments(scene, "/graph/came", thickness_px=4.0)
+        self.removed = LineSegments(scene, "/graph/went", thickness_px=5.0)
         self._blank = False
 
     def show(self, snapshot: Snapshot) -> None:
@@ -31,8 +31,8 @@ class ChangesLayer:
         if blank and self._blank:
             return
         self._blank = blank
-        self._draw(self._came, added_edges, palette.EDGE_ADDED, rise_m=0.0)
-        self._draw(self._went, removed_edges, palette.EDGE_REMOVED, rise_m=RISE_M)
+        self._draw(self.added, added_edges, palette.EDGE_ADDED, rise_m=0.0)
+        self._draw(self.removed, removed_edges, palette.EDGE_REMOVED, rise_m=RISE_M)
 
     @staticmethod
     def _draw(lines: LineSegments, fading: FadingEdges, colour: palette.Rgb8, *, rise_m: float) -> None:

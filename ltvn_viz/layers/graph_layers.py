@@ -27,11 +27,11 @@ class NodesLayer:
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId], None]) -> None:
         """Add the empty batch; `on_pick` must return at once."""
-        self._drops = PoseMarkers(scene, "/graph/nodes", 0.14)
+        self.markers = PoseMarkers(scene, "/graph/nodes", 0.14)
         self._drawn: GraphArrays | None = None
         self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
 
-        @self._drops.handle.on_click
+        @self.markers.handle.on_click
         async def _(event: viser.SceneNodePointerEvent) -> None:
             graph = self._drawn
             if graph is not None and event.instance_index is not None and event.instance_index < len(graph.ids):
@@ -45,8 +45,8 @@ class NodesLayer:
         if graph is self._drawn and marked == self._marked:
             return
         if graph is not self._drawn:
-            self._drops.place(graph.poses, NODE_Z)
-        self._drops.paint(self._colours(graph, snapshot.selected, here))
+            self.markers.place(graph.poses, NODE_Z)
+        self.markers.paint(self._colours(graph, snapshot.selected, here))
         self._drawn, self._marked = graph, marked
 
     @staticmethod
@@ -62,7 +62,7 @@ class EdgesLayer:
 
     def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty batch."""
-        self._lines = LineSegments(scene, "/graph/edges", thickness_px=2.0)
+        self.lines = LineSegments(scene, "/graph/edges", thickness_px=2.0)
         self._clock = clock
         self._drawn: GraphArrays | None = None
         self._when = -np.inf
@@ -74,7 +74,7 @@ class EdgesLayer:
             return
         self._drawn, self._when = graph, self._clock()
         segments = offset_right(graph.poses[:, :2][graph.edges])
-        self._lines.draw(points(segments, EDGE_Z), palette.probability_colours(graph.p))
+        self.lines.draw(points(segments, EDGE_Z), palette.probability_colours(graph.p))
 
 
 def offset_right(segments: NDArray[np.float64]) -> NDArray[np.float64]:

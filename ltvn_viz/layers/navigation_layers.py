@@ -20,7 +20,7 @@ class PlanLayer:
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the empty line."""
-        self._lines = LineSegments(scene, "/plan", thickness_px=6.0)
+        self.lines = LineSegments(scene, "/plan", thickness_px=6.0)
         self._drawn: tuple[tuple[NodeId, ...], GraphArrays | None] = ((), None)
 
     def show(self, snapshot: Snapshot) -> None:
@@ -32,7 +32,7 @@ class PlanLayer:
         self._drawn = plan, moment.graph
         line = points(moment.graph.poses_of(plan), PLAN_Z)
         segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
-        self._lines.draw(segments, np.full((len(segments), 3), palette.PLAN, np.uint8))
+        self.lines.draw(segments, np.full((len(segments), 3), palette.PLAN, np.uint8))
 
 
 class GoalLayer:
@@ -40,7 +40,7 @@ class GoalLayer:
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the hidden pin."""
-        self._pin = scene.add_frame("/goal", show_axes=False, visible=False)
+        self.pin = scene.add_frame("/goal", show_axes=False, visible=False)
         scene.add_cylinder(
             "/goal/stick",
             radius=0.02,
@@ -64,8 +64,8 @@ class GoalLayer:
         goal = snapshot.selected
         poses = snapshot.moment.graph.poses_of(() if goal is None else (goal,))
         if len(poses):
-            self._pin.position = points(poses[0], 0.0)
-        self._pin.visible = bool(len(poses))
+            self.pin.position = points(poses[0], 0.0)
+        self.pin.visible = bool(len(poses))
 
 
 class GhostLayer:
@@ -73,7 +73,7 @@ class GhostLayer:
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the hidden ghost."""
-        self._ghost = scene.add_frame("/ghost", show_axes=False, visible=False)
+        self.ghost = scene.add_frame("/ghost", show_axes=False, visible=False)
         scene.add_cylinder(
             "/ghost/base",
             radius=0.18,
@@ -99,6 +99,6 @@ class GhostLayer:
         """Put the ghost at the predicted waypoint while an edge is driven."""
         pose = snapshot.moment.predicted_subgoal
         if pose is not None:
-            self._ghost.position = points(pose, 0.0)
-            self._ghost.wxyz = wxyz(pose[2])
-        self._ghost.visible = pose is not None
+            self.ghost.position = points(pose, 0.0)
+            self.ghost.wxyz = wxyz(pose[2])
+        self.ghost.visible = pose is not None

@@ -15,7 +15,7 @@ class SceneLayer:
         """Remember how to `load` the GLB of a scene by its name; nothing is drawn yet."""
         self._scene, self._load = scene, load
         self._shown = ""
-        self._handle: viser.GlbHandle | None = None
+        self.handle: viser.GlbHandle | None = None
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the scene that the snapshot names; one that this machine does not have is left out."""
@@ -26,7 +26,7 @@ class SceneLayer:
             glb = self._load(snapshot.scene)
         except LtvnError:
             glb = None  # The replay of a foreign recording is worth seeing without its walls.
-        if self._handle is not None:
-            self._handle.visible = glb is not None
+        if self.handle is not None:
+            self.handle.visible = glb is not None
         if glb is not None:
-            self._handle = self._scene.add_glb("/apartment", glb, cast_shadow=False, receive_shadow=False)
+            self.handle = self._scene.add_glb("/apartment", glb, cast_shadow=False, receive_shadow=False)

@@ -23,7 +23,7 @@ class TrajectoryLayer:
 
     def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty line."""
-        self._lines = LineSegments(scene, "/trajectory", thickness_px=3.0)
+        self.lines = LineSegments(scene, "/trajectory", thickness_px=3.0)
         self._clock = clock
         self._drawn: NDArray[np.float64] | None = None
         self._when = -np.inf
@@ -37,4 +37,4 @@ class TrajectoryLayer:
         line = points(poses, TRAJECTORY_Z)
         segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
         segments = segments[np.linalg.norm(segments[:, 0] - segments[:, 1], axis=1) < JUMP_M]
-        self._lines.draw(segments, np.full((len(segments), 3), palette.TRAJECTORY, np.uint8))
+        self.lines.draw(segments, np.full((len(segments), 3), palette.TRAJECTORY, np.uint8))

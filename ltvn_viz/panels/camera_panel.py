@@ -25,14 +25,14 @@ class CameraPanel:
         """Add the empty image to the container that is open."""
         self._handle = gui.add_image(colour_beside_depth(None), format="jpeg", jpeg_quality=85)
         self._clock = clock
-        self._shown: CameraImage | None = None
+        self.shown: CameraImage | None = None
         self._due = float("-inf")
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the newest picture, at most 15 times a second."""
-        if snapshot.camera is self._shown or self._clock() < self._due:
+        if snapshot.camera is self.shown or self._clock() < self._due:
             return
-        self._shown, self._due = snapshot.camera, self._clock() + SHOW_EVERY_S
+        self.shown, self._due = snapshot.camera, self._clock() + SHOW_EVERY_S
         self._handle.image = colour_beside_depth(snapshot.camera)
 
 

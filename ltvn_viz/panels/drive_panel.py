@@ -14,12 +14,12 @@ class DrivePanel:
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
         HtmlBlock(gui, note("Drive with W A S D held; the map grows as you go. A recording holds all that happens."))
-        self._recording, self._map, self._counts = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.recording, self.map, self.counts = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Enable what makes sense now and count the map."""
         live, recording = snapshot.mode in LIVE, snapshot.recording.name is not None
-        self._recording.show(
+        self.recording.show(
             button_row(
                 ActionButton(Action.RECORD, "Record", "R", is_main=not recording, is_enabled=live and not recording),
                 ActionButton(Action.KEEP, "Keep", "N", "end and keep", is_main=True, is_enabled=live and recording),
@@ -27,12 +27,12 @@ class DrivePanel:
             )
         )
         rebuild = "build the map anew from all images at hand"
-        self._map.show(
+        self.map.show(
             button_row(
                 ActionButton(Action.BUILD, "Build the map anew", "B", rebuild, is_enabled=snapshot.mode is Mode.TELEOP)
             )
         )
-        self._counts.show(_counts(snapshot))
+        self.counts.show(_counts(snapshot))
 
 
 def _counts(snapshot: Snapshot) -> str:

@@ -16,8 +16,8 @@ class FineTuningPanel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
-        self._about, self._state = HtmlBlock(gui), HtmlBlock(gui)
-        self._minutes = gui.add_number(
+        self.about, self.state = HtmlBlock(gui), HtmlBlock(gui)
+        self.minutes = gui.add_number(
             "Minutes",
             MINUTES,
             min=LEAST_MINUTES,
@@ -25,17 +25,17 @@ class FineTuningPanel:
             step=1,
             hint="how long to learn, beside a minute or so for judging",
         )
-        self._buttons = HtmlBlock(gui)
+        self.buttons = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show what would be learned from, what is being done, or what came of it."""
         fine_tuning = snapshot.fine_tuning
-        self._about.show(note(_about(fine_tuning, snapshot.weights)))
-        self._state.show(_state(fine_tuning))
+        self.about.show(note(_about(fine_tuning, snapshot.weights)))
+        self.state.show(_state(fine_tuning))
         asks = fine_tuning.phase not in (FineTuningPhase.LEARNING, FineTuningPhase.LEARNED)
-        if self._minutes.visible != asks:
-            self._minutes.visible = asks
-        self._buttons.show(_buttons(snapshot, round(self._minutes.value)))
+        if self.minutes.visible != asks:
+            self.minutes.visible = asks
+        self.buttons.show(_buttons(snapshot, round(self.minutes.value)))
 
 
 def _about(fine_tuning: FineTuningStatus, weights: str) -> str:

@@ -131,12 +131,12 @@ class HtmlBlock:
     def __init__(self, gui: viser.GuiApi, content: str = "") -> None:
         """Add it to the container that is open."""
         self._handle = gui.add_html(content)
-        self._content = content
+        self.content = content
 
     def show(self, content: str) -> None:
         """Show `content`, whose foreign parts the caller has escaped."""
-        if content != self._content:
-            self._handle.content = self._content = content
+        if content != self.content:
+            self._handle.content = self.content = content
 
 
 def legend_html() -> str:

@@ -22,7 +22,7 @@ class NavigationPanel:
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         """Add the controls to the tab that is open; `send` takes commands and returns at once."""
         HtmlBlock(gui, note("Click a picture, or a node in the scene, and the robot drives there by what it sees."))
-        self._task, self._state, self._gallery = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.task, self.state, self.gallery = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
         self._upload = gui.add_upload_button(
             "Go to an uploaded picture",
             icon=viser.Icon.PHOTO_UP,
@@ -42,9 +42,9 @@ class NavigationPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the goals on offer and the task."""
-        self._task.show(_task(snapshot))
-        self._state.show(_state(snapshot))
-        self._gallery.show(
+        self.task.show(_task(snapshot))
+        self.state.show(_state(snapshot))
+        self.gallery.show(
             _goal_images(snapshot.gallery, snapshot, "Drive a little: goal pictures appear as the map grows.")
         )
         self._matching_nodes.show(_goal_images(snapshot.similar_nodes, snapshot, ""))

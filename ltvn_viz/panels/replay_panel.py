@@ -22,10 +22,10 @@ class ReplayPanel:
         HtmlBlock(gui, note("Watch a recording in this page: the scene shows the world at the time of the slider."))
         self._names = gui.add_dropdown("Recording", [NONE_YET], disabled=True)
         self._open = gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, color=QUIET, disabled=True)
-        self._time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=STEP_S, initial_value=0.0, visible=False)
-        self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self.time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=STEP_S, initial_value=0.0, visible=False)
+        self.play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._close = gui.add_button("Back to the robot", icon=viser.Icon.ARROW_BACK_UP, color=QUIET, visible=False)
-        self._about = HtmlBlock(gui)
+        self.about = HtmlBlock(gui)
         self._listed: tuple[str, ...] = ()
         self._opened = ""
         self._followed = -1.0
@@ -36,11 +36,11 @@ class ReplayPanel:
         self._list(snapshot.recordings)
         self._open.disabled = not snapshot.recordings or snapshot.mode not in (Mode.TELEOP, Mode.REPLAY)
         replay = snapshot.replay
-        for control in (self._time, self._play, self._close):
+        for control in (self.time, self.play, self._close):
             control.visible = replay is not None
         if replay is not None:
             self._follow(replay)
-        self._about.show(_about(snapshot))
+        self.about.show(_about(snapshot))
 
     def _bind(self, send: Callable[[Command], None]) -> None:
         @self._open.on_click
@@ -48,13 +48,13 @@ class ReplayPanel:
             if self._listed:
                 send(OpenRecording(self._names.value))
 
-        @self._time.on_update
+        @self.time.on_update
         async def _(event: viser.GuiEvent) -> None:
             # The page's own updates come without a client; only a person's drag is a wish.
             if event.client_id is not None:
-                send(Seek(float(self._time.value)))
+                send(Seek(float(self.time.value)))
 
-        @self._play.on_click
+        @self.play.on_click
         async def _(_: viser.GuiEvent) -> None:
             send(Pause())
 
@@ -72,12 +72,12 @@ class ReplayPanel:
     def _follow(self, replay: PlaybackStatus) -> None:
         if replay.name != self._opened:
             self._opened = replay.name
-            self._time.max = max(replay.length_s, STEP_S)
+            self.time.max = max(replay.length_s, STEP_S)
         if replay.time_s != self._followed:
             # Only a place in time that is new may move the slider, else it would jump back under a person's drag.
             self._followed = replay.time_s
-            self._time.value = min(round(replay.time_s / STEP_S) * STEP_S, self._time.max)
-        self._play.label = "Hold" if replay.playing else "Play"
+            self.time.value = min(round(replay.time_s / STEP_S) * STEP_S, self.time.max)
+        self.play.label = "Hold" if replay.playing else "Play"
 
 
 def _about(snapshot: Snapshot) -> str:

@@ -22,7 +22,7 @@ class StatusPanel:
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the lines at the top of the main panel."""
         gui.add_html(STYLE)
-        self._line, self._hint, self._message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.line, self.hint, self.message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
         self._clock = clock
         self._shown: tuple[object, ...] = ()
         self._due = float("-inf")
@@ -34,11 +34,11 @@ class StatusPanel:
         state = (snapshot.mode, snapshot.recording.name)
         if state != self._shown or self._clock() >= self._due:
             self._shown, self._due = state, self._clock() + REFRESH_S
-            self._line.show(_line(snapshot))
-        self._hint.show(
+            self.line.show(_line(snapshot))
+        self.hint.show(
             f'<div class="lt"><div class="lt-card"><strong>Next:</strong> {escape(snapshot.hint)}</div></div>'
         )
-        self._message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
+        self.message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
 
     def _unread(self, message: Message | None) -> str:
         if message != self._latest:

@@ -142,7 +142,7 @@ def test_the_last_change_of_a_burst_is_drawn_in_the_end(server: viser.ViserServe
     layer.show(last)
     clock.now += REDRAW_EVERY_S
     layer.show(last)
-    assert len(layer._lines._handle.points) == 25
+    assert len(layer.lines.handle.points) == 25
 
 
 def test_recolouring_a_big_map_stays_small(server: viser.ViserServer, wire: Wire) -> None:
@@ -161,14 +161,14 @@ def test_edges_are_coloured_by_p(server: viser.ViserServer) -> None:
     graph = replace(big_graph(3, 2), p=np.array([0.0, 1.0]))
     layer.show(Snapshot(moment=RunMoment(graph=graph)))
     light = palette.srgb_to_linear(palette.probability_colours([0.0, 1.0]))
-    np.testing.assert_array_equal(layer._lines._handle.colors[:, 0], light)
+    np.testing.assert_array_equal(layer.lines.handle.colors[:, 0], light)
 
 
 def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer, snapshot: Snapshot) -> None:
     layer = NodesLayer(server.scene, lambda _: None)
     chosen = int(snapshot.moment.graph.ids[3])
     layer.show(replace(snapshot, selected=chosen))
-    colours = Counter(map(tuple, layer._drops.handle.batched_colors.tolist()))
+    colours = Counter(map(tuple, layer.markers.handle.batched_colors.tolist()))
     assert colours[tuple(palette.srgb_to_linear(np.array(palette.GOAL)).tolist())] == 1
     assert colours[tuple(palette.srgb_to_linear(np.array(palette.NODE)).tolist())] == len(snapshot.moment.graph.ids) - 1
 
@@ -176,10 +176,10 @@ def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer
 def test_the_pin_stands_at_the_goal_and_is_hidden_without_one(server: viser.ViserServer, snapshot: Snapshot) -> None:
     layer = GoalLayer(server.scene)
     layer.show(snapshot)
-    assert not layer._pin.visible
+    assert not layer.pin.visible
     layer.show(replace(snapshot, selected=int(snapshot.moment.graph.ids[3])))
-    assert layer._pin.visible
-    np.testing.assert_allclose(layer._pin.position[:2], snapshot.moment.graph.poses[3, :2], atol=1e-6)
+    assert layer.pin.visible
+    np.testing.assert_allclose(layer.pin.position[:2], snapshot.moment.graph.poses[3, :2], atol=1e-6)
 
 
 def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, tmp_path: Path) -> None:
@@ -189,13 +189,13 @@ def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserSe
     shown = harness.until(lambda now: now.moment.predicted_subgoal is not None and len(now.moment.progress.plan) > 2)
     predicted_subgoal.show(shown)
     plan.show(shown)
-    assert predicted_subgoal._ghost.visible
-    assert len(plan._lines._handle.points) == len(shown.moment.progress.plan) - 1
+    assert predicted_subgoal.ghost.visible
+    assert len(plan.lines.handle.points) == len(shown.moment.progress.plan) - 1
     shown = harness.until(lambda now: now.moment.progress.query is None)
     predicted_subgoal.show(shown)
     plan.show(shown)
-    assert not predicted_subgoal._ghost.visible
-    assert not plan._lines._handle.visible
+    assert not predicted_subgoal.ghost.visible
+    assert not plan.lines.handle.visible
 
 
 def test_pruned_edges_rise_and_fade(server: viser.ViserServer) -> None:
@@ -204,13 +204,13 @@ def test_pruned_edges_rise_and_fade(server: viser.ViserServer) -> None:
     for age in (0.0, 1.0, 2.0):
         removed_edges = FadingEdges(np.array([[[0.0, 0.0], [1.0, 0.0]]]), np.array([age]))
         layer.show(Snapshot(moment=RunMoment(removed_edges=removed_edges)))
-        heights.append(float(layer._went._handle.points[0, 0, 2]))
-        brightness.append(int(layer._went._handle.colors[0, 0].max()))
+        heights.append(float(layer.removed.handle.points[0, 0, 2]))
+        brightness.append(int(layer.removed.handle.colors[0, 0].max()))
     assert heights == sorted(heights)
     assert heights[0] < heights[-1]
     assert brightness == sorted(brightness, reverse=True)
     layer.show(Snapshot())
-    assert not layer._went._handle.visible
+    assert not layer.removed.handle.visible
 
 
 def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserServer) -> None:
@@ -222,10 +222,10 @@ def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserSer
     layer = SceneLayer(server.scene, load)
     layer.show(Snapshot(scene="here"))
     layer.show(Snapshot(scene="foreign"))
-    assert layer._handle is not None
-    assert not layer._handle.visible
+    assert layer.handle is not None
+    assert not layer.handle.visible
     layer.show(Snapshot(scene="here"))
-    assert layer._handle.visible
+    assert layer.handle.visible
 
 
 def test_there_and_back_are_two_lines() -> None:

@@ -71,16 +71,16 @@ def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) 
     status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
     replay = ReplayPanel(server.gui, nothing)
     replay.show(Snapshot(mode=Mode.REPLAY, replay=PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings=(evil,)))
-    for markup in (status._hint, status._message, replay._about):
-        assert "<img" not in markup._content
-        assert "&lt;img" in markup._content
+    for markup in (status.hint, status.message, replay.about):
+        assert "<img" not in markup.content
+        assert "&lt;img" in markup.content
 
 
 def test_the_status_line_says_mode_rate_age_and_drops(server: viser.ViserServer, snapshot: Snapshot) -> None:
     status = StatusPanel(server.gui)
     rates = replace(snapshot.rates, loop_hz=29.7, frame_age_ms=41.0, dropped=7)
     status.show(replace(snapshot, rates=rates, recording=RecordingStatus("a.rrd", 12, 3.0)))
-    line = status._line._content
+    line = status.line.content
     for part in ("driving", ">30<", ">41<", ">7<", ">12<"):
         assert part in line
 
@@ -90,17 +90,17 @@ def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(
 ) -> None:
     status = StatusPanel(server.gui, clock=lambda: 0.0)
     status.show(snapshot)
-    first = status._line._content
+    first = status.line.content
     status.show(replace(snapshot, rates=replace(snapshot.rates, loop_hz=3.0)))
-    assert status._line._content == first
+    assert status.line.content == first
     status.show(replace(snapshot, mode=Mode.PAUSED))
-    assert "paused" in status._line._content
+    assert "paused" in status.line.content
 
 
 def test_work_is_shown_with_its_share(server: viser.ViserServer, snapshot: Snapshot) -> None:
     status = StatusPanel(server.gui)
     status.show(replace(snapshot, work=JobProgress("Building the map", 0.42)))
-    assert "Building the map… 42 %" in status._message._content
+    assert "Building the map… 42 %" in status.message.content
 
 
 def is_enabled(html: str, action: Action) -> bool:
@@ -112,11 +112,11 @@ def is_enabled(html: str, action: Action) -> bool:
 def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, snapshot: Snapshot) -> None:
     panel = DrivePanel(server.gui)
     panel.show(snapshot)
-    html = panel._recording._content
+    html = panel.recording.content
     assert is_enabled(html, Action.RECORD)
     assert not is_enabled(html, Action.KEEP)
     panel.show(replace(snapshot, recording=RecordingStatus("a.rrd", 1, 0.1)))
-    html = panel._recording._content
+    html = panel.recording.content
     assert not is_enabled(html, Action.RECORD)
     assert is_enabled(html, Action.KEEP)
     assert is_enabled(html, Action.DISCARD)
@@ -126,14 +126,14 @@ def controls(*panels: object) -> int:
     """Count the buttons and boxes that panels of one tab show."""
     parts = [part for panel in panels for part in vars(panel).values()]
     shown = [part for part in parts if isinstance(part, viser.GuiInputHandle) and part.visible]
-    return len(shown) + sum(part._content.count("<button") for part in parts if isinstance(part, HtmlBlock))
+    return len(shown) + sum(part.content.count("<button") for part in parts if isinstance(part, HtmlBlock))
 
 
 def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_it(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
     drive, learn, follow = DrivePanel(server.gui), FineTuningPanel(server.gui), FollowCamera(server.gui, list)
-    learn._minutes.value = 5
+    learn.minutes.value = 5
     for status, expected in (
         (FineTuningStatus(drive="a.rrd"), 'data-ltvn-action="learn" data-id="5"'),
         (FineTuningStatus(FineTuningPhase.LEARNING, "a.rrd", 0.42, "learning"), 'data-ltvn-action="stop_learning"'),
@@ -147,13 +147,13 @@ def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_i
         now = replace(snapshot, fine_tuning=status, weights="abc")
         drive.show(now)
         learn.show(now)
-        assert expected in learn._buttons._content
-        assert "use_weights" not in learn._buttons._content or status.phase is FineTuningPhase.LEARNED
+        assert expected in learn.buttons.content
+        assert "use_weights" not in learn.buttons.content or status.phase is FineTuningPhase.LEARNED
         assert controls(drive, learn, follow) <= 7
         if status.phase is FineTuningPhase.LEARNING:
-            assert 'aria-valuenow="42"' in learn._state._content
-    assert "&lt;b&gt;no" in learn._state._content
-    assert "abc" in learn._about._content
+            assert 'aria-valuenow="42"' in learn.state.content
+    assert "&lt;b&gt;no" in learn.state.content
+    assert "abc" in learn.about.content
 
 
 def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
@@ -162,20 +162,20 @@ def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
     panel = FineTuningPanel(server.gui)
     offer = replace(snapshot, fine_tuning=FineTuningStatus(FineTuningPhase.LEARNED))
     panel.show(offer)
-    assert is_enabled(panel._buttons._content, Action.USE_WEIGHTS)
+    assert is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
     for busy in (replace(offer, mode=Mode.NAVIGATING), replace(offer, recording=RecordingStatus("a.rrd", 1, 0.1))):
         panel.show(busy)
-        assert not is_enabled(panel._buttons._content, Action.USE_WEIGHTS)
+        assert not is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
 
 
 def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: Snapshot) -> None:
     panel = NavigationPanel(server.gui, nothing)
     panel.show(replace(snapshot, mode=Mode.NAVIGATING))
     for action in (Action.PAUSE, Action.STEP, Action.CANCEL):
-        assert is_enabled(panel._task._content, action)
-    assert not is_enabled(panel._task._content, Action.GOAL)
+        assert is_enabled(panel.task.content, action)
+    assert not is_enabled(panel.task.content, Action.GOAL)
     panel.show(replace(snapshot, mode=Mode.PAUSED))
-    assert "Resume" in panel._task._content
+    assert "Resume" in panel.task.content
 
 
 def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, snapshot: Snapshot) -> None:
@@ -183,7 +183,7 @@ def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, 
     panel.show(snapshot)
     assert snapshot.gallery
     for node in snapshot.gallery:
-        assert f'src="/thumb/{node}.jpg" data-ltvn-action="goal" data-id="{node}"' in panel._gallery._content
+        assert f'src="/thumb/{node}.jpg" data-ltvn-action="goal" data-id="{node}"' in panel.gallery.content
 
 
 def test_panels_send_nothing_while_nothing_changes(
@@ -210,12 +210,12 @@ def test_panels_send_nothing_while_nothing_changes(
 def test_the_slider_spans_the_recording_and_follows_it(server: viser.ViserServer, snapshot: Snapshot) -> None:
     panel = ReplayPanel(server.gui, nothing)
     panel.show(snapshot)
-    assert not panel._time.visible
+    assert not panel.time.visible
     panel.show(replace(snapshot, mode=Mode.REPLAY, replay=PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)))
-    assert panel._time.visible
-    assert panel._time.max == 42.0
-    assert panel._time.value == pytest.approx(21.0)
-    assert panel._play.label == "Hold"
+    assert panel.time.visible
+    assert panel.time.max == 42.0
+    assert panel.time.value == pytest.approx(21.0)
+    assert panel.play.label == "Hold"
 
 
 def test_each_message_is_notified_once_to_every_page() -> None:
@@ -252,7 +252,7 @@ def test_the_camera_is_sent_at_most_fifteen_times_a_second(server: viser.ViserSe
     for view in views:
         now[0] += 1 / 30
         panel.show(Snapshot(camera=view))
-        shown.append(panel._shown)
+        shown.append(panel.shown)
     assert 10 <= len({id(view) for view in shown}) <= 16
 
 
@@ -297,5 +297,5 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
 
     status = StatusPanel(server.gui)
     Painter([Broken(), status], server.atomic).paint(snapshot)
-    assert "driving" in status._line._content
+    assert "driving" in status.line.content
     assert "Broken could not be drawn" in caplog.text

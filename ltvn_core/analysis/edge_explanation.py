@@ -1,15 +1,15 @@
-"""Why an edge is gone, so weak, or missing: the chain of changes and attempts behind it.
+"""Explains why an edge is gone, why it is believed so little, or why it is missing, step by step.
 
-Answers the other two questions, too: why an edge was `explain_planned_edge` and why a node is here, from
-`analysis.choice` and `analysis.arrivals`. Owns the order and the words of its own chains, which come from what the
-robot itself knew. What was truly so, and whose fault a failed episode was, is the business of `ltvn_core.evaluation`.
+Owns the order and the words of the steps, which come from what the robot itself knew. Why a plan led through an edge is
+`analysis.plan_alternative`, why a node is here `analysis.node_explanation`. What was truly so, and what a failed
+episode failed of, is for `ltvn_core.evaluation`.
 """
 
 from collections.abc import Iterator
 from itertools import groupby, pairwise
 
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeLifetime, TimedBelief, edge_history
-from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, belief_text, counted
+from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, belief_text, count_text
 from ltvn_core.analysis.node_explanation import explain_node
 from ltvn_core.analysis.plan_alternative import explain_planned_edge
 from ltvn_core.analysis.timeline import Timeline
@@ -33,16 +33,16 @@ def explain_pruned_edge(
 
     With `believing` it names R_p. Linear in plans and in what happened to the edge.
     """
-    story = edge_history(timeline, source, target, at)
-    if not story.lifetimes:
+    history = edge_history(timeline, source, target, at)
+    if not history.lifetimes:
         return explain_missing_edge(timeline, source, target, at=at)
-    if story.alive:
-        text = f"Edge {source} -> {target} is not gone: {belief_text(story.lifetimes[-1].beliefs[-1].belief)}."
+    if history.alive:
+        text = f"Edge {source} -> {target} is not gone: {belief_text(history.lifetimes[-1].beliefs[-1].belief)}."
         return (
-            *_chain(story),
-            ExplanationStep(text, story.lifetimes[-1].beliefs[-1].instant, ExplanationKind.BELIEF, (source, target)),
+            *_steps(history),
+            ExplanationStep(text, history.lifetimes[-1].beliefs[-1].instant, ExplanationKind.BELIEF, (source, target)),
         )
-    return (*_chain(story), _departure(story, believing))
+    return (*_steps(history), _departure(history, believing))
 
 
 def explain_edge_belief(
@@ -52,21 +52,21 @@ def explain_edge_belief(
 
     Linear in plans and in what happened to the edge.
     """
-    story = edge_history(timeline, source, target, at)
-    if not story.lifetimes:
+    history = edge_history(timeline, source, target, at)
+    if not history.lifetimes:
         return explain_missing_edge(timeline, source, target, at=at)
-    first, last = story.lifetimes[-1].beliefs[0], story.lifetimes[-1].beliefs[-1]
+    first, last = history.lifetimes[-1].beliefs[0], history.lifetimes[-1].beliefs[-1]
     driven = last.attempts - first.attempts
     if not driven:
         text = f"No attempt has counted since, so that its belief is as it came in: {belief_text(last.belief)}."
     else:
         won = last.successes - first.successes
         text = (
-            f"{counted(driven, 'attempt')} counted, {won} with success: p went from {first.belief.p:.2f} to "
+            f"{count_text(driven, 'attempt')} counted, {won} with success: p went from {first.belief.p:.2f} to "
             f"{last.belief.p:.2f}, mu from {first.belief.mu:.2f} to {last.belief.mu:.2f}."
         )
     verdict = ExplanationStep(text, last.instant, ExplanationKind.BELIEF, (source, target))
-    return (*_chain(story), verdict, *(() if story.alive else (_departure(story, None),)))
+    return (*_steps(history), verdict, *(() if history.alive else (_departure(history, None),)))
 
 
 def explain_missing_edge(
@@ -83,8 +83,8 @@ def explain_missing_edge(
     `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; with both it tells
     which of them is in the way. Linear in the changes of the map.
     """
-    story, graph, ids = edge_history(timeline, source, target, at), timeline.graph_at(at), (source, target)
-    if story.lifetimes:
+    history, graph, ids = edge_history(timeline, source, target, at), timeline.graph_at(at), (source, target)
+    if history.lifetimes:
         return explain_pruned_edge(timeline, source, target, at=at)
     name = f"edge {source} -> {target}"
     absent = [node for node in ids if node not in graph.nodes]
@@ -112,36 +112,40 @@ def _gated(reachability: float, distance: float, thresholds: OperatorThresholds)
     )
 
 
-def _chain(story: EdgeHistory) -> Iterator[ExplanationStep]:
-    """Yield the birth of an edge and what driving taught, one sentence per query and verdict that counted."""
-    life, ids = story.lifetimes[-1], (story.source, story.target)
+def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
+    """Yield how an edge came in and what was learned from driving it: one step per attempt that changed its belief."""
+    life, ids = history.lifetimes[-1], (history.source, history.target)
     first = life.beliefs[0]
     driven = f", driven {first.attempts} times before" if first.attempts else ""
     cause = CAUSE_TEXTS[life.cause]
-    text = f"Edge {story.source} -> {story.target} came in {cause} with {belief_text(first.belief)}{driven}."
+    text = f"Edge {history.source} -> {history.target} came in {cause} with {belief_text(first.belief)}{driven}."
     yield ExplanationStep(text, life.added_at, ExplanationKind.BORN, ids)
-    yield from _attempt_steps(life, _within(story, life), ids)
+    yield from _attempt_steps(life, _within(history, life), ids)
 
 
-def _within(story: EdgeHistory, life: EdgeLifetime) -> list[EdgeAttempt]:
+def _within(history: EdgeHistory, life: EdgeLifetime) -> list[EdgeAttempt]:
     until = life.end.instant.step if life.end else None
     return [
-        row for row in story.attempts if life.added_at.step <= row.begin.step and (not until or row.begin.step <= until)
+        row
+        for row in history.attempts
+        if life.added_at.step <= row.begin.step and (not until or row.begin.step <= until)
     ]
 
 
 def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeId, ...]) -> Iterator[ExplanationStep]:
-    taught = {after.attempt: (before, after) for before, after in pairwise(life.beliefs) if after.attempt is not None}
+    changes = {after.attempt: (before, after) for before, after in pairwise(life.beliefs) if after.attempt is not None}
     for query, group in groupby(rows, key=lambda row: row.query):
         silent = []
         for row in group:
-            if row.attempt in taught and row.counted:
-                yield _attempt_step(row, *taught[row.attempt], ids)
+            if row.attempt in changes and row.changed_belief:
+                yield _attempt_step(row, *changes[row.attempt], ids)
             else:
                 silent.append(row)
         if silent:
             failed = sum(row.succeeded is False for row in silent)
-            text = f"{counted(len(silent), 'more leg')} along it in query {query}, {failed} failed, taught nothing."
+            text = (
+                f"{count_text(len(silent), 'more attempt')} along it in query {query}, {failed} failed, taught nothing."
+            )
             yield ExplanationStep(text, silent[0].begin, ExplanationKind.ATTEMPT, ids)
     for before, after in pairwise(life.beliefs):
         if after.attempt is None:
@@ -160,13 +164,13 @@ def _attempt_step(
     return ExplanationStep(text, row.ended or row.begin, ExplanationKind.ATTEMPT, ids)
 
 
-def _departure(story: EdgeHistory, believing: BeliefConfig | None) -> ExplanationStep:
-    life, ids = story.lifetimes[-1], (story.source, story.target)
+def _departure(history: EdgeHistory, believing: BeliefConfig | None) -> ExplanationStep:
+    life, ids = history.lifetimes[-1], (history.source, history.target)
     assert life.end is not None  # Only edges that are gone come here.
     last = life.beliefs[-1]
     if life.end.attempt is not None:
         below = f", below R_p = {believing.prune_below:.2f}," if believing else ""
-        failures = counted(last.attempts - last.successes, "failure")
+        failures = count_text(last.attempts - last.successes, "failure")
         text = f"It was pruned after attempt {life.end.attempt}: p = {last.belief.p:.2f}{below} with {failures}."
     elif life.end.node is not None:
         text = f"It went with node {life.end.node}, which left {CAUSE_TEXTS[life.end.cause]}."

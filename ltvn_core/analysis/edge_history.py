@@ -1,7 +1,7 @@
-"""Everything there is to know of one edge, over time: the edge microscope.
+"""The history of one edge: when it was in the map, what was believed of it, and every attempt to drive it.
 
-Owns the putting together. Says nothing in words (`analysis.blame`) and draws nothing (`analysis.projection` says where
-in a picture a waypoint lies).
+Owns putting this together. Says nothing in words (`analysis.edge_explanation`) and draws nothing
+(`analysis.waypoint_projection` says where in a picture a waypoint lies).
 """
 
 from collections.abc import Collection
@@ -39,7 +39,7 @@ class TimedBelief:
     successes: int
     cause: Cause
     attempt: int | None
-    """The leg that taught it; None at birth."""
+    """The attempt from which it was learned; None when the edge came in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +51,14 @@ class EdgeRemoval:
     node: NodeId | None
     """The node with which it went; None if the edge itself was pruned, or the whole map was replaced."""
     attempt: int | None
-    """The leg after which it was pruned."""
+    """The attempt after which it was pruned."""
     whole_map: bool = False
     """It went because another map came in."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeLifetime:
-    """An edge from coming in to going out; one that comes back lives again."""
+    """The time of an edge in the map, from coming in to leaving; one that comes back has another."""
 
     epoch: int
     added_at: Instant
@@ -67,9 +67,9 @@ class EdgeLifetime:
     """The target in the source's frame, as predicted when it was made."""
     protected: bool
     beliefs: tuple[TimedBelief, ...]
-    """Oldest first, the belief at birth included."""
+    """Oldest first, the belief with which it came in included."""
     end: EdgeRemoval | None
-    """None while it lives."""
+    """None while it is in the map."""
 
     @property
     def initial_reachability(self) -> float | None:
@@ -80,7 +80,7 @@ class EdgeLifetime:
 
 @dataclass(frozen=True, slots=True)
 class EdgeAttempt:
-    """A leg along the edge."""
+    """An attempt along the edge."""
 
     attempt: int
     query: int
@@ -90,7 +90,7 @@ class EdgeAttempt:
     departure: FrameId
     """The image at departure."""
     waypoint: PoseRow
-    """The leg's target as seen from there."""
+    """The target as seen from there."""
     departure_reachability: float
     arrival: FrameId | None
     """The image at arrival; None, like all below, if the recording is cut before."""
@@ -103,14 +103,14 @@ class EdgeAttempt:
     reachability: float | None
     collisions: int
     only_this_edge: bool
-    """The leg was this edge alone; else it drove on past its end, and success says less."""
-    counted: bool
-    """It changed the belief; another failure in the same query does not."""
+    """The attempt was along this edge alone; else it drove on past its end, and success says less."""
+    changed_belief: bool
+    """Another failure in the same query changes none."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeHistory:
-    """All of an edge; without `lifetimes` it never was in the map."""
+    """The history of one edge; without `lifetimes` it never was in the map."""
 
     source: NodeId
     target: NodeId
@@ -131,23 +131,29 @@ class EdgeHistory:
 
 
 def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Instant | None = None) -> EdgeHistory:
-    """Tell the life of an edge up to an instant; linear in plans and in what happened to it.
+    """Return the history of an edge up to an instant; linear in plans and in what happened to it.
 
-    Once per timeline linear in events. An edge that never was gives an empty story.
+    An edge that never was has an empty history.
     """
     count = timeline.count_until(until)
     changes = timeline.changes_of_edge(source, target)
-    taught = {(change.query, change.attempt) for change in changes if isinstance(change.delta, BeliefUpdated)}
+    belief_changes = {(change.query, change.attempt) for change in changes if isinstance(change.delta, BeliefUpdated)}
     attempts = [attempt for attempt in timeline.attempts_of_edge(source, target) if attempt.event < count]
-    rows = tuple(_row(attempt, (source, target), taught) for attempt in attempts)
+    rows = tuple(_row(attempt, (source, target), belief_changes) for attempt in attempts)
     plans = [plan for plan in timeline.plans if plan.event < count and (source, target) in plan.edges]
     lifetimes = _lifetimes(timeline, source, target, count)
-    return EdgeHistory(source, target, lifetimes, rows, tuple(plan.instant for plan in plans))
+    return EdgeHistory(
+        source=source,
+        target=target,
+        lifetimes=lifetimes,
+        attempts=rows,
+        planned_at=tuple(plan.instant for plan in plans),
+    )
 
 
 @dataclass(slots=True)
 class _OpenLifetime:
-    """A life that is still being told."""
+    """A lifetime that may still go on."""
 
     addition: MapChange
     edge: Edge
@@ -155,9 +161,15 @@ class _OpenLifetime:
     end: EdgeRemoval | None = None
 
     def finished(self) -> EdgeLifetime:
-        edge, addition = self.edge, self.addition
-        fixed = addition.epoch, addition.instant, addition.delta.cause, edge.waypoint, edge.protected
-        return EdgeLifetime(*fixed, tuple(self.beliefs), self.end)
+        return EdgeLifetime(
+            epoch=self.addition.epoch,
+            added_at=self.addition.instant,
+            cause=self.addition.delta.cause,
+            waypoint=self.edge.waypoint,
+            protected=self.edge.protected,
+            beliefs=tuple(self.beliefs),
+            end=self.end,
+        )
 
 
 def _lifetimes(timeline: Timeline, source: NodeId, target: NodeId, count: int) -> tuple[EdgeLifetime, ...]:
@@ -165,10 +177,9 @@ def _lifetimes(timeline: Timeline, source: NodeId, target: NodeId, count: int) -
     for change in _concerning(timeline, source, target):
         if change.event < count:
             _end_with_its_map(lifetimes, timeline, change.epoch)
-            _live_on(lifetimes, change)
-    _end_with_its_map(
-        lifetimes, timeline, max((change.epoch for change in timeline.changes_before(count)[-1:]), default=0)
-    )
+            _take_change(lifetimes, change)
+    last = timeline.change_count_before(count) - 1
+    _end_with_its_map(lifetimes, timeline, timeline.changes[last].epoch if last >= 0 else 0)
     return tuple(life.finished() for life in lifetimes)
 
 
@@ -179,20 +190,35 @@ def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[MapC
     return sorted([*timeline.changes_of_edge(source, target), *dropped], key=lambda change: change.event)
 
 
-def _live_on(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
+def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
     last, delta = next((life for life in lifetimes[-1:] if life.end is None), None), change.delta
     match delta:
         case EdgeAdded() if last is None:
             edge = delta.edge
-            first = TimedBelief(change.instant, edge.belief, edge.attempts, edge.successes, delta.cause, None)
-            lifetimes.append(_OpenLifetime(change, edge, [first]))
+            first = TimedBelief(
+                instant=change.instant,
+                belief=edge.belief,
+                attempts=edge.attempts,
+                successes=edge.successes,
+                cause=delta.cause,
+                attempt=None,
+            )
+            lifetimes.append(_OpenLifetime(addition=change, edge=edge, beliefs=[first]))
         case BeliefUpdated() if last is not None:
-            counts = delta.attempts, delta.successes
-            last.beliefs.append(TimedBelief(change.instant, delta.belief, *counts, delta.cause, change.attempt))
+            last.beliefs.append(
+                TimedBelief(
+                    instant=change.instant,
+                    belief=delta.belief,
+                    attempts=delta.attempts,
+                    successes=delta.successes,
+                    cause=delta.cause,
+                    attempt=change.attempt,
+                )
+            )
         case EdgePruned() if last is not None:
-            last.end = EdgeRemoval(change.instant, delta.cause, None, change.attempt)
+            last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=None, attempt=change.attempt)
         case NodeDropped() if last is not None:
-            last.end = EdgeRemoval(change.instant, delta.cause, delta.node, None)
+            last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=delta.node, attempt=None)
         case EdgeAdded() | BeliefUpdated() | EdgePruned() | NodeDropped():
             return  # It does not fit: the recording is damaged, or its beginning is missing.
         case NodeAdded() | EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
@@ -203,10 +229,14 @@ def _end_with_its_map(lifetimes: list[_OpenLifetime], timeline: Timeline, epoch:
     """End an edge that went when another map came in."""
     if lifetimes and lifetimes[-1].end is None and lifetimes[-1].addition.epoch < epoch:
         first = timeline.changes[timeline.epochs[lifetimes[-1].addition.epoch + 1]]
-        lifetimes[-1].end = EdgeRemoval(first.instant, first.delta.cause, None, None, whole_map=True)
+        lifetimes[-1].end = EdgeRemoval(
+            instant=first.instant, cause=first.delta.cause, node=None, attempt=None, whole_map=True
+        )
 
 
-def _row(attempt: AttemptRecord, edge: EdgeKey, taught: Collection[tuple[int | None, int | None]]) -> EdgeAttempt:
+def _row(
+    attempt: AttemptRecord, edge: EdgeKey, belief_changes: Collection[tuple[int | None, int | None]]
+) -> EdgeAttempt:
     started, ended = attempt.started, attempt.ended
     return EdgeAttempt(
         attempt=started.attempt,
@@ -220,10 +250,10 @@ def _row(attempt: AttemptRecord, edge: EdgeKey, taught: Collection[tuple[int | N
         end=ended.end if ended else None,
         ended=attempt.end,
         succeeded=ended.succeeded if ended else None,
-        reason=ended.reason if ended else "the recording ends before the leg does",
+        reason=ended.reason if ended else "the recording ends before the attempt does",
         distance=ended.distance if ended else None,
         reachability=ended.reachability if ended else None,
         collisions=attempt.collisions,
         only_this_edge=(started.source, started.target) == edge,
-        counted=(started.query, started.attempt) in taught,
+        changed_belief=(started.query, started.attempt) in belief_changes,
     )

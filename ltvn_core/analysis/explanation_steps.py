@@ -63,6 +63,6 @@ def belief_text(belief: Belief) -> str:
     return f"p = {belief.p:.2f}, mu = {belief.mu:.2f}"
 
 
-def counted(count: int, thing: str) -> str:
-    """Say how many."""
+def count_text(count: int, thing: str) -> str:
+    """Say how many things there are, such as "3 edges"."""
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

@@ -1,6 +1,6 @@
-"""Which queries failed, of what, where, and when it began to go wrong, from what the robot itself knew.
+"""The failed queries of a run: of what each failed, where, and when it began to go wrong, as far as the robot knew.
 
-Owns the short list of troubles and the moment before. Works without truth; what truly was the cause of a failure only
+Owns the failure modes and the moment before. Works without truth; what truly was the cause of a failure only
 `ltvn_core.evaluation` can tell.
 """
 
@@ -82,7 +82,7 @@ def failed_queries(timeline: Timeline) -> tuple[FailedQuery, ...]:
 
 
 def group_by_failure_mode(failures: Iterable[FailedQuery]) -> Mapping[FailureMode, tuple[FailedQuery, ...]]:
-    """Group failures by what they failed of, the most frequent trouble first."""
+    """Group failures by what they failed of, the most frequent mode first."""
     groups: dict[FailureMode, list[FailedQuery]] = {}
     for failure in failures:
         groups.setdefault(failure.failure_mode, []).append(failure)
@@ -108,9 +108,19 @@ def group_by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) ->
 
 
 def _failed(timeline: Timeline, query: QueryRecord) -> FailedQuery:
-    setback = _setback(timeline, query) or Setback(query.last, _ending(query), None, _last_node(timeline, query))
-    before, pose = _second_before(timeline, query, setback.event), _pose_of(timeline, query, setback.node)
-    return FailedQuery(query, _failure_mode(timeline, query), before, *setback, pose)
+    setback = _setback(timeline, query) or Setback(
+        event=query.last, text=_ending(query), edge=None, node=_last_node(timeline, query)
+    )
+    return FailedQuery(
+        query=query,
+        failure_mode=_failure_mode(timeline, query),
+        instant=_second_before(timeline, query, setback.event),
+        event=setback.event,
+        text=setback.text,
+        edge=setback.edge,
+        node=setback.node,
+        pose=_pose_of(timeline, query, setback.node),
+    )
 
 
 def _setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
@@ -149,7 +159,7 @@ def _main_waste(timeline: Timeline, query: QueryRecord) -> FailureMode:
 
 
 def _wasted(timeline: Timeline, query: QueryRecord) -> dict[FailureMode, int]:
-    """Return the steps that went into each trouble."""
+    """Return the steps that went into each failure mode."""
     wasted: dict[FailureMode, int] = {failure_mode: 0 for failure_mode in _WASTING_MODES}
     for attempt in query.attempts:
         if attempt.failed and attempt.end and attempt.ended:

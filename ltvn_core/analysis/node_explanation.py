@@ -1,11 +1,11 @@
-"""Why a node is in the map, or is not.
+"""Explains why a node is in the map, or is not, step by step.
 
-Owns the chain for nodes; those for edges are `analysis.blame` and `analysis.choice`.
+Owns the steps for nodes; those for edges are `analysis.edge_explanation` and `analysis.plan_alternative`.
 """
 
 from collections.abc import Iterator
 
-from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, counted
+from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, count_text
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, NodeAdded, NodeDropped
@@ -40,7 +40,7 @@ def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[Expl
         yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node,))
         yield from _circumstances(timeline, change, node, cause)
         tied = _tied(timeline, change, node)
-        text = f"It was joined with {counted(len(tied), 'node')}" + ": " * bool(tied) + ", ".join(map(str, tied[:8]))
+        text = f"It was joined with {count_text(len(tied), 'node')}" + ": " * bool(tied) + ", ".join(map(str, tied[:8]))
         text += "..." if len(tied) > 8 else "."
         yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node, *tied))
     elif isinstance(change.delta, NodeDropped):
@@ -53,23 +53,24 @@ def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: C
     query = timeline.query_at(change.event)
     if query is None or cause not in (Cause.EXPAND, Cause.NOVEL):
         return
-    looks = [stamped.event for stamped in timeline.events[query.first : change.event]]
-    fixes = [event for event in looks if isinstance(event, Localised)]
-    if cause is Cause.EXPAND and fixes and fixes[-1].node is not None:
-        start = fixes[-1].node
+    events = (stamped.event for stamped in timeline.events[query.first : change.event])
+    localisations = [event for event in events if isinstance(event, Localised)]
+    if cause is Cause.EXPAND and localisations and localisations[-1].node is not None:
+        start = localisations[-1].node
         text = f"In query {query.id} no path led from node {start} to {query.goal}; a way through image {node} did."
         yield ExplanationStep(text, change.instant, ExplanationKind.PLAN, (start, query.goal))
     elif cause is Cause.NOVEL:
-        lost = len(fixes) - max((k + 1 for k, fix in enumerate(fixes) if fix.node is not None), default=0)
-        text = f"In query {query.id} the robot had not recognised anything in {counted(lost, 'look')}."
+        known = max((k + 1 for k, each in enumerate(localisations) if each.node is not None), default=0)
+        lost = count_text(len(localisations) - known, "look")
+        text = f"In query {query.id} the robot had not recognised anything in {lost}."
         yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node,))
 
 
 def _tied(timeline: Timeline, change: MapChange, node: NodeId) -> tuple[NodeId, ...]:
     """Return the nodes that a new one was joined with at once."""
     tied: dict[NodeId, None] = {}
-    begin = len(timeline.changes_before(change.event + 1))
-    for later in timeline.changes[begin:]:
+    for number in range(timeline.change_count_before(change.event + 1), len(timeline.changes)):
+        later = timeline.changes[number]
         delta = later.delta
         if isinstance(delta, NodeAdded) and delta.cause is Cause.LOAD:
             continue  # A file's map tells all its nodes before its edges.
@@ -84,5 +85,5 @@ def _use(timeline: Timeline, node: NodeId, count: int) -> tuple[ExplanationStep,
     plans = [plan for plan in timeline.plans if plan.event < count and node in plan.planned.nodes]
     if not plans:
         return (ExplanationStep("No plan has led through it yet.", None, ExplanationKind.PLAN, (node,)),)
-    text = f"{counted(len(plans), 'plan')} led through it, the last one in query {plans[-1].planned.query}."
+    text = f"{count_text(len(plans), 'plan')} led through it, the last one in query {plans[-1].planned.query}."
     return (ExplanationStep(text, plans[-1].instant, ExplanationKind.PLAN, (node,)),)

@@ -7,7 +7,7 @@ import itertools
 from dataclasses import dataclass
 from math import inf, isclose, isfinite
 
-from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep, belief_text, counted
+from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep, belief_text, count_text
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, PlanRecord
 from ltvn_core.config import PlanningConfig
@@ -119,7 +119,7 @@ def explain_planned_edge(
 
 def _planned(made: PlanAlternative) -> ExplanationStep:
     nodes, cost = made.plan.planned.nodes, made.plan.planned.cost
-    number, edges_text = made.plan.planned.query, counted(len(nodes) - 1, "edge")
+    number, edges_text = made.plan.planned.query, count_text(len(nodes) - 1, "edge")
     where = f"In query {number} the robot thought it was at node {nodes[0]}"
     text = f"{where} and planned {edges_text} to {nodes[-1]}, cost {cost:.2f}."
     return ExplanationStep(text, made.plan.instant, ExplanationKind.PLAN, nodes)
@@ -139,6 +139,6 @@ def _alternative(made: PlanAlternative) -> ExplanationStep:
         fresh = len(set(itertools.pairwise(ids)) - set(made.plan.edges))
         text = (
             f"The best path without it costs {made.without_edge.cost:.2f}, {more:.2f} more, with "
-            f"{counted(len(ids) - 1, 'edge')}, {fresh} of them not on the plan."
+            f"{count_text(len(ids) - 1, 'edge')}, {fresh} of them not on the plan."
         )
     return ExplanationStep(text, made.plan.instant, ExplanationKind.ALTERNATIVE, ids)

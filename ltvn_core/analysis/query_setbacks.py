@@ -1,7 +1,7 @@
-"""What goes wrong within a query, and what the robot never recovered from.
+"""Setbacks: what goes wrong within a query, and what the robot never recovered from.
 
 Owns that rule: a robot has recovered as soon as a plan shows it nearer to its goal than it ever was before the setback.
-A leg that succeeds is not enough, for a robot in a jam drives to and fro, and half of its legs succeed.
+An attempt that succeeds is not enough, for a robot that is stuck drives to and fro, and half of its attempts succeed.
 """
 
 from collections import Counter
@@ -62,11 +62,12 @@ class _SetbackTracker:
             self._nearer(event.cost)
         if not _is_setback(event, description.severity):
             return
-        setback = Setback(index, description.sentence, self._edge, self._node)
+        setback = Setback(event=index, text=description.sentence, edge=self._edge, node=self._node)
         if isinstance(event, Collided):
             self.collisions.append(setback)
         if self.setback is None:
-            self.setback, self._cheapest_before = setback, self._cheapest
+            self.setback = setback
+            self._cheapest_before = self._cheapest
 
     def _nearer(self, cost: float) -> None:
         if self.setback is not None and cost < self._cheapest_before - _NEARER:

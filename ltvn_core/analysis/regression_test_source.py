@@ -1,4 +1,4 @@
-"""A test to begin with, written from a moment that a person found interesting.
+"""The source of a regression test that asserts what happened in an excerpt of a recording.
 
 Owns the text. What it asserts is what happened, right or wrong: whoever saves it says what should have happened.
 """

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ltvn_core.analysis.explanation_steps import counted
+from ltvn_core.analysis.explanation_steps import count_text
 from ltvn_core.analysis.what_if_scenario import prunable_edges
 from ltvn_core.config import PAPER, BeliefConfig, Method
 from ltvn_core.graph.builder import ProgressCallback, build
@@ -52,7 +52,7 @@ class PruneCounts:
         """The count for a person."""
         if not self.pruned_edges:
             return "No edge would go."
-        return f"{counted(len(self.pruned_edges), 'edge')} would go, {_components_text(self.before, self.after)}."
+        return f"{count_text(len(self.pruned_edges), 'edge')} would go, {_components_text(self.before, self.after)}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,11 +123,11 @@ def _encoded(observations: Sequence[Observation], keyframes: KeyframeStore, pred
 def _difference_text(count: int, noun: str) -> str:
     if not count:
         return f"as many {noun}s"
-    return f"{counted(abs(count), noun)} {'fewer' if count < 0 else 'more'}"
+    return f"{count_text(abs(count), noun)} {'fewer' if count < 0 else 'more'}"
 
 
 def _components_text(before: MapSize, after: MapSize) -> str:
-    return counted(after.strongly_connected_components, "piece") + (
+    return count_text(after.strongly_connected_components, "piece") + (
         ""
         if after.strongly_connected_components == before.strongly_connected_components
         else f" instead of {before.strongly_connected_components}"

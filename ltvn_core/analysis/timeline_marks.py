@@ -17,7 +17,10 @@ _EXPANSION_CAUSES = (d.Cause.EXPAND, d.Cause.NOVEL)
 def mark_of(index: int, instant: Instant, event: e.Event, last_plan: tuple[NodeId, ...] | None) -> Mark | None:
     """Return the mark of an event, None if it gets none; `last_plan` is the path planned before in this query."""
     found = _kind_and_nodes(event, last_plan)
-    return None if found is None else Mark(found[0], instant, index, found[1], describe_event(event).text)
+    if found is None:
+        return None
+    kind, nodes = found
+    return Mark(kind=kind, instant=instant, event=index, ids=nodes, text=describe_event(event).text)
 
 
 def is_other_plan(nodes: tuple[NodeId, ...], last_plan: tuple[NodeId, ...]) -> bool:

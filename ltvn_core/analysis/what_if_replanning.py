@@ -66,7 +66,7 @@ class PlanDifference:
 
 def replan(
     graph: TopologicalGraph,
-    situation: PlannerState,
+    planner_state: PlannerState,
     method: Method,
     changes: Sequence[WhatIfChange],
     *,
@@ -78,7 +78,7 @@ def replan(
     Costs two copies of the map and two searches. Raises MapError where a change names a node or an edge that is not in
     the map, OptionError for values that cannot be.
     """
-    before = WhatIfScenario(graph=graph, situation=situation, method=method, edge_weight_of=edge_weight_of)
+    before = WhatIfScenario(graph=graph, planner_state=planner_state, method=method, edge_weight_of=edge_weight_of)
     after = apply_what_if_changes(before, changes)
     old, new = _plan(before), _plan(after)
     old_keys, new_keys = (tuple(itertools.pairwise(path.nodes)) for path in (old, new))
@@ -94,19 +94,19 @@ def replan(
 
 
 def _plan(scenario: WhatIfScenario) -> GraphPath:
-    source, goal = scenario.situation.source, scenario.situation.goal
+    source, goal = scenario.planner_state.source, scenario.planner_state.goal
     if source is None or goal is None:
         missing = "where the robot is" if source is None else "where it should go"
         scenario.notes.append(f"There is no plan because nobody knows {missing}; set it as a change.")
         return NO_PATH
     penalty = scenario.method.planning.failure_penalty
-    penalties = {edge: count * penalty for edge, count in scenario.situation.failures.items()}
+    penalties = {edge: count * penalty for edge, count in scenario.planner_state.failures.items()}
     return Planner(scenario.graph, scenario.method.planning, weight=scenario.weight).plan(source, goal, penalties)
 
 
 def _cost_parts(scenario: WhatIfScenario, key: EdgeKey) -> EdgeCostParts:
     belief, planning = scenario.graph.edges[key].belief, scenario.method.planning
-    penalty = scenario.situation.failures.get(key, 0) * planning.failure_penalty
+    penalty = scenario.planner_state.failures.get(key, 0) * planning.failure_penalty
     return EdgeCostParts(edge=key, mu=belief.mu, doubt=scenario.weight(belief) - belief.mu, penalty=penalty)
 
 

@@ -45,7 +45,7 @@ class WhatIfScenario:
     """A map with the question and the thresholds of one moment."""
 
     graph: TopologicalGraph
-    situation: PlannerState
+    planner_state: PlannerState
     method: Method
     edge_weight_of: EdgeWeightFactory = ltvn_edge_weight
     notes: list[str] = field(default_factory=list)
@@ -65,7 +65,7 @@ def apply_what_if_changes(scenario: WhatIfScenario, changes: Sequence[WhatIfChan
     """
     other = WhatIfScenario(
         graph=scenario.graph.copy(),
-        situation=scenario.situation,
+        planner_state=scenario.planner_state,
         method=scenario.method,
         edge_weight_of=scenario.edge_weight_of,
     )
@@ -84,9 +84,9 @@ def _apply_change(scenario: WhatIfScenario, change: WhatIfChange) -> None:
             old = _edge(scenario.graph, (source, target)).belief
             _believe(scenario.graph, (source, target), replace(old, p=_or(p, old.p), mu=_or(mu, old.mu)))
         case WithGoal(goal):
-            scenario.situation = replace(scenario.situation, goal=_node(scenario.graph, goal))
+            scenario.planner_state = replace(scenario.planner_state, goal=_node(scenario.graph, goal))
         case WithStart(source):
-            scenario.situation = replace(scenario.situation, source=_node(scenario.graph, source))
+            scenario.planner_state = replace(scenario.planner_state, source=_node(scenario.graph, source))
         case WithThreshold(threshold, value):
             _set_threshold(scenario, threshold, value)
         case _:
@@ -147,11 +147,11 @@ def _set_threshold(scenario: WhatIfScenario, threshold: WhatIfThreshold, value: 
 
 
 def _relocalise(scenario: WhatIfScenario, value: float) -> None:
-    look = scenario.situation.localised
+    look = scenario.planner_state.localised
     if look is None:
         scenario.notes.append("The robot has not looked yet, so D_l changes nothing here.")
     elif look.node is not None and look.distance >= value:
-        scenario.situation = replace(scenario.situation, source=None)
+        scenario.planner_state = replace(scenario.planner_state, source=None)
         scenario.notes.append(f"With D_l = {value:g} the robot is lost: node {look.node} is {look.distance:.2f} away.")
     elif look.node is None and look.distance < value:
         scenario.notes.append("With this D_l the robot might not be lost; the recording does not tell at which node.")

@@ -35,7 +35,7 @@ def test_a_pruned_edge_is_told_from_birth_to_end() -> None:
 
 def test_every_attempt_is_a_row_and_says_whether_it_counted() -> None:
     rows = edge_history(example_runs.timeline(), 1, 2).attempts
-    assert [(row.attempt, row.query, row.succeeded, row.counted) for row in rows] == [
+    assert [(row.attempt, row.query, row.succeeded, row.changed_belief) for row in rows] == [
         (2, 0, False, True),
         (3, 0, False, False),
         (4, 1, False, True),
@@ -101,7 +101,7 @@ def test_all_attempts_of_a_real_drive_end_in_the_belief_of_the_final_map() -> No
     for edge in driven:
         story = edge_history(timeline, edge.source, edge.target)
         assert story.belief == edge.belief
-        assert sum(row.counted for row in story.attempts) == edge.attempts
+        assert sum(row.changed_belief for row in story.attempts) == edge.attempts
 
 
 def test_the_waypoint_lies_where_the_camera_sees_the_floor_at_that_depth() -> None:

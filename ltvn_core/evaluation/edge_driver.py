@@ -38,9 +38,9 @@ class MeasuredAttempt:
 
     edge: EdgeProposal
     succeeded: bool
-    """The method's own verdict, s of Eq. 3."""
+    """The decision of the method, s of Eq. 3."""
     arrived: bool
-    """The robot truly stands within 0.72 m and 0.4 rad of the edge's end."""
+    """Whether the robot truly is within 0.72 m and 0.4 rad of the target."""
     end: AttemptEnd
     reason: str
     """Reason for the method's decision."""
@@ -84,7 +84,7 @@ class EdgeDriver:
         navigator = Navigator(
             self._robot, graph, self._imaged_scene.keyframes, self._predictor, self._method, self._rng
         )
-        # Closing the query ends it wherever it is, here after its first leg.
+        # Closing the generator ends the query, here after its first attempt.
         with closing(cast(Generator[Event | Tick, None, None], navigator.query(goal, 0))) as events:
             for event in events:
                 if isinstance(event, Tick):
@@ -124,6 +124,7 @@ class EdgeDriver:
         """Return where a drive to `source` would have ended, (3,)."""
         driving = self._method.driving
         exact = self._imaged_scene.poses[source]
+        # A real drive ends with the error of a waypoint plus the tolerance of the controller.
         for _ in range(_START_DRAWS if len(self._errors) else 0):
             tolerance = [driving.position_tolerance_m, driving.position_tolerance_m, driving.yaw_tolerance_rad]
             missed = self._rng.choice(self._errors) + self._rng.uniform(-1, 1, 3) * tolerance

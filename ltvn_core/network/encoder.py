@@ -109,9 +109,9 @@ class Encoder(nn.Module):
 
     def channels(self, rgb: Tensor, depth: Tensor) -> Tensor:
         """Return (B, 6, H, W): colour, depth, height and whether there is depth, each about in [-1, 1]."""
-        seen = (depth > 0).to(depth.dtype)
+        has_depth = (depth > 0).to(depth.dtype)
         height = (depth * self.rays[2]).clamp(-1, 2)
-        extra = torch.stack([depth * 0.4 - 1, height, seen], dim=1)
+        extra = torch.stack([depth * 0.4 - 1, height, has_depth], dim=1)
         image = torch.cat([rgb * 2 - 1, extra], dim=1)
         return image.contiguous(memory_format=torch.channels_last)
 
@@ -133,6 +133,7 @@ class Encoder(nn.Module):
         rays = self.rays[None, :, half::KEYPOINT_STEP, half::KEYPOINT_STEP]
         cells = functional.unfold(sparse * rays, STRIDE // KEYPOINT_STEP, stride=STRIDE // KEYPOINT_STEP)
         cells = cells.reshape(len(depth), 3, -1, logits.shape[1])
+        # Pixels without depth get no weight; a cell without any gives the point (0, 0, 0), which marks it as missing.
         missing = (cells[:, 0] <= 0).transpose(1, 2)
         weights = logits.masked_fill(missing, -1e4).softmax(-1)
         return torch.einsum("btk,bckt->btc", weights, cells)

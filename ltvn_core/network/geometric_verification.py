@@ -60,9 +60,10 @@ class GeometricVerification(nn.Module):
         """Return the shares (P, 4) of points (P, G, 3) that fit, are in free space, occluded, or out of view."""
         pixel, inside = self.project(points)
         inside = inside & valid
-        seen = torch.gather(depth, 1, pixel)
-        inside = inside & (seen > 0)
-        excess = (seen - points[..., 0]) / (0.1 + 0.1 * points[..., 0].clamp(min=0))
+        observed = torch.gather(depth, 1, pixel)
+        inside = inside & (observed > 0)
+        # In units of a tolerance that grows with distance, as the errors of depth and of the motion do.
+        excess = (observed - points[..., 0]) / (0.1 + 0.1 * points[..., 0].clamp(min=0))
         count = valid.sum(-1).clamp(min=1)
         fits = (excess.abs() <= 1) & inside
         shares = [fits, (excess > 1) & inside, (excess < -1) & inside, ~inside & valid]
@@ -84,6 +85,7 @@ class GeometricVerification(nn.Module):
         eye = torch.cat([motion.shift, torch.zeros_like(motion.shift[:, :1])], dim=-1)[:, None]
         pixel, inside = self.project(eye)
         column = (pixel[:, 0] % self.columns)[:, None, None].expand(-1, 3, 1)
+        # Three rows around the horizon, because the camera's own height is where the target's camera would be.
         middle = depth.reshape(-1, self.rows, self.columns)[:, self.rows // 2 - 1 : self.rows // 2 + 2]
         nearest = torch.gather(middle, 2, column)[..., 0].amin(-1)
         room = torch.tanh(nearest - motion.shift[:, 0])
@@ -93,8 +95,9 @@ class GeometricVerification(nn.Module):
         """Return the distance (P,) in metres from the straight line to the nearest visible obstacle, at most 0.6."""
         height = points[..., 2] + self.camera.height_m
         solid = valid & (height > ROBOT_LOW_M) & (height < ROBOT_HIGH_M)
-        way = motion.shift[:, None]
-        along = (points[..., :2] * way).sum(-1) / ((way**2).sum(-1) + 1e-3)
-        gap = points[..., :2] - along.clamp(0, 1)[..., None] * way
-        distance = torch.where(solid, gap.square().sum(-1), torch.full_like(height, 0.36))
-        return distance.amin(-1).clamp(max=0.36).sqrt()
+        line = motion.shift[:, None]
+        along = (points[..., :2] * line).sum(-1) / ((line**2).sum(-1) + 1e-3)
+        gap = points[..., :2] - along.clamp(0, 1)[..., None] * line
+        # Squared, so that the root is taken once per pair and not once per point.
+        squares = torch.where(solid, gap.square().sum(-1), torch.full_like(height, 0.36))
+        return squares.amin(-1).clamp(max=0.36).sqrt()

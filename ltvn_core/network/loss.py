@@ -26,6 +26,7 @@ def pair_loss(
     in (dx, dy), and L_theta = |sin - sin^| + |cos - cos^|. Pose (P, 4) is dx, dy, sin, cos; waypoints are (P, 3).
     """
     cross_entropy = functional.binary_cross_entropy_with_logits(logit, reachable, reduction="none")
+    # The small term keeps the gradient of the root finite at zero error.
     position = torch.sqrt((pose[:, :2] - waypoints[:, :2]).square().sum(1) + 1e-9)
     turn = waypoints[:, 2]
     angle = (pose[:, 2] - torch.sin(turn)).abs() + (pose[:, 3] - torch.cos(turn)).abs()
@@ -58,11 +59,12 @@ def true_correspondence(
     cos, sin = torch.cos(waypoints[:, 2]), torch.sin(waypoints[:, 2])
     there = PlanarMotion(waypoints[:, :2], cos, sin).apply(target.points)
     apart = torch.cdist(source.points, there)
-    blind = (source.points[..., 0] <= 0)[..., None] | (target.points[..., 0] <= 0)[:, None]
-    foreign = ~same_scene | (cos < _OPPOSITE_COS)
-    apart = apart.masked_fill(blind | foreign[:, None, None], 1e3)
+    no_depth = (source.points[..., 0] <= 0)[..., None] | (target.points[..., 0] <= 0)[:, None]
+    no_common_surface = ~same_scene | (cos < _OPPOSITE_COS)
+    apart = apart.masked_fill(no_depth | no_common_surface[:, None, None], 1e3)
     nearest_target = apart.min(2)
     nearest_source = apart.min(1)
+    # A token covers more surface at a distance, so the tolerance grows with depth.
     tolerance_source, tolerance_target = (0.05 + 0.07 * side.points[..., 0] for side in (source, target))
     tokens = torch.arange(apart.shape[1], device=apart.device)
     mutual = torch.gather(nearest_source.indices, 1, nearest_target.indices) == tokens
@@ -95,6 +97,8 @@ def place_loss(logits: Tensor, labels: Tensor) -> Tensor:
     known = torch.isfinite(labels)
     positive = known & (labels > 0.5)
     negative = known & (labels < 0.5)
-    gain = functional.softplus(-logits[positive]).mean() if positive.any() else logits.sum() * 0
-    loss = functional.softplus(logits[negative]).mean() if negative.any() else logits.sum() * 0
-    return gain + loss
+    # Positives and negatives are averaged separately, because negatives are many times as frequent. The zero term keeps
+    # the graph connected, which distributed training needs.
+    positive_loss = functional.softplus(-logits[positive]).mean() if positive.any() else logits.sum() * 0
+    negative_loss = functional.softplus(logits[negative]).mean() if negative.any() else logits.sum() * 0
+    return positive_loss + negative_loss

@@ -70,6 +70,7 @@ class PairHead(nn.Module):
         first = self.match(source, target)
         matched, mass = gather(first.mutual(), target)
         rough = align(source.points, matched[..., :3], self.weights(source, mass))
+        # No gradient through the rough motion: the second matching shall not improve by spoiling the first alignment.
         second = self.match_in_space(first, source, target, rough.detach())
         matched_again, mass_again = gather(second.mutual(), target)
         motion = align(source.points, matched_again[..., :3], self.weights(source, mass_again))
@@ -89,12 +90,15 @@ class PairHead(nn.Module):
             dim=-1,
         )
         logit, gate, *_ = (numbers := self.last(summary).float()).unbind(-1)
+        # A learned gate blends the aligned motion with a direct regression, for pairs with too few matches. The
+        # offset of 1 makes training begin with mostly the alignment.
         trust = torch.sigmoid(gate + 1)[:, None]
         return PairOutput(logit, trust * motion.numbers() + (1 - trust) * numbers[:, 2:], first)
 
     def match(self, source: ImageFeatures, target: ImageFeatures) -> TokenMatching:
         """Match descriptors; a token may also have no match."""
         scores = (source.descriptors * self.sharpness) @ target.descriptors.transpose(1, 2)
+        # Subtracting the largest possible score keeps every exponential at most 1.
         strength = torch.exp(scores - self.sharpness.abs())
         declined = (torch.exp(side.unmatched - self.sharpness.abs()) for side in (source, target))
         return normalize_matching(strength, *declined)
@@ -107,6 +111,7 @@ class PairHead(nn.Module):
         The tolerance grows with distance, as a token covers more surface there.
         """
         there = motion.apply(target.points)
+        # Squared distances by the binomial formula, without a (P, T, T, 3) tensor of differences.
         squares = (
             source.points.square().sum(-1)[..., None]
             + there.square().sum(-1)[:, None]
@@ -118,8 +123,8 @@ class PairHead(nn.Module):
 
     def weights(self, source: ImageFeatures, mass: Tensor) -> Tensor:
         """Return (P, T): how much each source token counts in the alignment."""
-        seen = (source.points[..., 0] > 0).to(mass.dtype)
-        return mass * torch.sigmoid(source.saliency) * seen / spread(source)
+        has_depth = (source.points[..., 0] > 0).to(mass.dtype)
+        return mass * torch.sigmoid(source.saliency) * has_depth / spread(source)
 
     def tokens(
         self, source: ImageFeatures, matched: Tensor, mass: Tensor, mass_again: Tensor, motion: PlanarMotion
@@ -156,8 +161,9 @@ def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched
 
 def gather(mutual: Tensor, target: ImageFeatures) -> tuple[Tensor, Tensor]:
     """Return each source token's mean match (P, T, 3 + V) and how much of the match has depth (P, T)."""
-    seen = (target.points[..., :1] > 0).to(mutual.dtype)
-    known = torch.cat([seen, target.points, target.values.float() * seen], dim=-1)
+    has_depth = (target.points[..., :1] > 0).to(mutual.dtype)
+    # The mask is the first column, so that one product gives the sums and the mass by which they are divided.
+    known = torch.cat([has_depth, target.points, target.values.float() * has_depth], dim=-1)
     total = mutual @ known
     mass = total[..., 0]
     return total[..., 1:] / (total[..., :1] + 1e-3), mass

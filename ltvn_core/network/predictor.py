@@ -74,9 +74,9 @@ class NetworkPredictor:
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare sources (N, F) or (1, F) with targets (N, F).
 
-        One source against many targets (200 or more, unless switched off or the network has no quick look at pairs)
-        compares in full only the 96 that resemble it most. The others get a rough reachability, at most the lowest
-        found in full, and a waypoint of zeros, which says nothing.
+        One source with many targets (200 or more, unless the prefilter is off or the network has no cheap score) is
+        compared in full only with the 96 most similar ones. The others get a rough reachability, at most the lowest
+        of the full comparisons, and a waypoint of zeros that has no meaning.
         """
         self._check(sources, targets)
         alone = len(sources) == 1 and len(targets) > 1
@@ -120,6 +120,7 @@ class NetworkPredictor:
 
     @torch.inference_mode()
     def _predict_filtered(self, source: Features, targets: Features, prefilter_scores: PrefilterScores) -> Prediction:
+        # Sorted, so that equal inputs give equal batches and therefore bit-identical results.
         best = np.sort(prefilter_scores.similarity.topk(PREFILTER_KEEP).indices.cpu().numpy())
         full = self._predict(source, targets[best])
         reachability = np.minimum(torch.sigmoid(prefilter_scores.logit).double().cpu().numpy(), full.reachability.min())

@@ -143,6 +143,7 @@ class BatchSampler:
     def _choose(self, rng: np.random.Generator, scene: int, group: int, count: int) -> NDArray[np.intp]:
         """Return pairs of a group, drawn without replacement by weight."""
         pairs = self._pairs[scene][group]
+        # The smallest of exponential keys with these rates are a weighted sample without replacement.
         keys = rng.exponential(size=len(pairs)) / self._weights[scene][pairs]
         return pairs[np.argsort(keys)[:count]]
 
@@ -165,13 +166,13 @@ def _pair_weights(scenes: Sequence[SceneExamples], within: Sequence[NDArray[np.b
     for scene in scenes:
         waypoints = relative(scene.poses[scene.sources], scene.poses[scene.targets])
         distance = np.digitize(np.hypot(waypoints[:, 0], waypoints[:, 1]), DISTANCE_BINS_M)
-        # Unreachable pairs that are near and turned little teach more than those that any glance rules out.
+        # Close unreachable pairs with a small turn are more informative than those that are obviously unreachable.
         easy = (np.abs(waypoints[:, 2]) > 1.2) | (waypoints[:, 0] < -0.3) | (distance == len(DISTANCE_BINS_M))
         bins.append(np.where(scene.reachable, distance, len(DISTANCE_BINS_M) + 1 + easy))
     inside = np.concatenate([each[mask] for each, mask in zip(bins, within, strict=True)])
     count = np.bincount(inside, minlength=len(DISTANCE_BINS_M) + 3).astype(float)
     positive = count[: len(DISTANCE_BINS_M) + 1]
-    wish = np.concatenate([np.full(len(positive), 0.5 / max((positive > 0).sum(), 1)), [0.35, 0.15]])
+    target_share = np.concatenate([np.full(len(positive), 0.5 / max((positive > 0).sum(), 1)), [0.35, 0.15]])
     # A rare distance is not repeated more than ten times as often as it occurs.
-    weight = np.minimum(wish / np.maximum(count, 1) * count.sum(), 10)
+    weight = np.minimum(target_share / np.maximum(count, 1) * count.sum(), 10)
     return [weight[each] for each in bins]

@@ -78,6 +78,7 @@ class PhysicsWorld:
         turn = angular_rad_s * TICK_S
         heading = self.yaw_rad + turn / 2
         velocity = (linear_m_s * math.cos(heading), linear_m_s * math.sin(heading), 0.0)
+        # The velocity is set in every tick: the wheels impose it, and contacts take away what they do not allow.
         self._bullet.resetBaseVelocity(self._body, velocity, (0, 0, 0), physicsClientId=self._client)
         self._bullet.stepSimulation(physicsClientId=self._client)
         (self.x_m, self.y_m, z_m), _ = self._bullet.getBasePositionAndOrientation(

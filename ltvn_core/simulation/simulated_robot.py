@@ -91,7 +91,7 @@ class SimulatedRobot:
 
     @property
     def clock(self) -> "SimulatorClock":
-        """The robot's time, which moves only when it is told to."""
+        """The simulator's clock, which advances only when a caller advances it."""
         return self._clock
 
     @property

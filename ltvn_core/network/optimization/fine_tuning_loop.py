@@ -168,6 +168,7 @@ class _FineTuningRun:
 
     def run(self) -> FineTuningResult | None:
         before = self._judge(self.start, "before")
+        # Saved also when cancelled or interrupted, so that the next run with this folder continues here.
         try:
             finished = self._learn()
         finally:
@@ -237,6 +238,7 @@ class _FineTuningRun:
         self._report(f"judging the weights {when}")
         predictor = NetworkPredictor(network, "in fine-tuning")
         plan = self.plan
+        # The same pairs before and after, so that the difference is due to the weights alone.
         rng = np.random.default_rng(0)
         return FineTuningMetrics(
             evaluate_trajectory(

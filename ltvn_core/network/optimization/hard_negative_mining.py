@@ -110,7 +110,8 @@ def sample_hardest(
     With a hardness of 0 all allowed entries are equally likely.
     """
     chance = torch.rand(scores.shape, generator=generator, device=scores.device)
+    # Gumbel noise: the largest noisy scores are a sample without replacement with odds exp(hardness * score).
     noise = -torch.log(-torch.log(chance.clamp(1e-9, 1 - 1e-7)))
-    shaken = (hardness * scores + noise).masked_fill(~allowed, -torch.inf)
-    best = shaken.flatten().topk(min(count, int(allowed.sum()))).indices
+    noisy = (hardness * scores + noise).masked_fill(~allowed, -torch.inf)
+    best = noisy.flatten().topk(min(count, int(allowed.sum()))).indices
     return best // scores.shape[1], best % scores.shape[1]

@@ -88,6 +88,7 @@ class Trainer:
 
     @torch.no_grad()
     def _update_average(self) -> None:
+        # The average of the first steps forgets faster, or the random initial weights would stay in it for long.
         keep = min(self.plan.average, (1 + self.steps) / (10 + self.steps))
         for mean, value in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
             if mean.is_floating_point():
@@ -100,5 +101,5 @@ def learning_rate_schedule(progress: float, warm_up: float) -> float:
     """Return the share of the peak rate: a linear rise, then a cosine down to a hundredth."""
     if progress < warm_up:
         return max(progress / warm_up, 0.02)
-    fallen = (min(progress, 1.0) - warm_up) / (1 - warm_up)
-    return 0.01 + 0.99 * (1 + math.cos(math.pi * fallen)) / 2
+    decayed = (min(progress, 1.0) - warm_up) / (1 - warm_up)
+    return 0.01 + 0.99 * (1 + math.cos(math.pi * decayed)) / 2

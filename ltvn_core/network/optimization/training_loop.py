@@ -118,10 +118,17 @@ def train(
     *,
     start: Path | None = None,
 ) -> TrainingResult:
-    """Train, keep the best weights on the validation data in `folder`, and return their path.
+    """Train a network and keep the weights that are best on the validation data.
 
-    Begins at random, or at trained weights (`start`, without a graphics card), whose architecture then counts. A
-    checkpoint in the folder is resumed. Raises WeightsError if that is of another plan, or if `start` cannot be read.
+    Args:
+        data: What to train and validate on.
+        plan: Settings of the training.
+        folder: Where checkpoint, log and best weights are written; a checkpoint in it is resumed.
+        distributed_context: This process among those that train together.
+        start: Trained weights to start from, on a CPU; their architecture replaces that of the plan.
+
+    Raises:
+        WeightsError: The checkpoint belongs to another plan, or `start` cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
     retain_freed_memory()
@@ -182,6 +189,7 @@ class _TrainingRun:
             mininterval=1.0,
         )
         mean = math.nan
+        # All processes must agree on when to stop and on the time, or one would wait for gradients for ever.
         while (before := self.progress()) < 1 and self.distributed_context.broadcast_from_leader(
             self.validations_without_improvement
         ) < self.plan.patience:
@@ -235,12 +243,14 @@ class _TrainingRun:
             found = mine_hard_negatives(
                 self.trainer.average, precision, scene, int(number), self.plan.learning.far, rng
             )
+            # At most 200 per scene, so that one confusing scene does not fill all batches.
             self.trainer.confusions = kept + found[:200]
         log.info("mined %d confusions", len(self.trainer.confusions))
 
     def _validate(self) -> None:
         """Evaluate the averaged weights and keep them if they are the best so far."""
         predictor = NetworkPredictor(self.trainer.average, "in training")
+        # The same pairs in every validation, so that scores are comparable.
         rng = np.random.default_rng(0)
         found = ValidationMetrics(
             self.trainer.steps,

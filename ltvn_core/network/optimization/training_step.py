@@ -34,6 +34,7 @@ class TrainingStep(nn.Module):
         plan = self.plan
         device = device_of(self.network)
         features, mirrored = self._encode(batch, precision, rng, generator)
+        # Detached: choosing hard pairs shall not train the score that chooses them.
         sources, targets, reachable = self._pairs(batch, self.network.rough_logits(features).detach(), generator)
         true = batch.waypoints(sources.cpu().numpy(), targets.cpu().numpy())
         waypoints = to_tensor(true * [1, -1, -1] if mirrored else true, device).float()
@@ -66,6 +67,7 @@ class TrainingStep(nn.Module):
         far = self._far(batch)
         hard = sample_hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
         same_scene = to_tensor(batch.scene[:, None] == batch.scene[None, :], device)
+        # Random ones come from the same scene, because pairs of different scenes are easy.
         random = sample_hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)
         sources = torch.cat([to_tensor(batch.sources, device), hard[0], random[0]])
         targets = torch.cat([to_tensor(batch.targets, device), hard[1], random[1]])
@@ -77,8 +79,8 @@ class TrainingStep(nn.Module):
         """Return (B, B): pairs that are certainly not reachable, also those of different scenes."""
         apart = batch.apart
         if apart is None:
-            foreign = batch.scene[:, None] != batch.scene[None, :]
-            apart = foreign | self.plan.far.pairs(batch.poses, batch.poses)
+            different_scene = batch.scene[:, None] != batch.scene[None, :]
+            apart = different_scene | self.plan.far.pairs(batch.poses, batch.poses)
         return to_tensor(apart, device_of(self.network))
 
     def _known_labels(self, batch: TrainingBatch, sources: Tensor, targets: Tensor, reachable: Tensor) -> Tensor:

@@ -83,7 +83,7 @@ def test_the_prefilter_compares_the_best_in_full_and_rates_the_others_below_them
 def test_an_image_of_another_size_is_refused_with_advice(predictor: NetworkPredictor) -> None:
     observation = tiny_observations(1)[0]
     small = replace(observation, rgb=observation.rgb[::2, ::2], depth=observation.require_depth("the test")[::2, ::2])
-    with pytest.raises(ImageError, match="intake"):
+    with pytest.raises(ImageError, match="preprocess_observation"):
         predictor.encode([small])
 
 

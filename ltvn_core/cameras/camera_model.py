@@ -170,7 +170,10 @@ class CameraModel:
         return (undistort_fisheye if self.fisheye else undistort)(plane, self.distortion)
 
     def rays_to_pixels(self, rays: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the pixels (..., 2) at which the lens sees rays (..., 2); the inverse of `pixels_to_rays`."""
+        """Return the pixels (..., 2) at which the lens sees rays (..., 2); the inverse of `pixels_to_rays`.
+
+        NaN for rays farther off the axis than an ordinary lens with this distortion can see.
+        """
         plane = (distort_fisheye if self.fisheye else distort)(rays, self.distortion)
         return plane * np.array([self.fx, self.fy]) + np.array([self.cx, self.cy])
 

@@ -3,6 +3,7 @@
 Owns compressing, decompressing and the checksum. Does not know where frames are stored.
 """
 
+import json
 import zlib
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from ltvn_core import preprocessing
 from ltvn_core.recording import image_codec
-from ltvn_core.types import FrameId, Observation, Pose
+from ltvn_core.types import FrameId, Observation, OriginalImage, Pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,6 +26,8 @@ class EncodedFrame:
     """A JPEG."""
     depth: bytes | None
     """A 16-bit PNG in millimetres, None where the robot has no depth camera."""
+    original: OriginalImage | None = None
+    """The camera's own picture where it was kept."""
 
     @property
     def drawn_pose(self) -> Pose:
@@ -43,6 +46,14 @@ class EncodedFrame:
         """CRC-32 over the depth image and its step."""
         return zlib.crc32(self.depth or b"", zlib.crc32(np.int64(self.step).tobytes()))
 
+    @property
+    def original_checksum(self) -> int:
+        """CRC-32 over the original picture, its camera and its step; 0 where there is none."""
+        if self.original is None:
+            return 0
+        camera = json.dumps(self.original.camera.to_json(), sort_keys=True).encode()
+        return zlib.crc32(self.original.jpeg + camera, zlib.crc32(np.int64(self.step).tobytes()))
+
 
 def encode_frame(observation: Observation) -> EncodedFrame:
     """Compress an observation; nothing of it is shared with the result."""
@@ -54,17 +65,19 @@ def encode_frame(observation: Observation) -> EncodedFrame:
         exact_pose=None if exact is None else np.array(exact, np.float64),
         rgb=image_codec.encode_rgb(observation.rgb),
         depth=None if observation.depth is None else image_codec.encode_depth(observation.depth),
+        original=observation.original,
     )
 
 
 def decode_frame(frame: EncodedFrame, source: str) -> Observation:
     """Decompress a frame and pass it through the door for images; `source` names the file in errors."""
-    return preprocessing.preprocess_observation(
+    return preprocessing.check_observation(
         image_codec.decode_rgb(frame.rgb),
         None if frame.depth is None else image_codec.decode_depth(frame.depth),
         frame.odometry,
         stamp=frame.stamp,
         step=frame.step,
         exact_pose=frame.exact_pose,
+        original=frame.original,
         source=f"{source}, frame {frame.step}",
     )

@@ -3,6 +3,7 @@
 Owns nothing on disk and changes nothing. Pictures stay compressed until somebody asks for one.
 """
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
@@ -22,7 +24,7 @@ from ltvn_core.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.rrd_contents import RrdContents, read_contents, require_finished
-from ltvn_core.types import FrameId, Observation, Pose
+from ltvn_core.types import FrameId, Observation, OriginalImage, Pose
 
 
 class FramePoses(NamedTuple):
@@ -44,11 +46,14 @@ class StoredFrame(NamedTuple):
     frame: EncodedFrame
     rgb_checksum: int
     depth_checksum: int
+    original_checksum: int = 0
 
     @property
     def intact(self) -> bool:
         """Nothing changed since it was written."""
-        return (self.rgb_checksum, self.depth_checksum) == (self.frame.rgb_checksum, self.frame.depth_checksum)
+        frame = self.frame
+        stored = self.rgb_checksum, self.depth_checksum, self.original_checksum
+        return stored == (frame.rgb_checksum, frame.depth_checksum, frame.original_checksum)
 
 
 class StoredEvent(NamedTuple):
@@ -86,6 +91,7 @@ class Recording:
         self.meta: RecordingMetadata = contents.meta
         self._contents = contents
         rgb, depth = _by_step(contents.batches_of(schema.RGB)), _by_step(contents.batches_of(schema.DEPTH))
+        self._originals = _by_step(contents.batches_of(schema.ORIGINAL))
         # A cut file may end between the two halves of a frame; only whole frames count.
         self._rows: Mapping[FrameId, tuple[_BatchRow, _BatchRow]] = {
             step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
@@ -115,6 +121,7 @@ class Recording:
             held = f"{len(self.frames)} frames from {self.frames[0]} to {self.frames[-1]}" if self.frames else "none"
             raise RecordingError(f"{self.path} has no frame {frame}; it holds {held}.")
         rgb, depth = self._rows[frame]
+        original = self._originals.get(frame)
         exact = rgb.numbers(f"{schema.FRAME_ROW}:exact_pose")
         encoded = EncodedFrame(
             step=frame,
@@ -123,9 +130,11 @@ class Recording:
             exact_pose=exact.copy() if exact.size else None,
             rgb=rgb.numbers("EncodedImage:blob").tobytes(),
             depth=depth.blob("EncodedDepthImage:blob"),
+            original=None if original is None else _original_image(original),
         )
         sums = rgb.numbers(f"{schema.FRAME_ROW}:crc32"), depth.numbers(f"{schema.DEPTH_ROW}:crc32")
-        return StoredFrame(encoded, int(sums[0][0]), int(sums[1][0]))
+        original_sum = 0 if original is None else int(original.numbers(f"{schema.ORIGINAL_ROW}:crc32")[0])
+        return StoredFrame(encoded, int(sums[0][0]), int(sums[1][0]), original_sum)
 
     @cached_property
     def poses(self) -> FramePoses:
@@ -174,6 +183,11 @@ class Recording:
         for batch in self._contents.batches_of(schema.SCENE):
             return read_cell(batch.column("Asset3D:blob"), 0).tobytes()
         return None
+
+
+def _original_image(row: _BatchRow) -> OriginalImage:
+    camera = row.batch.column(f"{schema.ORIGINAL_ROW}:camera")[row.row].as_py()[0]
+    return OriginalImage(row.numbers("EncodedImage:blob").tobytes(), CameraModel.from_json(json.loads(camera)))
 
 
 def _folded(events: Iterable[StampedEvent]) -> TopologicalGraph:

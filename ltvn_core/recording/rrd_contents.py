@@ -17,7 +17,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import rrd_framing, schema
 from ltvn_core.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 
-_READ = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.EVENTS, schema.SCENE))
+_READ = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS, schema.SCENE))
 
 
 class RrdContents(NamedTuple):

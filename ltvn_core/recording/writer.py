@@ -4,6 +4,7 @@ Owns which row goes where and how often the map is drawn. The file and its safet
 and `event_drawing`.
 """
 
+import json
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,7 +28,7 @@ from ltvn_core.recording.frame_codec import EncodedFrame, encode_frame
 from ltvn_core.recording.map_drawing import DrawnEntity
 from ltvn_core.recording.metadata import RecordingMetadata, metadata_row, package_versions
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import FrameId, Observation
+from ltvn_core.types import FrameId, Observation, OriginalImage
 
 _SNAPSHOT_S = 0.5
 _SNAPSHOT_S_PER_EDGE = 0.002
@@ -110,6 +111,8 @@ class RecordingWriter:
         log_time = _LogTime(frame.step, frame.stamp)
         self._stream.log(*log_time, schema.RGB, *_rgb_row(frame))
         self._stream.log(*log_time, schema.DEPTH, *_depth_row(frame))
+        if frame.original is not None:
+            self._stream.log(*log_time, schema.ORIGINAL, *_original_row(frame, frame.original))
         self._draw(log_time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
 
     def write_event(self, stamped: StampedEvent) -> None:
@@ -211,6 +214,15 @@ def _depth_row(frame: EncodedFrame) -> tuple[rr.AsComponents, ...]:
     columns = {"crc32": integer_column(frame.depth_checksum)}
     row = ArchetypeColumns(schema.DEPTH_ROW, columns)
     return (row,) if frame.depth is None else (rr.EncodedDepthImage.from_fields(blob=frame.depth), row)
+
+
+def _original_row(frame: EncodedFrame, original: OriginalImage) -> tuple[rr.AsComponents, ...]:
+    columns = {
+        "camera": text_column(json.dumps(original.camera.to_json(), sort_keys=True)),
+        "crc32": integer_column(frame.original_checksum),
+    }
+    picture = rr.EncodedImage(contents=original.jpeg, media_type="image/jpeg")
+    return picture, ArchetypeColumns(schema.ORIGINAL_ROW, columns)
 
 
 def _event_row(event: EncodedEvent) -> ArchetypeColumns:

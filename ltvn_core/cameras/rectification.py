@@ -1,0 +1,106 @@
+"""Rectification: from the image of any camera to the image that another camera would have taken at the same place.
+
+Every pixel is mapped along its ray, so that size, focal lengths, centre, distortion, quarter turns, roll and pitch may
+all differ and the aspect is never squashed. The two cameras stand at one height; `rectified_camera` says which camera
+the result belongs to. Owns the maps and the resampling; checks of what comes in are `ltvn_core.preprocessing`'s.
+"""
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+
+_MAX_SAMPLES = 8
+"""A pixel's colour is the mean of at most so many samples along each axis."""
+
+_BORDER_PX = 0.5 + 1e-6
+"""A picture reaches half a pixel beyond the centres of its outermost pixels."""
+
+
+def rectified_camera(source: CameraModel, target: CameraModel) -> CameraModel:
+    """Return the camera of rectified images: the lens and tilt of `target`, at the height of `source`."""
+    return replace(target, height_m=source.height_m, depth_scale=1.0)
+
+
+def have_same_rays(source: CameraModel, target: CameraModel) -> bool:
+    """Tell whether images of `source` are images of `target` already, pixel for pixel."""
+    return replace(source, height_m=0.0, depth_scale=1.0) == replace(target, height_m=0.0, depth_scale=1.0)
+
+
+class Rectification:
+    """Turns images of one camera into images of another. Make it with `rectification`, which remembers it."""
+
+    def __init__(self, source: CameraModel, target: CameraModel) -> None:
+        """Compute where each pixel of `target` lies in the images of `source`."""
+        self.source = source
+        self.target = target
+        places, self.seen, self._depth_ratio = _source_pixels(source, target, 1)
+        """(H, W): which pixels of the target the source sees; all others are black and have depth 0."""
+        self._columns = np.clip(np.rint(places[..., 0]), 0, source.width - 1).astype(np.intp)
+        self._rows = np.clip(np.rint(places[..., 1]), 0, source.height - 1).astype(np.intp)
+        self._samples = _samples_per_axis(source, target)
+        fine, _, _ = _source_pixels(source, target, self._samples)
+        border = np.array([source.width - 1, source.height - 1])
+        self._fine = np.clip(fine, 0, border).astype(np.float32)
+
+    def rectify_rgb(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return colours (H, W, 3) of the target from those of the source; black where the source sees nothing."""
+        import cv2  # Takes a tenth of a second, and whoever owns such a camera needs it anyway.
+
+        n = self._samples
+        fine = cv2.remap(np.ascontiguousarray(rgb), self._fine[..., 0], self._fine[..., 1], cv2.INTER_LINEAR)
+        blocks = fine.reshape(self.target.height, n, self.target.width, n, 3)
+        mean = np.rint(blocks.mean(axis=(1, 3))) if n > 1 else fine
+        return np.where(self.seen[..., None], mean, 0).astype(np.uint8)
+
+    def rectify_depth(self, depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return metres (H, W) along the target's axis from metres along the source's; 0 where it sees nothing.
+
+        Depth takes the nearest pixel, because a mean over an edge would be a distance at which nothing stands.
+        """
+        depth = depth_m[self._rows, self._columns] * self._depth_ratio
+        return np.where(self.seen, depth, 0).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def rectification(source: CameraModel, target: CameraModel) -> Rectification:
+    """Return the rectification from one camera to another; the maps are computed once."""
+    return Rectification(source, target)
+
+
+def _source_pixels(
+    source: CameraModel, target: CameraModel, samples: int
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float32]]:
+    """Follow the rays of the target's pixels into the source.
+
+    Returns the source's pixels (H * samples, W * samples, 2), whether it sees them, and its depth along the target's
+    axis per metre along its own.
+    """
+    inner = (np.arange(samples) + 0.5) / samples - 0.5
+    columns = (np.arange(target.width)[:, None] + inner).ravel()
+    rows = (np.arange(target.height)[:, None] + inner).ravel()
+    right_down = target.pixels_to_rays(np.stack(np.meshgrid(columns, rows), axis=-1))
+    rays = np.concatenate([np.ones((*right_down.shape[:2], 1)), -right_down], axis=-1)
+    # From the target's frame to the robot's and on to the source's; both as matrices that act on rows.
+    rays = rays @ (target.rotation.T @ source.rotation)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ahead = np.where(rays[..., 0] > 1e-6, rays[..., 0], np.nan)
+        ideal = np.stack([-rays[..., 1] / ahead, -rays[..., 2] / ahead], axis=-1)
+        pixels = source.rays_to_pixels(ideal)
+        seen = (np.abs(pixels - _middle(source)) <= _middle(source) + _BORDER_PX).all(axis=-1)
+    return np.where(seen[..., None], pixels, 0.0), seen, np.where(seen, 1 / ahead, 0).astype(np.float32)
+
+
+def _middle(camera: CameraModel) -> NDArray[Any]:
+    return np.array([(camera.width - 1) / 2, (camera.height - 1) / 2])
+
+
+def _samples_per_axis(source: CameraModel, target: CameraModel) -> int:
+    """Return how many samples along each axis take in all pixels of the source within one of the target."""
+    pixels = max(source.fx, source.fy) / min(target.fx, target.fy)
+    return min(max(math.ceil(pixels - 1e-6), 1), _MAX_SAMPLES)

@@ -17,7 +17,7 @@ from ltvn_core.graph.baselines.sptm import sptm_system
 from ltvn_core.graph.baselines.ving import ving_system
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.types import FrameId, Pose, Predictor
 
 if TYPE_CHECKING:
@@ -52,8 +52,9 @@ def open_simulation(
     first_step: FrameId = 0,
     start: Pose | None = None,
     odometry_noise: "OdometryNoise | None" = None,
+    spec: RobotSpec = LOCOBOT,
 ) -> Simulation:
-    """Load a scene and put a robot into it, at `start` (3,) or at a free place drawn with `seed`.
+    """Load a scene and put a robot of `spec` into it, at `start` (3,) or at a free place drawn with `seed`.
 
     Raises SceneError for an unknown scene and where the simulator cannot run at all.
     """
@@ -71,7 +72,13 @@ def open_simulation(
     rng = np.random.default_rng(seed)
     place = scene.clearance.sample_poses(rng, 1, min_clearance_m=START_CLEARANCE_M)[0] if start is None else start
     robot = SimulatedRobot(
-        scene, open_renderer(scene), start=place, rng=rng, odometry_noise=odometry_noise, first_step=first_step
+        scene,
+        open_renderer(scene, spec.camera),
+        start=place,
+        rng=rng,
+        odometry_noise=odometry_noise,
+        first_step=first_step,
+        spec=spec,
     )
     return Simulation(scene, robot)
 

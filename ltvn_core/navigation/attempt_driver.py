@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, relative
 from ltvn_core.navigation.controller import drives_backwards, steer
@@ -18,6 +17,7 @@ from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points, transform_points
 from ltvn_core.navigation.perception import Perception
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId, Pose, Twist, Waypoint
 
 _MAX_WAYPOINT_M = 2.5
@@ -43,14 +43,13 @@ class AttemptResult:
 class AttemptDriver:
     """Drives one leg."""
 
-    def __init__(
-        self, motion: MotionExecutor, perception: Perception, config: DrivingConfig, camera: CameraModel
-    ) -> None:
+    def __init__(self, motion: MotionExecutor, perception: Perception, config: DrivingConfig, spec: RobotSpec) -> None:
         """Drive with `motion`, looking through `perception`."""
         self._motion = motion
         self._perception = perception
         self._config, self._detour_config = config, replace(config, position_tolerance_m=_DETOUR_TOLERANCE_M)
-        self._camera, self._obstacles = camera, ObstacleMemory(camera)
+        self._spec = spec
+        self._obstacles = ObstacleMemory(spec)
         self._backwards = self._turned_round = False
         self._detour: Pose | None = None
         self._detours_left = 0
@@ -96,7 +95,7 @@ class AttemptDriver:
         if not self._config.back_up_clearance_m:
             return False
         seen = [
-            transform_points(obstacle_points(image.depth, self._camera), compose(waypoint, pose))
+            transform_points(obstacle_points(image.depth, self._spec.camera), compose(waypoint, pose))
             for image, pose in self._perception.observations_around(target, _FRAMES_AROUND_NODE)
         ]
         return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m
@@ -132,7 +131,7 @@ class AttemptDriver:
     def _plan_detour(self, goal: Pose) -> Pose | None:
         """Return where to turn, and how to stand there, on the way to a pose (3,) that is not straight ahead."""
         odometry, ahead = self._motion.odometry, relative(self._motion.odometry, goal)[:2]
-        place = find_detour(ahead, self._obstacles.nearby_points(odometry))
+        place = find_detour(ahead, self._obstacles.nearby_points(odometry), radius_m=self._spec.clear_radius_m)
         if place is None:
             return None
         onward = ahead - place
@@ -145,7 +144,7 @@ class AttemptDriver:
         if self._obstacles.is_outdated(self._motion.odometry):
             self._obstacles.add(self._perception.observation)
         points = self._obstacles.nearby_points(self._motion.odometry, backwards=twist.linear_m_s < 0)
-        return collision_free_command(twist, points, length_m, self._config)
+        return collision_free_command(twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
         length_m = self._config.back_off_m if backwards else -self._config.back_off_m

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -19,6 +18,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Predictor
 
 
@@ -31,7 +31,8 @@ class NavigationContext:
     predictor: Predictor
     system: NavigationSystem
     rng: np.random.Generator
-    camera: CameraModel
+    spec: RobotSpec
+    """The robot's size and camera."""
     matcher: Matcher
     planner: Planner
     loop_closures: LoopClosureVerifier
@@ -51,12 +52,22 @@ class NavigationContext:
         predictor: Predictor,
         system: NavigationSystem,
         rng: np.random.Generator,
-        camera: CameraModel,
+        spec: RobotSpec,
     ) -> "NavigationContext":
         """Put the parts together."""
         matcher = Matcher(predictor, keyframes, system.method.matching)
         planner = Planner(graph, system.method.planning, weight=system.edge_weight)
-        return cls(graph, keyframes, predictor, system, rng, camera, matcher, planner, LoopClosureVerifier(matcher))
+        return cls(
+            graph=graph,
+            keyframes=keyframes,
+            predictor=predictor,
+            system=system,
+            rng=rng,
+            spec=spec,
+            matcher=matcher,
+            planner=planner,
+            loop_closures=LoopClosureVerifier(matcher),
+        )
 
     def apply_deltas(
         self, deltas: Iterable[GraphDelta], query: int, attempt: int | None = None

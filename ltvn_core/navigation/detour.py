@@ -12,7 +12,6 @@ from ltvn_core.navigation.obstacle_avoidance import (
     CLEARANCE_TOLERANCE_M,
     MAX_NOISE_POINTS,
     NARROW_MARGIN_M,
-    ROBOT_RADIUS_M,
 )
 
 _DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
@@ -21,30 +20,33 @@ _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
 """How far beside the waypoint the way may end, because the waypoint is predicted."""
 _SAMPLES = 24
-_MIN_CLEARANCE_M = ROBOT_RADIUS_M + NARROW_MARGIN_M
-_PREFERRED_CLEARANCE_M = ROBOT_RADIUS_M + 0.06
+_COMFORT_MARGIN_M = 0.06
+"""A detour is preferred that leaves so much beside the robot."""
 _CLEARANCE_COST = 20.0
 """What a metre too little of comfort is worth in metres of way."""
 
 
-def find_detour(goal: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def find_detour(
+    goal: NDArray[np.float64], points: NDArray[np.float64], *, radius_m: float
+) -> NDArray[np.float64] | None:
     """Return where (2,) to turn towards a waypoint (2,), None if no single bend leads there.
 
     All in the robot's frame; `points` (M, 2) are solid.
     """
     if len(points) <= MAX_NOISE_POINTS:
         return None
+    least_m = radius_m + NARROW_MARGIN_M
     tree = KDTree(points)
     places, ends = _candidates(goal)
     here = np.zeros_like(places)
     now_m = float(_obstacle_distances_m(tree, here[:1])[0])
     # A robot that is too near already may move away, but not nearer.
     first_m, second_m = _path_clearances_m(tree, here, places), _path_clearances_m(tree, places, ends)
-    possible = (first_m > min(_MIN_CLEARANCE_M, now_m - CLEARANCE_TOLERANCE_M)) & (second_m > _MIN_CLEARANCE_M)
+    possible = (first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)) & (second_m > least_m)
     if not possible.any():
         return None
     length_m = np.linalg.norm(places, axis=-1) + np.linalg.norm(ends - places, axis=-1)
-    tight_m = np.maximum(_PREFERRED_CLEARANCE_M - np.minimum(first_m, second_m), 0.0)
+    tight_m = np.maximum(radius_m + _COMFORT_MARGIN_M - np.minimum(first_m, second_m), 0.0)
     cost = np.where(possible, length_m + _CLEARANCE_COST * tight_m, np.inf)
     return places[int(cost.argmin())]
 

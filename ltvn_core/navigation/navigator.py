@@ -44,7 +44,7 @@ class Navigator:
         """
         self._robot = robot
         self._context = NavigationContext.create(
-            graph, keyframes, predictor, system or ltvn_system(method), rng, robot.spec.camera
+            graph, keyframes, predictor, system or ltvn_system(method), rng, robot.spec
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from ltvn_core.config import DrivingConfig
 from ltvn_core.types import Twist
 
-ROBOT_RADIUS_M = 0.18
 _HORIZON_S = 0.8
 _STEPS = 6
 _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
@@ -22,7 +21,7 @@ _NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.01
 
 
 def collision_free_command(
-    twist: Twist, points: NDArray[np.float64], length_m: float, config: DrivingConfig
+    twist: Twist, points: NDArray[np.float64], length_m: float, config: DrivingConfig, *, radius_m: float
 ) -> Twist | None:
     """Return the command nearest to `twist` that touches none of the points (M, 2) within `length_m`.
 
@@ -35,17 +34,17 @@ def collision_free_command(
         turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
         # A bend costs speed, so that there is time to see what comes into view.
         adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
-        if _is_free(adjusted, points, reach_m, config.veto_margin_m):
+        if _is_free(adjusted, points, reach_m, radius_m + config.veto_margin_m):
             return adjusted
     slow = Twist(twist.linear_m_s * _NARROW_SPEED_FACTOR, twist.angular_rad_s)
-    return slow if _is_free(slow, points, reach_m, NARROW_MARGIN_M) else None
+    return slow if _is_free(slow, points, reach_m, radius_m + NARROW_MARGIN_M) else None
 
 
-def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, margin_m: float) -> bool:
+def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, clear_m: float) -> bool:
     now_m = _obstacle_distances_m(np.zeros((1, 2)), points)[0]
     then_m = _obstacle_distances_m(_arc(twist, reach_m), points)
     # A robot that is too near already may move away, but not nearer.
-    return bool(then_m.min() > min(ROBOT_RADIUS_M + margin_m, now_m - CLEARANCE_TOLERANCE_M))
+    return bool(then_m.min() > min(clear_m, now_m - CLEARANCE_TOLERANCE_M))
 
 
 def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative, rotation
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Depth, FrameId, Observation, Pose
 
 _MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
@@ -25,7 +26,8 @@ _UPDATE_AFTER_RAD = 0.08
 _EVERY_PIXEL = 2
 _COLLISION_MEMORY_STEPS = 100
 """A touch is forgotten after so many control steps, because its place is a guess that may close a door."""
-_COLLISION_DISTANCE_M = 0.2
+_BUMPER_MARGIN_M = 0.02
+"""What was touched lies so far outside the robot."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
 
@@ -60,9 +62,10 @@ class _Collision(NamedTuple):
 class ObstacleMemory:
     """Solid points of the last images, kept where odometry puts them."""
 
-    def __init__(self, camera: CameraModel) -> None:
+    def __init__(self, spec: RobotSpec) -> None:
         """Know nothing yet."""
-        self._camera = camera
+        self._camera = spec.camera
+        self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()
         self._last_step = -1
@@ -94,7 +97,7 @@ class ObstacleMemory:
         """
         yaw = float(odometry[2]) + (np.pi if backwards else 0.0)
         directions = yaw + _COLLISION_BEARINGS_RAD
-        rim = _COLLISION_DISTANCE_M * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+        rim = self._bumper_m * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
         self._collisions.append(_Collision(self._last_step, odometry[:2] + rim, backwards))
 
     def nearby_points(self, odometry: Pose, *, backwards: bool = False) -> NDArray[np.float64]:

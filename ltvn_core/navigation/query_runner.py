@@ -52,7 +52,7 @@ class QueryRunner:
         self._motion, self._perception = motion, perception
         self._goal, self._query = goal, query
         self._memory = QueryMemory(context.method.planning, context.method.localising)
-        self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.camera)
+        self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.spec)
         self._goal_check = GoalCheck(context, motion, perception, goal, self._memory)
         self._state = NavigatorState.IDLE
 

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.boolean_grid import connected_components, distance_transform, nearest_true
 from ltvn_core.types import Pose
 
-PLANNING_CLEARANCE_M = 0.22
-"""Paths and random poses keep the robot's centre this far from obstacles: its radius of 0.18 m and a little more."""
+PLANNING_MARGIN_M = 0.04
+PLANNING_CLEARANCE_M = LOCOBOT.clear_radius_m + PLANNING_MARGIN_M
+"""Paths and random poses keep the centre of a LoCoBot this far from obstacles: its radius and a little more."""
 
 _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 """Steps (rows, columns) to the 16 neighbours of a cell, one of each opposite pair. A knight's move may pass the corner

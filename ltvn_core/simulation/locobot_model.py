@@ -12,11 +12,13 @@ import trimesh
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
+from ltvn_core.robots.robot_spec import LOCOBOT
+
 Point3: TypeAlias = tuple[float, float, float]
 PaintedMesh: TypeAlias = tuple[str, trimesh.Trimesh]
 
-BASE_RADIUS_M = 0.178
-CAMERA_HEIGHT_M = 0.6
+BASE_RADIUS_M = LOCOBOT.radius_m
+CAMERA_HEIGHT_M = LOCOBOT.camera.height_m
 
 _PAINTS: dict[str, tuple[tuple[float, float, float], float, float]] = {
     # Name: linear RGB colour, metallic factor, roughness factor (glTF materials).

@@ -33,7 +33,7 @@ MAX_YAW_RAD = float(np.deg2rad(60))
 """Theta_max of the paper's reachability criteria; the value is ours."""
 VIEW_NOT_NEEDED_M = 0.25
 """A target nearer than this is reachable even when it lies outside the field of view."""
-MIN_CLEARANCE_M = 0.18
+MIN_CLEARANCE_M = LOCOBOT.clear_radius_m
 """Clearance that the robot's centre needs on the straight line to a reachable target."""
 
 SPURIOUS_DISTANCE_M = 2.8

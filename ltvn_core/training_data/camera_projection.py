@@ -9,7 +9,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Depth, Waypoint
 
-ROBOT_RADIUS_M = 0.18
+ROBOT_RADIUS_M = LOCOBOT.clear_radius_m
 """Radius of the ring that marks a waypoint."""
 
 _NEAREST_M = 0.08

@@ -48,7 +48,7 @@ class ReachabilityLimits:
     """The target's position is visible if the depth there is at most this much too short (criterion: paper)."""
     at_place_m: float = 0.25
     """A target closer than this need not be visible, because the robot is already there (ours)."""
-    line_clearance_m: float = 0.18
+    line_clearance_m: float = LOCOBOT.clear_radius_m
     """Smallest clearance of the straight line, the robot's radius: the controller drives nearly straight (ours)."""
 
 

@@ -15,7 +15,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.scene_protocols import FreeSpace
 from ltvn_core.types import Pose
 
-ROBOT_RADIUS_M = 0.18
+ROBOT_RADIUS_M = LOCOBOT.clear_radius_m
 """A straight line is free if its clearance is larger than this."""
 
 

@@ -5,6 +5,7 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.analysis.graph_history import GraphArrays
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import PLAN_Z
 from ltvn_viz.layers.line_segments import LineSegments
@@ -76,7 +77,7 @@ class GhostLayer:
         self.ghost = scene.add_frame("/ghost", show_axes=False, visible=False)
         scene.add_cylinder(
             "/ghost/base",
-            radius=0.18,
+            radius=LOCOBOT.clear_radius_m,
             height=0.12,
             color=palette.PREDICTED_POSE,
             opacity=0.45,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ltvn_core.network.architecture import NETWORK_CAMERA
 from ltvn_core.network.base_network import BaseNetwork
 from ltvn_core.network.device import device_of
 from ltvn_core.network.image_features import FeaturesT, to_float32
@@ -41,8 +42,8 @@ class MixedPrecision:
 def choose_precision(network: BaseNetwork[FeaturesT], *, images: int = 48) -> MixedPrecision:
     """Return bfloat16 where a training step on as many pairs as images is at least a tenth faster with it."""
     device = device_of(network)
-    rgb = torch.rand(images, 3, 72, 96, device=device)
-    depth = torch.rand(images, 72, 96, device=device) * 4 + 0.5
+    rgb = torch.rand(images, 3, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device)
+    depth = torch.rand(images, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device) * 4 + 0.5
     seconds = {}
     state = {name: value.clone() for name, value in network.state_dict().items()}
     for bfloat16 in (False, True):

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, Doorway, FloorPlan
 from ltvn_core.simulation.boolean_grid import connected_components, distance_transform
-from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M
 
 MARGIN_CELLS = 4
 """Blocked cells around the floor: the outer walls."""
+
+MIN_PASSAGE_CLEARANCE_M = 0.22
+"""Least clearance of a passage. It belongs to the generator, not to a robot: seeds must make the same apartments."""
 
 _DOOR_APRON_M = 0.7
 """Floor on both sides of a doorway on which nothing may stand."""
@@ -68,7 +70,7 @@ class OccupancyGrid:
     def is_connected(self) -> bool:
         """Return whether the navigable floor is one connected component."""
         clearance_cells = distance_transform(~self.blocked) - 0.5
-        _, count = connected_components(clearance_cells * GRID_STEP_M > PLANNING_CLEARANCE_M)
+        _, count = connected_components(clearance_cells * GRID_STEP_M > MIN_PASSAGE_CLEARANCE_M)
         return count == 1
 
     def _cells(self, area: FloorRectangle) -> tuple[slice, slice]:

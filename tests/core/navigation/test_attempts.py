@@ -30,7 +30,7 @@ class Drive:
         self.robot = FlatRobot(world, start, first_step=100)
         motion = MotionExecutor(self.robot, 0, ROBUST.recovering)
         perception = Perception(motion, predictor, Matcher(predictor, keyframes, ROBUST.matching), lambda seen: None)
-        self._attempt_driver = AttemptDriver(motion, perception, ROBUST.driving, LOCOBOT.camera)
+        self._attempt_driver = AttemptDriver(motion, perception, ROBUST.driving, LOCOBOT)
         self.commands: list[Twist] = []
 
     def go(self, waypoint: Waypoint) -> AttemptResult:

@@ -13,6 +13,7 @@ from ltvn_core.types import Twist
 from tests.core.flat_world import observation_at
 
 LENS = LOCOBOT.camera
+RADIUS_M = LOCOBOT.clear_radius_m
 AHEAD = Twist(0.5, 0.0)
 STRAIGHT = replace(ROBUST.driving, swerve=False)
 
@@ -30,7 +31,7 @@ def scene(*boxes: tuple[float, float, float, float]) -> np.ndarray:
 
 
 def command(depth: np.ndarray, length_m: float = 2.0, twist: Twist = AHEAD) -> Twist | None:
-    return collision_free_command(twist, obstacle_points(depth, LENS), length_m, ROBUST.driving)
+    return collision_free_command(twist, obstacle_points(depth, LENS), length_m, ROBUST.driving, radius_m=RADIUS_M)
 
 
 def test_an_empty_floor_is_free() -> None:
@@ -62,7 +63,7 @@ def test_a_post_on_the_left_moves_the_detour_to_the_right() -> None:
     assert adjusted is not None
     assert adjusted.angular_rad_s < 0
     assert 0 < adjusted.linear_m_s < AHEAD.linear_m_s
-    assert collision_free_command(AHEAD, obstacle_points(post, LENS), 2.0, STRAIGHT) is None
+    assert collision_free_command(AHEAD, obstacle_points(post, LENS), 2.0, STRAIGHT, radius_m=RADIUS_M) is None
 
 
 def test_what_hangs_overhead_and_two_stray_pixels_stop_nothing() -> None:
@@ -79,25 +80,25 @@ def test_a_turn_on_the_spot_is_always_allowed() -> None:
 
 def test_a_robot_too_near_to_something_may_leave_it() -> None:
     beside = np.array([[0.0, 0.19]] * 10)
-    assert collision_free_command(AHEAD, beside, 1.0, STRAIGHT) == AHEAD
+    assert collision_free_command(AHEAD, beside, 1.0, STRAIGHT, radius_m=RADIUS_M) == AHEAD
     before = np.array([[0.19, 0.0]] * 10)
-    assert collision_free_command(AHEAD, before, 1.0, STRAIGHT) is None
-    assert collision_free_command(Twist(-0.5, 0.0), before, 1.0, STRAIGHT) == Twist(-0.5, 0.0)
+    assert collision_free_command(AHEAD, before, 1.0, STRAIGHT, radius_m=RADIUS_M) is None
+    assert collision_free_command(Twist(-0.5, 0.0), before, 1.0, STRAIGHT, radius_m=RADIUS_M) == Twist(-0.5, 0.0)
 
 
 def test_what_was_seen_before_is_remembered_where_it_was() -> None:
-    obstacles = ObstacleMemory(LENS)
+    obstacles = ObstacleMemory(LOCOBOT)
     obstacles.add(replace(observation_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6))))
     passed = obstacles.nearby_points(np.array([1.4, 0.0, 0.0]))
     assert np.allclose(passed[:, 0], -0.4, atol=1e-6)
-    assert collision_free_command(Twist(-0.5, 0.0), passed, 1.0, STRAIGHT) is None
+    assert collision_free_command(Twist(-0.5, 0.0), passed, 1.0, STRAIGHT, radius_m=RADIUS_M) is None
     turned = obstacles.nearby_points(np.array([1.0, 0.5, np.pi / 2]))
     assert np.isclose(turned[:, 0].mean(), -0.5, atol=0.02)
 
 
 @pytest.mark.parametrize("count", [1, 40])
 def test_memory_is_bounded_and_one_image_counts_once(count: int) -> None:
-    obstacles = ObstacleMemory(LENS)
+    obstacles = ObstacleMemory(LOCOBOT)
     image = replace(observation_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6)))
     for k in range(count):
         obstacles.add(replace(image, step=k))
@@ -106,19 +107,19 @@ def test_memory_is_bounded_and_one_image_counts_once(count: int) -> None:
 
 
 def test_a_collision_that_no_image_showed_is_remembered_for_a_while() -> None:
-    obstacles = ObstacleMemory(LENS)
+    obstacles = ObstacleMemory(LOCOBOT)
     obstacles.add(observation_at(np.zeros(3), 1))
     obstacles.bump(np.zeros(3), backwards=False)
     here = obstacles.nearby_points(np.zeros(3))
-    assert collision_free_command(AHEAD, here, 1.0, STRAIGHT) is None
-    assert collision_free_command(Twist(-0.5, 0.0), here, 1.0, STRAIGHT) == Twist(-0.5, 0.0)
+    assert collision_free_command(AHEAD, here, 1.0, STRAIGHT, radius_m=RADIUS_M) is None
+    assert collision_free_command(Twist(-0.5, 0.0), here, 1.0, STRAIGHT, radius_m=RADIUS_M) == Twist(-0.5, 0.0)
     obstacles.add(observation_at(np.zeros(3), 200))
     assert len(obstacles.nearby_points(np.zeros(3))) == 0
 
 
 def test_through_a_narrow_gap_the_robot_goes_slowly() -> None:
     gap = np.array([[0.3, 0.2]] * 5 + [[0.3, -0.2]] * 5)
-    through = collision_free_command(AHEAD, gap, 1.0, ROBUST.driving)
+    through = collision_free_command(AHEAD, gap, 1.0, ROBUST.driving, radius_m=RADIUS_M)
     assert through is not None
     assert 0 < through.linear_m_s < 0.5 * AHEAD.linear_m_s
     assert through.angular_rad_s == 0

@@ -9,7 +9,7 @@ from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.optimization.mixed_precision import choose_precision
 from ltvn_core.network.optimization.trainer import Trainer
 from ltvn_core.network.training_examples import BatchSampler
-from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training_data.scene_protocols import DatasetScene
 from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard

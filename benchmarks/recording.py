@@ -38,7 +38,7 @@ def write_and_read() -> list[Measurement]:
 
 def demo_observations(count: int) -> list[Observation]:
     """Return looks at random places of the demo apartment."""
-    from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+    from ltvn_core.simulation.rendering.renderer_selection import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene("demo")

@@ -18,10 +18,9 @@ from benchmarks.measurement import Measurement, measured
 from benchmarks.recording import demo_observations
 from benchmarks.synthetic_run import EVENTS, synthetic_run
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_viz.app_setup import open_replay
 from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.activities.playback import Playback, open_replay
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import Snapshot
 

@@ -65,7 +65,7 @@ def open_simulation(
             f"The simulator needs {missing.name}, which has wheels for Linux x86-64 and CPython 3.11 only. Use that "
             "Python to drive; replay, maps and analysis work here."
         ) from missing
-    from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+    from ltvn_core.simulation.rendering.renderer_selection import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene(scene_name)

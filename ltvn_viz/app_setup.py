@@ -16,15 +16,14 @@ from ltvn_core.composition import open_method
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.navigation.events import GraphChanged
-from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
-from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Predictor
+from ltvn_viz.debugger.inspector import Inspector
+from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session.absent_backend import AbsentTeleop
-from ltvn_viz.session.activities.playback import Playback
-from ltvn_viz.session.activities.teleop import Teleop
+from ltvn_viz.session.activities.playback import open_replay
+from ltvn_viz.session.activities.teleop import AbsentTeleop, Teleop
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.backend import Backend, open_backend, predictor_for
 from ltvn_viz.session.fine_tuning import FineTuning
@@ -78,21 +77,9 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
         predictor_for=lambda weights: _other_mind(options, weights),
+        debugger=Inspector(all_questions(live.breakpoint_monitor), worker),
         rerun=RerunViewers(stack).address,
     )
-
-
-def open_replay(library: RecordingLibrary, name: str) -> Playback:
-    """Read a recording of the library for the page; raises RecordingError."""
-    with garbage_collection_paused():
-        recording = Recording.open(library.path(name))
-        poses = recording.poses
-        drawn = poses.odometry if poses.exact is None else poses.exact
-        frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
-        timeline = Timeline.of(recording.events, frames)
-    meta = recording.meta
-    system = str(meta.config.get("system", ""))
-    return Playback(name, meta.scene, timeline, recording, weights=meta.fingerprint, system=system)
 
 
 def _open_learning(options: AppOptions) -> FineTuning:

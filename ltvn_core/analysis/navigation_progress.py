@@ -24,7 +24,6 @@ class NavigationProgress:
     """The task under way; None when none is."""
     goal: NodeId | None = None
     plan: tuple[NodeId, ...] = ()
-    plan_cost: float = 0.0
     attempt: e.AttemptStarted | None = None
     """The edge being driven."""
     localised: e.Localised | None = None
@@ -59,8 +58,8 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
             return replace(fresh, ended=None, judged=None, failures={}, queries=progress.queries + 1)
         case e.Localised():
             return replace(progress, localised=event)
-        case e.Planned(_, nodes, cost):
-            return replace(progress, plan=nodes, plan_cost=cost)
+        case e.Planned(_, nodes, _):
+            return replace(progress, plan=nodes)
         case e.AttemptStarted():
             return replace(progress, attempt=event)
         case e.AttemptEnded():

@@ -22,7 +22,7 @@ from ltvn_core.navigation.events import Event, Outcome
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.map_file import check_fingerprint, load_map
 from ltvn_core.robots.robot import Robot
-from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 def open_dataset_scene(name: str) -> "DatasetScene":
     """Open a simulated scene for data generation. Raises SceneError."""
-    from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+    from ltvn_core.simulation.rendering.renderer_selection import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
     from ltvn_core.training_data.scene_protocols import DatasetScene
 

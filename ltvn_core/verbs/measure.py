@@ -82,7 +82,7 @@ class MeasureVerb(Verb):
         from ltvn_core.config import preset
         from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
         from ltvn_core.network.predictor import load_predictor
-        from ltvn_core.simulation.rendering.embree_renderer import open_renderer
+        from ltvn_core.simulation.rendering.renderer_selection import open_renderer
         from ltvn_core.simulation.scene_registry import load_scene
 
         share = self.attempts // len(self.scenes)

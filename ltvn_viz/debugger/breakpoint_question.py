@@ -9,8 +9,9 @@ from ltvn_core.analysis.breakpoint_kinds import Breakpoint, EdgeBeliefBreakpoint
 from ltvn_core.analysis.breakpoint_parser import format_breakpoint, parse_breakpoint
 from ltvn_core.errors import OptionError
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.session.commands import Seek, SubmitText
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor, BreakpointStop
 

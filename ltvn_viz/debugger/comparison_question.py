@@ -15,10 +15,10 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.pointing import add_selected_edge
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.debugger.svg_figures import legend_item
 from ltvn_viz.session.commands import PointAt, SubmitText
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
 
 BEFORE_FIRST_QUERY = "before its first query"
@@ -189,7 +189,7 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
         f"{legend_item(palette.PLAN, f'believed differently: {believed}')}</div>"
     )
     builder.add_text(f"{len(difference.nodes)} nodes are in both, known by their {difference.matched_by}.")
-    nodes = add_selected_edge(builder, selection)
+    nodes = builder.add_selected_edge(selection)
     if difference.differing:
         back = {other: node for node, other in difference.nodes.items()}
         rows = [_row(builder, each, back) for each in difference.differing[:_ROWS]]

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
@@ -15,15 +14,11 @@ from ltvn_core.config import Method
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
 from ltvn_viz.debugger.background_cache import BackgroundCache
+from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.viewpoint import Viewpoint
+from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
 from ltvn_viz.timeline.run_moment import RunMoment
-
-if TYPE_CHECKING:
-    from ltvn_viz.session.live_map import LiveMap
-
-STAMP_EPSILON_S = 1e-6
-"""More than is lost when a stamp is taken apart and put together again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +50,7 @@ class DebugContext:
     """Fingerprint of the network that the run was made with; empty where nobody knows."""
     system: str
     """Name of the system that planned, as the recording says; empty for the live run and where nobody said."""
-    live_map: "LiveMap | None"
+    live_map: LiveMap | None
     """The live map and its images, to be touched within `in_background` alone; None in replay."""
     live: Timeline
     """The live run as it is now, also while a recording is on show."""

@@ -5,19 +5,16 @@ Owns how often answers about all events of a growing run are given anew.
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import LtvnError
 from ltvn_core.types import FrameId, Observation
 from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.timeline.run_moment import RunMoment
-
-if TYPE_CHECKING:
-    from ltvn_viz.session.app_state import AppState
 
 _COUNT_EVERY_S = 1.0
 """The events of a run that goes on are counted once a second at most, because questions are answered anew each time."""
@@ -27,17 +24,17 @@ class DebugContextBuilder:
     """Remembers how many events answers take in."""
 
     def __init__(self, in_background: BackgroundCache, clock: Callable[[], float] = time.monotonic) -> None:
-        """Let tools compute slowly by `in_background`."""
-        self._later, self._clock = in_background, clock
+        """Let questions compute slowly by `in_background`."""
+        self._in_background = in_background
+        self._clock = clock
         self._run: Timeline | None = None
         self._known_events = 0
         self._due = float("-inf")
 
-    def build(self, state: "AppState", moment: RunMoment) -> DebugContext:
-        """Return the case of what the page shows."""
-        activity = state.activity
-        replay = activity if isinstance(activity, Playback) else None
-        run = shown_timeline(state)
+    def build(self, state: AppState, moment: RunMoment) -> DebugContext:
+        """Return what questions may look at when the page shows `moment`."""
+        replay = state.activity if isinstance(state.activity, Playback) else None
+        run = state.shown_run
         return DebugContext(
             name="" if replay is None else replay.name,
             scene=state.scene if replay is None else replay.scene,
@@ -53,10 +50,10 @@ class DebugContextBuilder:
             system="" if replay is None else replay.system,
             live_map=state.live_map if replay is None else None,
             live=state.live.timeline,
-            in_background=self._later,
+            in_background=self._in_background,
             library=state.library,
             rerun=state.rerun,
-            viewpoint=state.viewpoint() if state.inspector.shown.question is QuestionName.SHARE else None,
+            viewpoint=state.viewpoint() if state.debugger.shown.question is QuestionName.SHARE else None,
         )
 
     def count_now(self) -> None:
@@ -71,12 +68,7 @@ class DebugContextBuilder:
         return self._known_events
 
 
-def shown_timeline(state: "AppState") -> Timeline:
-    """Return the run that the page shows."""
-    return state.activity.timeline if isinstance(state.activity, Playback) else state.live.timeline
-
-
-def _live_observation(state: "AppState") -> Callable[[FrameId], Observation | None]:
+def _live_observation(state: AppState) -> Callable[[FrameId], Observation | None]:
     def observation(frame: FrameId) -> Observation | None:
         if state.live.observation is not None and state.live.observation.step == frame:
             return state.live.observation

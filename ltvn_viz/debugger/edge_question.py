@@ -11,9 +11,10 @@ from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
 from ltvn_core.types import Waypoint
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.debugger.svg_figures import image_figure, step_curve_svg
 from ltvn_viz.session.commands import PointAt
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
 
 _ATTEMPTS = 40

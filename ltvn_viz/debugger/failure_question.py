@@ -23,8 +23,9 @@ from ltvn_core.errors import OptionError
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.lifelong_curves import add_lifelong_curves
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.session.commands import ChooseQuestion, PointAt, SubmitText
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Label, Overlay, stroke
 
 _NEXT = {

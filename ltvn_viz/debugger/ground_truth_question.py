@@ -17,10 +17,10 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import FrameId, Observation, Pose
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.pointing import add_selected_edge
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.debugger.svg_figures import calibration_svg, legend_item
 from ltvn_viz.session.commands import PointAt
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
 
 _SPURIOUS, _MISSING = 15, 10
@@ -116,7 +116,7 @@ def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> Qu
         f"<div><b>{_share(verdicts.precision)}</b> of the edges can be driven (precision). "
         f"<b>{_share(verdicts.recall)}</b> of the neighbours have a short way (recall).</div>"
     )
-    nodes = add_selected_edge(builder, selection)
+    nodes = builder.add_selected_edge(selection)
     _spurious(builder, judged)
     _missing(builder, verdicts.missing)
     builder.add_text(

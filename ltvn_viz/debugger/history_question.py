@@ -3,16 +3,19 @@
 Owns the words. What gets a mark is `ltvn_core.analysis.timeline_marks`; the slider over the time is in the Replay tab.
 """
 
+from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import islice
 
+from ltvn_core import palette
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
 from ltvn_core.errors import OptionError
+from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.debugger.recent_changes import RecentChanges
-from ltvn_viz.debugger.timeline_strip import MARK_STYLES, mark_timeline_svg
 from ltvn_viz.server.keymap import Action, key_label
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.timeline.adjacent_moments import adjacent_mark
 
 _LAST = 3
@@ -20,6 +23,17 @@ _KEYS = (
     f"Keys: {key_label(Action.EVENT_BEFORE)} and {key_label(Action.EVENT_AFTER)} go from event to event, "
     f"{key_label(Action.QUERY_BEFORE)} and {key_label(Action.QUERY_AFTER)} from query to query."
 )
+
+MARK_STYLES: Mapping[MarkKind, tuple[str, Rgb8]] = {
+    MarkKind.QUERY_START: ("query", palette.SOURCE),
+    MarkKind.REPLAN: ("new plan", palette.PLAN),
+    MarkKind.FAILURE: ("failed leg", palette.TARGET),
+    MarkKind.COLLISION: ("collision", palette.GOAL),
+    MarkKind.PRUNE: ("pruned", palette.EDGE_REMOVED),
+    MarkKind.EXPAND: ("new node", palette.EDGE_ADDED),
+}
+"""The kinds that are shown, from top to bottom."""
+_WIDTH_PX, _ROW_PX = 340, 9
 
 
 class HistoryQuestion:
@@ -38,7 +52,7 @@ class HistoryQuestion:
             builder.add_text("Nothing notable happened yet: build a map, or let the robot navigate.")
             return builder.build(self._recent_changes.at(context))
         builder.add_table(("", "so far", "of all", "", ""), [_row(context, kind, builder) for kind in MARK_STYLES])
-        builder.add_html(mark_timeline_svg(context))
+        builder.add_html(_mark_timeline_svg(context))
         past = reversed(context.timeline.marks_until(context.instant))
         for mark in islice((mark for mark in past if mark.kind is not MarkKind.QUERY_END), _LAST):
             builder.add_html(f"<div>{builder.time_link(context.seconds(mark.instant))} {escape(mark.text)}</div>")
@@ -70,3 +84,31 @@ def _way(context: DebugContext, mark: Mark | None, arrow: str, builder: AnswerBu
         return "–"
     seconds = context.seconds(mark.instant)
     return f'<span title="{escape(mark.text)}">{builder.time_link(seconds, arrow.format(f"{seconds:.1f} s"))}</span>'
+
+
+def _mark_timeline_svg(context: DebugContext) -> str:
+    """Return the strip of all marks that are known, with a line at the moment; as large as it is wide at most."""
+    timeline = context.timeline
+    until = max(timeline.instant(len(timeline.events) - 1).stamp, context.moment.stamp)
+    span = max(until - context.start_s, 1e-9)
+    rows = "".join(
+        _strip_row(timeline.marks_until(None, kind), name, colour, row, context.start_s, span)
+        for row, (kind, (name, colour)) in enumerate(MARK_STYLES.items())
+    )
+    now, height = _strip_column(context.moment.stamp, context.start_s, span), _ROW_PX * len(MARK_STYLES)
+    line = f'<path d="M{now} 0v{height}" stroke="rgb(255,255,255)" stroke-width="1.5"/>'
+    size = f'viewBox="0 0 {_WIDTH_PX} {height}"'
+    return f'<svg {size} role="img" aria-label="marks over time" class="lt-curve">{rows}{line}</svg>'
+
+
+def _strip_row(marks: Sequence[Mark], name: str, colour: Rgb8, row: int, start_s: float, span: float) -> str:
+    # However many marks there are, there are no more columns than this.
+    columns = sorted({_strip_column(mark.instant.stamp, start_s, span) for mark in marks})
+    ticks = "".join(f"M{column} {row * _ROW_PX + 1}v{_ROW_PX - 2}" for column in columns)
+    title = f"<title>{escape(name)}: {len(marks)}</title>"
+    return f'<path d="{ticks}" stroke="{colour.css}" stroke-width="2">{title}</path>' if ticks else ""
+
+
+def _strip_column(stamp: float, start_s: float, span: float) -> int:
+    share = min(max((stamp - start_s) / span, 0.0), 1.0)
+    return round(2 + share * (_WIDTH_PX - 4))

@@ -1,59 +1,49 @@
-"""Which tool is on show, what a person pointed at, and what there is to see.
+"""Which question is on show, what a person pointed at, and what there is to see.
 
-Owns that state and when a tool looks again. Runs in the session's thread.
+Owns that state and when a question looks again. Implements `ltvn_viz.session.app_state.Debugger`; runs in the session's
+thread.
 """
 
-import re
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from html import escape
 
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.types import NodeId
+from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import NO_ANSWER, NOTHING_SELECTED, Question, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.debugger.context_builder import DebugContextBuilder
+from ltvn_viz.debugger.question import Question
+from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.commands import Command
+from ltvn_viz.session.inspection import (
+    LINKS_PER_VIEW,
+    NO_ANSWER,
+    Inspection,
+    QuestionAnswer,
+    QuestionName,
+    Selection,
+)
+from ltvn_viz.session.worker import Worker
+from ltvn_viz.timeline.run_moment import RunMoment
 
-_LINKS = 1000
-"""A link is asked for by its number plus so many times the number of the view it was drawn in."""
 _REMEMBERED = 100
 """So many views of the tool on show still answer to clicks on them, because a page may be behind, and answers that
 change with time are replaced while a person aims.
 """
-_LINK = re.compile(r'data-id="link-(\d+)"')
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Inspection:
-    """What the page shows of the debugger."""
-
-    question: QuestionName = QuestionName.NONE
-    about: str = ""
-    answer: QuestionAnswer = NO_ANSWER
-    serial: int = 0
-    """Counts views; part of every link."""
-    selection: Selection = NOTHING_SELECTED
-    offered: tuple[QuestionName, ...] = (QuestionName.NONE,)
-
-    @property
-    def html(self) -> str:
-        """The view's markup, with links that carry its number."""
-        return _LINK.sub(lambda found: f'data-id="{self.serial * _LINKS + int(found[1])}"', self.answer.html)
-
-
-NO_INSPECTION = Inspection()
 
 
 class Inspector:
     """The debugger's state."""
 
-    def __init__(self, tools: Mapping[QuestionName, Question]) -> None:
-        """Offer these tools."""
-        self._tools = tools
-        self.shown = Inspection(offered=(QuestionName.NONE, *(name for name in QuestionName if name in tools)))
+    def __init__(self, questions: Mapping[QuestionName, Question], worker: Worker) -> None:
+        """Offer these questions, and let them compute slow answers in `worker`."""
+        self._questions = questions
+        self._contexts = DebugContextBuilder(BackgroundCache(worker, self.mark_stale))
+        self.shown = Inspection(offered=(QuestionName.NONE, *(name for name in QuestionName if name in questions)))
         self._key: object = None
-        self._case: DebugContext | None = None
+        self._context: DebugContext | None = None
         self._drawn: OrderedDict[int, tuple[Command, ...]] = OrderedDict()
 
     @property
@@ -63,7 +53,7 @@ class Inspector:
 
     def choose(self, question: QuestionName) -> None:
         """Show a tool, or none."""
-        about = self._tools[question].about if question in self._tools else ""
+        about = self._questions[question].about if question in self._questions else ""
         self.shown = replace(self.shown, question=question, about=about, answer=NO_ANSWER, serial=self.shown.serial + 1)
         self._drawn.clear()
         self._key = None
@@ -73,7 +63,7 @@ class Inspector:
         first = self.shown.selection.node
         if target is not None:
             selection = Selection(None, (node, target))
-        elif first is not None and self._case is not None and (first, node) in self._case.graph.edges:
+        elif first is not None and self._context is not None and (first, node) in self._context.graph.edges:
             selection = Selection(node, (first, node), first)
         else:
             selection = Selection(node, before=first if first != node else self.shown.selection.before)
@@ -81,15 +71,20 @@ class Inspector:
 
     def handle_text(self, text: str) -> Command | None:
         """Hand a person's words to the tool; returns what they ask for, if anything. Raises OptionError, MapError."""
-        question = self._tools.get(self.shown.question)
-        if question is None or self._case is None:
+        question = self._questions.get(self.shown.question)
+        if question is None or self._context is None:
             raise OptionError("Choose a question first.")
         self._key = None
-        return question.handle_text(self._case, text)
+        return question.handle_text(self._context, text)
 
-    def refresh(self, context: DebugContext) -> None:
-        """Let the tool look again if anything changed that it may show."""
-        question, self._case = self._tools.get(self.shown.question), context
+    def context(self, state: AppState, moment: RunMoment) -> DebugContext:
+        """Return what the questions may look at when the page shows `moment`."""
+        return self._contexts.build(state, moment)
+
+    def refresh(self, state: AppState, moment: RunMoment) -> None:
+        """Let the question on show look again if anything changed that it may show."""
+        question = self._questions.get(self.shown.question)
+        self._context = context = self.context(state, moment)
         run = context.name, context.timeline, context.known_events
         key = self.shown.question, self.shown.selection, run, context.step, context.viewpoint
         if question is None or key == self._key:
@@ -107,11 +102,15 @@ class Inspector:
         """Let the tool look again although nothing happened, because it knows more now."""
         self._key = None
 
+    def take_in_all_events(self) -> None:
+        """Let answers count what happened just now too, because a person waits to see what was changed."""
+        self._contexts.count_now()
+
     def link(self, number: int) -> Command | None:
         """Return what a link asks for, as it was when it was drawn; None if that was for another question, or too long
         ago.
         """
-        serial, place = divmod(number, _LINKS)
+        serial, place = divmod(number, LINKS_PER_VIEW)
         links = self._drawn.get(serial, ())
         return links[place] if place < len(links) else None
 

@@ -12,9 +12,10 @@ import numpy as np
 from ltvn_core import palette
 from ltvn_core.analysis.lifelong_success import LifelongSuccess, SuccessDip
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, EdgeKey
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.debugger.svg_figures import step_curve_svg
 from ltvn_viz.session.commands import PointAt
 

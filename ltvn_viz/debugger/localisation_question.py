@@ -27,9 +27,10 @@ from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.node_images import NodeImageLoader
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.debugger.svg_figures import step_curve_svg
 from ltvn_viz.session.commands import PointAt, Seek, SubmitText
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
 
 _COLOURED = 1000

@@ -24,8 +24,9 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.event_text import describe_delta
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import NOTHING_SELECTED, AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.session.commands import CloseRecording, Command, EditMap, Seek
+from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, Selection
 from ltvn_viz.session.overlay import Label, Overlay, stroke
 
 _ROWS = 10

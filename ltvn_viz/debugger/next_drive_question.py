@@ -16,8 +16,9 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.session.commands import CloseRecording, PointAt
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
 

@@ -5,70 +5,16 @@ Owns the interface. Tools live one to a module and know neither the page nor the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 from html import escape
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
+from ltvn_core import palette
+from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.session.commands import Command, Seek
+from ltvn_viz.session.commands import ChooseQuestion, Command, Seek
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay
-
-EdgeKey: TypeAlias = tuple[NodeId, NodeId]
-
-
-class QuestionName(StrEnum):
-    """The tools, in the order of the list; the value is what the page calls them."""
-
-    NONE = "choose a question …"
-    EDGE = "What about this edge?"
-    BLAME = "Why is it so?"
-    TIME = "What happened when?"
-    WHAT_IF = "What if?"
-    WHERE = "Where am I?"
-    BREAK = "Stop when …"
-    COMPARE = "What is different?"
-    TRUTH = "What is true?"
-    FAILURES = "What failed?"
-    COACH = "Where to drive next?"
-    HAND = "Change by hand"
-    SHARE = "Show somebody"
-
-
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """What a person pointed at."""
-
-    node: NodeId | None = None
-    edge: EdgeKey | None = None
-    before: NodeId | None = None
-    """The node that was pointed at before this one."""
-
-    @property
-    def pair(self) -> EdgeKey | None:
-        """The two nodes that were pointed at last, whether or not an edge joins them."""
-        if self.edge is not None:
-            return self.edge
-        return None if self.node is None or self.before is None else (self.before, self.node)
-
-
-@dataclass(frozen=True, slots=True)
-class QuestionAnswer:
-    """What a tool shows."""
-
-    html: str
-    """Foreign parts escaped."""
-    overlay: Overlay = EMPTY_OVERLAY
-    links: tuple[Command, ...] = ()
-    """What the links in `html` ask for, by number."""
-    input_hint: str = ""
-    """What a person may type, as a hint in the empty field; empty hides the field."""
-    is_pending: bool = False
-    """More is being computed in the background, and will be shown when it is there."""
-
-
-NOTHING_SELECTED = Selection()
-NO_ANSWER = QuestionAnswer("")
 
 
 @dataclass(slots=True)
@@ -101,6 +47,15 @@ class AnswerBuilder:
     def time_link(self, seconds: float, label: str = "") -> str:
         """Return a link to a moment, named by its time unless there is a label, to be put into `html`."""
         return self.link(label or f"{seconds:.1f} s", Seek(seconds))
+
+    def add_selected_edge(self, selection: Selection) -> dict[NodeId, Rgb8]:
+        """Add a link to the question about the edge that is selected, and return how its ends are coloured."""
+        if selection.edge is None:
+            return {}
+        source, target = selection.edge
+        more = self.link("its pictures and attempts", ChooseQuestion(QuestionName.EDGE))
+        self.add_html(f"<div>Edge <b>{source} → {target}</b>: {more}</div>")
+        return {source: palette.SOURCE, target: palette.TARGET}
 
     def add_table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Add a table of cells that are markup already."""

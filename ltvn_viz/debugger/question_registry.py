@@ -11,10 +11,11 @@ from ltvn_viz.debugger.history_question import HistoryQuestion
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
 from ltvn_viz.debugger.manual_edit_question import ManualEditQuestion
 from ltvn_viz.debugger.next_drive_question import NextDriveQuestion
-from ltvn_viz.debugger.question import Question, QuestionName
+from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.share_question import ShareQuestion
 from ltvn_viz.debugger.what_if_question import WhatIfQuestion
 from ltvn_viz.debugger.why_question import WhyQuestion
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
 

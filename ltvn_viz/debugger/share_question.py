@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.exports import save_excerpt, save_map
-from ltvn_viz.debugger.question import NOTHING_SELECTED, AnswerBuilder, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.session.commands import SubmitText
+from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.share_links import link
 
 SAVE_EXCERPT, SAVE_MAP, OPEN_IN_RERUN = "save this moment", "save the map as a page and a figure", "open in Rerun"

@@ -25,7 +25,7 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
-from ltvn_viz.debugger.question import AnswerBuilder, QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.debugger.what_if_planning import (
     WhatIfOutcome,
     WhatIfResult,
@@ -34,6 +34,7 @@ from ltvn_viz.debugger.what_if_planning import (
     with_imagined_thresholds,
 )
 from ltvn_viz.session.commands import PointAt, SubmitText
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
 
 _ROWS = 12

@@ -15,11 +15,13 @@ from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
-from ltvn_viz.debugger.question import NOTHING_SELECTED, AnswerBuilder, EdgeKey, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.debugger.question import AnswerBuilder
 from ltvn_viz.session.commands import ChooseQuestion, PointAt
+from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
 
 _SENTENCES = 8

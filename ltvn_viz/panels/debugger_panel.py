@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import viser
 
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.panels.html_widgets import HtmlBlock, note
 from ltvn_viz.session.commands import ChooseQuestion, Command, SubmitText
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot
 
 

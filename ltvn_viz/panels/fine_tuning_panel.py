@@ -4,7 +4,7 @@ import viser
 
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, lines, note, progress_bar, warning
 from ltvn_viz.server.keymap import Action
-from ltvn_viz.session.fine_tuning_handlers import LEAST_MINUTES, MOST_MINUTES
+from ltvn_viz.session.commands import LEAST_MINUTES, MOST_MINUTES
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, Snapshot
 

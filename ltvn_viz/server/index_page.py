@@ -14,10 +14,11 @@ from websockets.http11 import Response
 
 from ltvn_viz.server.keymap import Direction, action_codes, direction_codes, help_rows
 from ltvn_viz.server.responses import HTML, reply
-from ltvn_viz.session.share_links import LINK_PARAMETERS
 
 STATIC = Path(__file__).parents[1] / "static"
 SCRIPTS = ("seat.js", "held.js", "keyboard.js", "gamepad.js", "pad.js", "clicks.js", "links.js", "main.js")
+LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
+"""What the page's script takes out of its address."""
 NONCE = "{{nonce}}"
 TITLE = "Lifelong Topological Visual Navigation"
 

@@ -12,7 +12,6 @@ from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, FrameId, Observation, Pose, Prediction, RobotState, Twist
-from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.camera_feed import FeedImage
 
 
@@ -72,16 +71,6 @@ class AbsentPredictor:
 
     def _refuse(self) -> NoReturn:
         raise self._why
-
-
-class AbsentTeleop(Teleop):
-    """A robot that is not there does not move and sees nothing."""
-
-    def handle(self, twist: Twist | None) -> None:
-        """Let nothing happen."""
-
-    def tick(self) -> None:
-        """Let nothing happen."""
 
 
 class AbsentFeed:

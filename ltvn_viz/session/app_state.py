@@ -1,6 +1,7 @@
 """Everything the session's thread owns, in one place: the live run, the map's keeper, and the mode of the moment.
 
-Owns no rule of its own beyond how an activity is left; commands are carried out by `orders`, shown by `portrait`.
+Owns no rule of its own beyond how an activity is left; commands are carried out by `command_handlers`, shown by
+`snapshot_builder`.
 """
 
 from collections.abc import Callable
@@ -8,20 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import Method
 from ltvn_core.navigation.events import Severity
-from ltvn_core.types import Pose, Predictor
-from ltvn_viz.debugger.background_cache import BackgroundCache
-from ltvn_viz.debugger.context_builder import DebugContextBuilder
-from ltvn_viz.debugger.inspector import Inspector
-from ltvn_viz.debugger.question_registry import all_questions
+from ltvn_core.types import NodeId, Predictor
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
-from ltvn_viz.session.camera_feed import FeedImage
+from ltvn_viz.session.camera_feed import ImageFeed
+from ltvn_viz.session.commands import Command
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals
+from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.recording_library import RecordingLibrary
@@ -29,15 +29,50 @@ from ltvn_viz.session.rerun_viewers import rerun_unavailable
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.viewpoint import Viewpoint
 from ltvn_viz.session.worker import Worker
+from ltvn_viz.timeline.run_moment import RunMoment
 
 Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
 
 
-class ImageFeed(Protocol):
-    """Pictures of the live camera for the person."""
+class Debugger(Protocol):
+    """What the session needs of the debugger, which looks at the whole state and is built above it."""
 
-    def latest_image(self, pose: Pose) -> FeedImage:
-        """Ask for a picture from `pose` (3,) and return the newest."""
+    @property
+    def is_on(self) -> bool:
+        """Tell whether a question is on show, so that clicks in the scene are meant for it."""
+        ...
+
+    @property
+    def shown(self) -> Inspection:
+        """What the page shows of it."""
+        ...
+
+    def choose(self, question: QuestionName) -> None:
+        """Show a question, or none."""
+        ...
+
+    def point_at(self, node: NodeId, target: NodeId | None = None) -> None:
+        """Select a node, or the edge from it to `target`."""
+        ...
+
+    def handle_text(self, text: str) -> Command | None:
+        """Hand a person's words to the question; returns what they ask for. Raises OptionError, MapError."""
+        ...
+
+    def link(self, number: int) -> Command | None:
+        """Return what a link asks for; None if it was drawn for another question, or too long ago."""
+        ...
+
+    def refresh(self, state: "AppState", moment: RunMoment) -> None:
+        """Let the question look again if anything changed that it may show."""
+        ...
+
+    def mark_stale(self) -> None:
+        """Let the question look again although nothing happened."""
+        ...
+
+    def take_in_all_events(self) -> None:
+        """Let answers count what happened just now too, because a person waits to see what was changed."""
         ...
 
 
@@ -58,6 +93,7 @@ class AppState:
     fine_tuning: FineTuning
     predictor_for: Callable[[Path], tuple[Predictor, Method]]
     """Opens weights and the method that goes with them; runs in the worker's thread."""
+    debugger: Debugger
     last_recording: str | None = None
     """The recording that was kept last."""
     message: Message | None = None
@@ -74,8 +110,11 @@ class AppState:
     def __post_init__(self) -> None:
         """Begin with a person driving."""
         self.activity: Activity = self.teleop
-        self.inspector = Inspector(all_questions(self.live.breakpoint_monitor))
-        self.debug_contexts = DebugContextBuilder(BackgroundCache(self.worker, self.inspector.mark_stale))
+
+    @property
+    def shown_run(self) -> Timeline:
+        """The run that the page shows: of the open recording, else the live one."""
+        return self.activity.timeline if isinstance(self.activity, Playback) else self.live.timeline
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Show a message in the page."""

@@ -14,8 +14,7 @@ from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import Pose, Predictor
 from ltvn_viz.session.absent_backend import AbsentFeed, AbsentPredictor, AbsentRobot
-from ltvn_viz.session.app_state import ImageFeed
-from ltvn_viz.session.camera_feed import CameraFeed
+from ltvn_viz.session.camera_feed import CameraFeed, ImageFeed
 from ltvn_viz.session.live_run import LiveRobot
 from ltvn_viz.session.options import AppOptions
 

@@ -8,7 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -27,6 +27,14 @@ class FeedImage(NamedTuple):
     age_s: float
     dropped: int
     """Pictures that were never drawn because a newer one was wanted."""
+
+
+class ImageFeed(Protocol):
+    """Pictures of the live camera for the person."""
+
+    def latest_image(self, pose: Pose) -> FeedImage:
+        """Ask for a picture from `pose` (3,) and return the newest."""
+        ...
 
 
 class _RenderRequest(NamedTuple):

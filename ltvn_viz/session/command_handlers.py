@@ -9,7 +9,6 @@ from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import GraphChanged, Severity
 from ltvn_core.types import FrameId, NodeId, Rgb
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
@@ -17,6 +16,7 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning_handlers import start_fine_tuning, use_weights
 from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode, refusal
 from ltvn_viz.session.seeking import seek, seek_mark
 from ltvn_viz.session.snapshot import JobProgress
@@ -101,18 +101,18 @@ def _play(state: AppState, command: c.Command) -> None:
 
 
 def _inspect(state: AppState, command: c.Command) -> None:
-    inspector = state.inspector
+    debugger = state.debugger
     match command:
         case c.ChooseQuestion(name):
-            inspector.choose(
-                next((question for question in inspector.shown.offered if question == name), QuestionName.NONE)
+            debugger.choose(
+                next((question for question in debugger.shown.offered if question == name), QuestionName.NONE)
             )
         case c.PointAt(node, target):
-            inspector.point_at(node, target)
+            debugger.point_at(node, target)
         case c.SubmitText(text):
-            _ask(state, inspector.handle_text(text))
+            _ask(state, debugger.handle_text(text))
         case c.FollowLink(number):
-            _ask(state, inspector.link(number) or c.ReportError(STALE_LINK))
+            _ask(state, debugger.link(number) or c.ReportError(STALE_LINK))
 
 
 def _ask(state: AppState, asked: c.Command | None) -> None:
@@ -124,14 +124,14 @@ def _change(state: AppState, deltas: Sequence[GraphDelta]) -> None:
     def show(changed: Sequence[GraphDelta]) -> None:
         for delta in changed:
             state.live.emit(GraphChanged(delta))
-        state.debug_contexts.count_now()
+        state.debugger.take_in_all_events()
 
     state.worker.submit(lambda: state.live_map.change(deltas), show)
 
 
 def _pick(state: AppState, node: NodeId) -> None:
-    if state.inspector.is_on:
-        state.inspector.point_at(node)
+    if state.debugger.is_on:
+        state.debugger.point_at(node)
     elif state.activity is state.teleop:
         _navigate(state, node)
     elif not isinstance(state.activity, Playback):

@@ -55,6 +55,11 @@ class BuildMap(Command):
     label: ClassVar[str] = "build the map"
 
 
+LEAST_MINUTES = 1
+MOST_MINUTES = 60
+"""Fine-tuning takes at least and at most so many minutes."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FineTune(Command):
     """Fine-tune the network on the drive at hand."""

@@ -14,8 +14,8 @@ from ltvn_core.verbs.background_finetuning import DriveSource
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.commands import LEAST_MINUTES, MOST_MINUTES
 
-LEAST_MINUTES, MOST_MINUTES = 1, 60
 MAP_IMAGES = "images-at-hand"
 """What the card of weights calls a drive that is no recording."""
 

@@ -5,10 +5,12 @@ Owns which are offered and their thumbnails. Pictures come from the map in the w
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ltvn_core.analysis.graph_history import GraphArrays
-from ltvn_core.types import FrameId, NodeId, Rgb
+from ltvn_core.types import FrameId, NodeId, Pose, Rgb
 from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session.gallery import farthest_points
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.worker import Worker
 
@@ -16,6 +18,8 @@ GALLERY_SIZE = 12
 SIMILAR_NODE_COUNT = 4
 GROWTH = 1.15
 """The gallery is chosen anew when the map has grown by this factor, so that it does not flicker while one drives."""
+RADIAN_IN_M = 0.5
+"""A turn by a radian makes two views as different as this many metres."""
 
 
 class Goals:
@@ -61,3 +65,18 @@ class Goals:
     def _keep(self, node_images: Sequence[tuple[FrameId, Rgb]]) -> None:
         for frame, rgb in node_images:
             self._thumbnails.put(frame, rgb)
+
+
+def farthest_points(poses: Pose, count: int) -> NDArray[np.int64]:
+    """Return up to `count` rows of poses (N, 3) that lie far from each other, farthest point first."""
+    if not len(poses):
+        return np.empty(0, np.int64)
+    embedded = np.concatenate(
+        [poses[:, :2], RADIAN_IN_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)], axis=1
+    )
+    chosen = [int(np.argmin(np.linalg.norm(embedded - embedded.mean(axis=0), axis=1)))]
+    gap = np.linalg.norm(embedded - embedded[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(poses)) and gap.max() > 0:
+        chosen.append(int(np.argmax(gap)))
+        gap = np.minimum(gap, np.linalg.norm(embedded - embedded[chosen[-1]], axis=1))
+    return np.array(chosen)

@@ -4,11 +4,10 @@ Owns the way from event to event. Where the events are is `ltvn_core.analysis.ti
 """
 
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
-from ltvn_viz.debugger.context import STAMP_EPSILON_S
-from ltvn_viz.debugger.context_builder import shown_timeline
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.timeline.adjacent_moments import adjacent_instant, adjacent_mark
+from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
 
 
 def seek(state: AppState, time_s: float) -> None:
@@ -25,7 +24,8 @@ def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None
     """Show the next moment with a mark of a kind, or with any event for None, or the last one before."""
     if isinstance(state.activity, Playback):
         state.activity.play(playing=False)
-    run, at = shown_timeline(state), _instant(state)
+    run = state.shown_run
+    at = _instant(state)
     if kind is None:
         found = adjacent_instant(run, at, forwards=forwards)
     else:
@@ -41,9 +41,9 @@ def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None
 
 
 def _instant(state: AppState) -> Instant:
+    run = state.shown_run
     if isinstance(state.activity, Playback):
-        run, stamp = state.activity.timeline, state.activity.stamp
+        stamp = state.activity.stamp
     else:
-        run = state.live.timeline
         stamp = run.end_s if state.shown_stamp is None else state.shown_stamp
     return run.instant_at(stamp)

@@ -13,12 +13,13 @@ from collections.abc import Callable
 from typing import Protocol
 
 from ltvn_core.errors import LtvnError
+from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.breakpoint_stop import handle_breakpoint
 from ltvn_viz.session.command_handlers import handle
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
@@ -135,7 +136,7 @@ class Session:
         state.worker.collect()
         state.fine_tuning.collect()
         state.activity.tick()
-        handle_breakpoint(state)
+        _handle_breakpoint(state)
         if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:
             state.activity = state.teleop
         if state.worker.pending == 0:
@@ -157,3 +158,16 @@ class Session:
                 f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped and what "
                 "was recorded is kept. The log on the console says more; please report it."
             )
+
+
+def _handle_breakpoint(state: AppState) -> None:
+    """Hold the task if a breakpoint was met since this was asked last."""
+    stop = state.live.breakpoint_monitor.take_latest()
+    if stop is None:
+        return
+    held = isinstance(state.activity, Navigation | Playback)
+    if isinstance(state.activity, Navigation):
+        state.activity.pause()
+    how = "Stopped" if held else "Met"
+    state.say(f"{how} at {stop.time_s:.1f} s: {stop.hit.why}. Why → “Stop when …” leads there.", Severity.WARN)
+    state.debugger.mark_stale()

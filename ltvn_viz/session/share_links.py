@@ -9,13 +9,12 @@ import re
 from urllib.parse import parse_qs, urlencode
 
 from ltvn_core.errors import OptionError
-from ltvn_viz.debugger.question import QuestionName, Selection
+from ltvn_viz.server.index_page import LINK_PARAMETERS
 from ltvn_viz.session import viewpoint
 from ltvn_viz.session.commands import ChooseQuestion, Command, OpenRecording, PointAt, ReportError
+from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.session.viewpoint import Viewpoint
 
-LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
-"""What the page's script takes out of its address."""
 _NODE = re.compile(r"[0-9]{1,12}", re.ASCII)
 _MAX_FIELDS = 32
 

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Depth, NodeId, Rgb
-from ltvn_viz.debugger.inspector import NO_INSPECTION, Inspection
+from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import RunMoment
 

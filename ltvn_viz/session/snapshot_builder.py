@@ -1,6 +1,7 @@
 """Makes the snapshot of a stage: what the page shows of it now."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -11,12 +12,37 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning_handlers import drive_name
 from ltvn_viz.session.hints import hint
-from ltvn_viz.session.rate_meter import RateMeter
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot
 from ltvn_viz.timeline.run_moment import moment_of
 
 LIST_EVERY_S = 2.0
 """How often the folder of recordings is looked through."""
+
+WINDOW_S = 1.0
+"""Rates are counted over so much of the past."""
+
+
+class RateMeter:
+    """Counts events in a sliding window."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        """Measure by `clock`, in seconds."""
+        self._clock = clock
+        self._times: deque[float] = deque()
+
+    def count(self) -> None:
+        """Note one event, now."""
+        now = self._clock()
+        self._times.append(now)
+        while self._times[0] < now - WINDOW_S:
+            self._times.popleft()
+
+    @property
+    def hz(self) -> float:
+        """Events per second lately; 0 before there are two."""
+        if len(self._times) < 2:
+            return 0.0
+        return (len(self._times) - 1) / max(self._times[-1] - self._times[0], 1e-9)
 
 
 class SnapshotBuilder:
@@ -34,8 +60,8 @@ class SnapshotBuilder:
         self._meter.count()
         activity = state.activity
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
-        if state.inspector.is_on:
-            state.inspector.refresh(state.debug_contexts.build(state, snapshot.moment))
+        if state.debugger.is_on:
+            state.debugger.refresh(state, snapshot.moment)
         snapshot = replace(
             snapshot,
             mode=activity.mode,
@@ -44,7 +70,7 @@ class SnapshotBuilder:
             recordings=self._recordings(state),
             message=state.message,
             fine_tuning=_learning(state),
-            inspection=state.inspector.shown,
+            inspection=state.debugger.shown,
             weights=state.live_map.fingerprint,
             work=activity.work if isinstance(activity, MapBuilding) else state.work,
         )

@@ -1,7 +1,7 @@
 """Breakpoints that a person set in the page, and where the live run and the recordings met them.
 
 Owns the list, what of it is news, and how hits are found without looking at an event twice. When a breakpoint is met is
-`ltvn_core.analysis.breakpoint_rules`; what happens then is `ltvn_viz.session.breakpoint_stop`.
+`ltvn_core.analysis.breakpoint_rules`; what happens then is `ltvn_viz.session.session_loop`.
 """
 
 from bisect import bisect_right
@@ -13,8 +13,9 @@ from weakref import WeakKeyDictionary
 from ltvn_core.analysis.breakpoint_hits import BreakpointHit, breakpoint_hit, find_breakpoint_hits
 from ltvn_core.analysis.breakpoint_kinds import Breakpoint
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_viz.debugger.context import STAMP_EPSILON_S
 
+STAMP_EPSILON_S = 1e-6
+"""More than is lost when a stamp is taken apart and put together again."""
 _KEPT = 1000
 """A live run remembers so many of its latest hits."""
 

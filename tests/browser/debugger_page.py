@@ -15,10 +15,9 @@ import viser
 from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.debugger.inspector import Inspection
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.commands import ChooseQuestion, Command, OpenRecording, PointAt
+from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.viewpoint import Point
 from tests.browser.pages import open_page
@@ -64,7 +63,7 @@ class DebuggerPage:
         """Click the first link whose whole label is this, and wait until the page has answered."""
         self.settled()  # What an older view said may be meant otherwise than what the app says now.
         before, link = self.shown, self.link(label)
-        command = self.app.session.state.inspector.link(int(link.get_attribute("data-id") or -1))
+        command = self.app.session.state.debugger.link(int(link.get_attribute("data-id") or -1))
         link.click()
         self.until(lambda: self._handled(command, before))
         self.settled()
@@ -197,7 +196,7 @@ class DebuggerPage:
     @property
     def shown(self) -> Inspection:
         """What the app shows in the tab."""
-        return self.app.session.state.inspector.shown
+        return self.app.session.state.debugger.shown
 
 
 @contextmanager

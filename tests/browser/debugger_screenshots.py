@@ -14,8 +14,8 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session.commands import OpenRecording
+from ltvn_viz.session.inspection import QuestionName
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.debugger_page import WINDOW, DebuggerPage, open_debugger

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from ltvn_core.recording.reader import Recording
-from ltvn_viz.debugger.question import QuestionName
+from ltvn_viz.session.inspection import QuestionName
 from tests.browser.debugger_page import DebuggerPage, open_debugger
 from tests.repository import DEMO_FAULT
 

@@ -12,6 +12,7 @@ from ltvn_core.recording.info import read_info
 from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.timeline.run_moment import moment_of
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.viz.tiny_fine_tuning import PLAN, simulated
@@ -36,7 +37,7 @@ def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
     """The page of somebody who has just kept the recording of a short drive."""
     with open_page(chromium, app.server.url, width=1000, height=760) as page:
         page.get_by_text("Next:").wait_for()
-        record(app, page, lambda: app.session.state.live.timeline.at().frames > 120)
+        record(app, page, lambda: moment_of(app.session.state.live.timeline).frames > 120)
         yield page
 
 
@@ -97,7 +98,7 @@ def test_a_whole_fine_tuning_changes_nothing_until_its_weights_are_used_for_a_ne
     until(lambda: app.session.state.live_map.fingerprint == weights_fingerprint(weights))
     until(lambda: app.session.mode is Mode.TELEOP)
     expect(page.get_by_text(f"weights {weights_fingerprint(weights)}").first).to_be_visible()
-    shown = app.session.state.live.timeline.at().graph.ids.tolist()
+    shown = moment_of(app.session.state.live.timeline).graph.ids.tolist()
     assert shown == list(app.session.state.live_map.graph.nodes) != []
     record(app, page, lambda: app.session.state.live.recorder.status.frames > 3)
     assert read_info(

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from ltvn_viz.app_setup import open_replay
-from ltvn_viz.debugger.question import QuestionName, Selection
 from ltvn_viz.debugger.share_question import SAVE_EXCERPT
+from ltvn_viz.session.activities.playback import open_replay
+from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.session.share_links import link
 from ltvn_viz.session.snapshot import Snapshot
 from tests.browser.flat_app import FlatApp, serving, until_shown

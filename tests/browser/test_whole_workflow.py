@@ -12,6 +12,7 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.timeline.run_moment import moment_of
 from tests.browser.pages import on_screen, open_page
 from tests.browser.running_app import running_app
 from tests.waiting import PATIENCE_S, until
@@ -45,7 +46,7 @@ def exact_pose(app: RunningApp, node: NodeId) -> Pose:
 def assert_the_robot_goes_to(app: RunningApp, node: NodeId) -> None:
     """Wait for the end of the task, and judge it by the paper's criterion."""
     until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
-    ended = app.session.state.live.timeline.at().progress.ended
+    ended = moment_of(app.session.state.live.timeline).progress.ended
     assert ended is not None
     assert (ended.goal, ended.outcome) == (node, Outcome.ARRIVED)
     verdict = judge_goal_reached(0, app.session.state.live.robot.exact_pose, exact_pose(app, node))
@@ -77,7 +78,7 @@ def test_a_node_clicked_in_the_scene_is_reached(app: RunningApp, page: Page) -> 
             break
     assert chosen, "no click met a node"
     until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
-    ended = app.session.state.live.timeline.at().progress.ended
+    ended = moment_of(app.session.state.live.timeline).progress.ended
     assert ended is not None
     assert_the_robot_goes_to(app, ended.goal)
 

@@ -32,6 +32,23 @@ TRUTH_READERS = (
 )
 
 
+ROOMS = (
+    "server",
+    "timeline",
+    "session",
+    "layers",
+    "panels",
+    "painter",
+    "debugger",
+    "page_layout",
+    "app_setup",
+    "app",
+    "pairs",
+    "verbs",
+)
+"""The rooms of the page, low to high: a room imports those before it alone."""
+
+
 def relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
@@ -43,6 +60,29 @@ def imports(path: Path) -> Iterator[str]:
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def import_graph() -> dict[str, set[str]]:
+    """The modules of both packages and which of them each imports: at the top, in functions, or for type checkers."""
+    names = {module_name(path) for path in MODULES}
+    graph: dict[str, set[str]] = {}
+    for path in MODULES:
+        found = {name if name in names else name.rpartition(".")[0] for name in imports(path)}
+        graph[module_name(path)] = (found & names) - {module_name(path)}
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """What cannot be put into an order in which each imports only those before it, after taking away all that can."""
+    left = {name: set(others) for name, others in graph.items()}
+    while free := [name for name, others in left.items() if not others & left.keys()]:
+        for name in free:
+            del left[name]
+    return [sorted(left)] if left else []
 
 
 def core_parts(path: Path) -> set[str]:
@@ -72,6 +112,21 @@ def test_core_never_imports_the_page_nor_what_is_outside_the_packages() -> None:
         relative(path)
         for path in (ROOT / "ltvn_core").rglob("*.py")
         if any(name.split(".")[0] in outside for name in imports(path))
+    ]
+    assert offenders == []
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    assert circles(import_graph()) == []
+
+
+def test_the_rooms_of_the_page_import_only_lower_rooms() -> None:
+    offenders = [
+        f"{module} imports {other}"
+        for module, others in import_graph().items()
+        for other in others
+        if module.startswith("ltvn_viz.") and other.startswith("ltvn_viz.")
+        if ROOMS.index(other.split(".")[1]) > ROOMS.index(module.split(".")[1])
     ]
     assert offenders == []
 

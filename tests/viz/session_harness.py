@@ -21,6 +21,8 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Twist
+from ltvn_viz.debugger.inspector import Inspector
+from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.absent_backend import AbsentFeed
@@ -147,18 +149,20 @@ class SessionHarness:
         live = LiveRun(self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(live_map, worker, self.thumbnails)
         teleop = Teleop(live, worker, live_map.offer)
+        self.inspector = Inspector(all_questions(live.breakpoint_monitor), worker)
         self.state = AppState(
-            "flat",
-            live,
-            live_map,
-            worker,
-            self.library,
-            self.open_replay,
-            AbsentFeed(),
-            goals,
-            teleop,
-            fine_tuning or FineTuning(None, None, InlineExecutor()),
-            lambda weights: (load_predictor(weights), ROBUST),
+            scene="flat",
+            live=live,
+            live_map=live_map,
+            worker=worker,
+            library=self.library,
+            open_replay=self.open_replay,
+            feed=AbsentFeed(),
+            goals=goals,
+            teleop=teleop,
+            fine_tuning=fine_tuning or FineTuning(None, None, InlineExecutor()),
+            predictor_for=lambda weights: (load_predictor(weights), ROBUST),
+            debugger=self.inspector,
         )
         self.session = Session(self.state, self.driver, self.shown.append)
         for picture in seen:

@@ -7,9 +7,12 @@ from typing import Protocol
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import LtvnError
+from ltvn_core.recording.garbage_collection import garbage_collection_paused
+from ltvn_core.recording.reader import Recording
 from ltvn_core.types import FrameId, Observation
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
@@ -103,3 +106,16 @@ class Playback:
     def _read(self, frame: FrameId | None) -> CameraImage | None:
         seen = None if frame is None else self.observation(frame)
         return None if seen is None else CameraImage(seen.rgb, seen.depth)
+
+
+def open_replay(library: RecordingLibrary, name: str) -> Playback:
+    """Read a recording of the library for the page; raises RecordingError."""
+    with garbage_collection_paused():
+        recording = Recording.open(library.path(name))
+        poses = recording.poses
+        drawn = poses.odometry if poses.exact is None else poses.exact
+        frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
+        timeline = Timeline.of(recording.events, frames)
+    meta = recording.meta
+    system = str(meta.config.get("system", ""))
+    return Playback(name, meta.scene, timeline, recording, weights=meta.fingerprint, system=system)

@@ -36,11 +36,6 @@ class Teleop:
         self._captured: Pose | None = None
         self._keyframe: Pose | None = None
 
-    @property
-    def waiting(self) -> int:
-        """Keyframes that the map has not seen yet."""
-        return len(self._waiting)
-
     def handle(self, twist: Twist | None) -> None:
         """Pass on what the driver holds now; letting go stops the robot at once."""
         if twist is not None:
@@ -88,6 +83,16 @@ class Teleop:
             self._live.recorder.write_frame(observation)
         for delta in deltas:
             self._live.emit(GraphChanged(delta))
+
+
+class AbsentTeleop(Teleop):
+    """A robot that is not there does not move and sees nothing."""
+
+    def handle(self, twist: Twist | None) -> None:
+        """Let nothing happen."""
+
+    def tick(self) -> None:
+        """Let nothing happen."""
 
 
 def _moved(before: Pose, after: Pose) -> bool:

@@ -12,8 +12,9 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer, open_renderer
+from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
+from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 from ltvn_core.simulation.surfaces import Surfaces

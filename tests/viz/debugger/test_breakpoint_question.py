@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
 from tests.viz.debugger.answer_links import follow

@@ -13,12 +13,12 @@ from ltvn_core import palette
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Observation
-from ltvn_viz.app_setup import open_replay
 from ltvn_viz.debugger.comparison_question import BEFORE_FIRST_QUERY
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
-from ltvn_viz.debugger.question import NOTHING_SELECTED, QuestionName
 from ltvn_viz.debugger.share_question import OPEN_IN_RERUN, SAVE_EXCERPT, SAVE_MAP
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.playback import open_replay
+from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.session.snapshot import Snapshot
@@ -109,7 +109,7 @@ def test_the_truth_of_the_demo_is_told_with_strokes(demo: SessionHarness) -> Non
 
 
 def test_without_truth_one_sentence_says_why(demo: SessionHarness) -> None:
-    case = demo.state.debug_contexts.build(demo.state, demo.now.moment)
+    case = demo.inspector.context(demo.state, demo.now.moment)
 
     def outside(frame: int) -> Observation | None:
         seen = case.observation(frame)
@@ -133,7 +133,7 @@ def test_the_live_run_says_how_it_can_be_shared(tmp_path: Path) -> None:
 
 
 def test_the_link_leads_back_to_the_moment_and_the_edge(demo: SessionHarness) -> None:
-    source, target = next(iter(demo.state.debug_contexts.build(demo.state, demo.now.moment).graph.edges))
+    source, target = next(iter(demo.inspector.context(demo.state, demo.now.moment).graph.edges))
     shown = demo.do(c.ChooseQuestion(QuestionName.SHARE), c.PointAt(source, target), c.Seek(3.0), ticks=2)
     address = re.search(r'href="/\?([^"]+)"', shown.inspection.html)
     assert address

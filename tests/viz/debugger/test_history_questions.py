@@ -11,12 +11,10 @@ from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.navigation import events as e
 from ltvn_core.types import CONTROL_STEP_S
-from ltvn_viz.app_setup import open_replay
-from ltvn_viz.debugger.context_builder import shown_timeline
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session import commands as c
-from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.activities.playback import Playback, open_replay
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import Snapshot
@@ -226,7 +224,7 @@ def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(p
     assert "4 of 4 queries failed" in listed
     assert all(trouble in listed for trouble in ("collision 1", "wrong arrival 1", "no path 1"))
 
-    pruned = shown_timeline(past.state).marks_until(None, MarkKind.PRUNE)[0]
+    pruned = past.state.shown_run.marks_until(None, MarkKind.PRUNE)[0]
     told = words(
         past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*pruned.ids))
     )
@@ -238,7 +236,7 @@ def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(p
 def test_every_kind_of_mark_is_reached_forwards_and_backwards(past: Past, faulty: Playback) -> None:
     past.state.open_replay = lambda _: faulty
     past.do(c.OpenRecording("demo-fault.rrd"), ticks=2)
-    index = shown_timeline(past.state)
+    index = past.state.shown_run
     for kind in {mark.kind for mark in index.marks} - {MarkKind.MAP}:
         stamps = sorted({mark.instant.stamp for mark in index.marks_until(None, kind)})
         begin = past.do(c.Seek(0.0)).moment.stamp

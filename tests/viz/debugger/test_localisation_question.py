@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 
 from ltvn_viz.app_setup import open_app_state
+from ltvn_viz.debugger.background_cache import BackgroundCache
+from ltvn_viz.debugger.context_builder import DebugContextBuilder
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
-from ltvn_viz.debugger.question import NOTHING_SELECTED, QuestionName
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
@@ -61,7 +63,9 @@ def test_perceptual_aliases_are_searched_on_demand_alone(harness: SessionHarness
 def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
     state = SessionHarness(tmp_path, mapped=False).state
 
-    shown = LocalisationQuestion().answer(state.debug_contexts.build(state, RunMoment()), NOTHING_SELECTED)
+    shown = LocalisationQuestion().answer(
+        DebugContextBuilder(BackgroundCache(state.worker, lambda: None)).build(state, RunMoment()), NOTHING_SELECTED
+    )
 
     assert "The map is empty" in shown.html
 

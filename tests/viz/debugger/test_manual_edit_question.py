@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import QuestionName
 from tests.viz.debugger.answer_links import follow, links
 from tests.viz.session_harness import SessionHarness
 

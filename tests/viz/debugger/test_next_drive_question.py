@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from ltvn_core.graph.deltas import Cause, EdgePruned
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import QuestionName
 from tests.viz.session_harness import SessionHarness
 
 

@@ -6,9 +6,9 @@ from contextlib import ExitStack
 import pytest
 
 from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.debugger.question import QuestionName
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot

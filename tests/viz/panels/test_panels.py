@@ -28,7 +28,7 @@ from ltvn_viz.panels.status_panel import StatusPanel
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.server.thumbnails import LIMIT, ThumbnailStore
 from ltvn_viz.session import commands as c
-from ltvn_viz.session.gallery import farthest_points
+from ltvn_viz.session.goals import farthest_points
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import (
     CameraImage,

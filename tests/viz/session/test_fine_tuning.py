@@ -21,8 +21,7 @@ from ltvn_core.verbs.background_finetuning import BackgroundFineTuning, DriveSou
 from ltvn_core.verbs.finetune import FineTunedWeights
 from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
 from ltvn_viz.session import commands as c
-from ltvn_viz.session.fine_tuning import FineTuning, Tune
-from ltvn_viz.session.fine_tuning_text import far_false_positives_grew, result_lines
+from ltvn_viz.session.fine_tuning import FineTuning, Tune, far_false_positives_grew, result_lines
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import FineTuningPhase
 from tests.viz.session_harness import InlineExecutor, SessionHarness

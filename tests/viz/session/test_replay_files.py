@@ -12,9 +12,10 @@ from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Observation
-from ltvn_viz.app_setup import open_app_state, open_replay
+from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.options import AppOptions

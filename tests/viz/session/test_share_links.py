@@ -5,9 +5,9 @@ from urllib.parse import urlsplit
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_viz.debugger.question import QuestionName, Selection
 from ltvn_viz.server.drive_messages import LinkMessage, parse_message
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.session.share_links import commands_from_link, link
 from ltvn_viz.session.viewpoint import Viewpoint, parse_viewpoint
 

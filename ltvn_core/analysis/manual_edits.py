@@ -4,7 +4,7 @@ Owns what a person may change and how it is undone. Applies nothing: whoever own
 """
 
 from collections.abc import Sequence
-from functools import singledispatch
+from typing import assert_never
 
 import numpy as np
 
@@ -105,44 +105,46 @@ def undo_deltas(deltas: Sequence[d.GraphDelta], graph_before: TopologicalGraph) 
     return tuple(delta for back in reversed(steps) for delta in back)
 
 
-@singledispatch
 def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
     """Return the deltas, by hand, that take one delta back; `graph_before` is the map it was applied to.
 
     Cost: linear in the edges of a dropped node, else constant. Raises MapError where the delta did not fit the map.
     """
-    raise TypeError(f"{type(delta).__name__} is no delta of a map.")
+    match delta:
+        case d.NodeAdded(node):
+            return (d.NodeDropped(node.id, d.Cause.HAND),)
+        case d.NodeDropped(node):
+            return _node_with_edges(graph_before, node)
+        case d.EdgeAdded(edge):
+            return (d.EdgePruned(edge.source, edge.target, d.Cause.HAND),)
+        case d.EdgePruned(source, target):
+            return (d.EdgeAdded(_edge(graph_before, (source, target)), d.Cause.HAND),)
+        case d.BeliefUpdated(source, target):
+            return (_belief_of(_edge(graph_before, (source, target))),)
+        case d.EdgeProtected(source, target):
+            held = _edge(graph_before, (source, target)).protected
+            return (d.EdgeProtected(source, target, held, d.Cause.HAND),)
+        case d.NodeNamed(node):
+            _require_nodes(graph_before, node)
+            before = graph_before.nodes[node]
+            return (d.NodeNamed(node, before.name, before.goal, d.Cause.HAND),)
+        case d.FramesReserved(frames):
+            return (d.FramesReleased(frames, d.Cause.HAND),)
+        case d.FramesReleased(frames):
+            return (d.FramesReserved(tuple(dict.fromkeys(frames)), d.Cause.HAND),)
+    assert_never(delta)
 
 
-@inverse_deltas.register
-def _(delta: d.NodeAdded, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    return (d.NodeDropped(delta.node.id, d.Cause.HAND),)
+def _node_with_edges(graph: TopologicalGraph, node: NodeId) -> tuple[d.GraphDelta, ...]:
+    _require_nodes(graph, node)
+    keys = [(node, other) for other in graph.successors(node)]
+    keys += [(other, node) for other in graph.predecessors(node)]
+    edges = (d.EdgeAdded(graph.edges[key], d.Cause.HAND) for key in keys)
+    return (d.NodeAdded(graph.nodes[node], d.Cause.HAND), *edges)
 
 
-@inverse_deltas.register
-def _(delta: d.NodeDropped, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    node = delta.node
-    _require_nodes(graph_before, node)
-    keys = [(node, other) for other in graph_before.successors(node)]
-    keys += [(other, node) for other in graph_before.predecessors(node)]
-    edges = (d.EdgeAdded(graph_before.edges[key], d.Cause.HAND) for key in keys)
-    return (d.NodeAdded(graph_before.nodes[node], d.Cause.HAND), *edges)
-
-
-@inverse_deltas.register
-def _(delta: d.EdgeAdded, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    return (d.EdgePruned(delta.edge.source, delta.edge.target, d.Cause.HAND),)
-
-
-@inverse_deltas.register
-def _(delta: d.EdgePruned, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    return (d.EdgeAdded(_edge(graph_before, (delta.source, delta.target)), d.Cause.HAND),)
-
-
-@inverse_deltas.register
-def _(delta: d.BeliefUpdated, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    edge = _edge(graph_before, (delta.source, delta.target))
-    back = d.BeliefUpdated(
+def _belief_of(edge: d.Edge) -> d.BeliefUpdated:
+    return d.BeliefUpdated(
         source=edge.source,
         target=edge.target,
         belief=edge.belief,
@@ -150,30 +152,6 @@ def _(delta: d.BeliefUpdated, graph_before: TopologicalGraph) -> tuple[d.GraphDe
         successes=edge.successes,
         cause=d.Cause.HAND,
     )
-    return (back,)
-
-
-@inverse_deltas.register
-def _(delta: d.EdgeProtected, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    edge = _edge(graph_before, (delta.source, delta.target))
-    return (d.EdgeProtected(edge.source, edge.target, edge.protected, d.Cause.HAND),)
-
-
-@inverse_deltas.register
-def _(delta: d.NodeNamed, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    _require_nodes(graph_before, delta.node)
-    node = graph_before.nodes[delta.node]
-    return (d.NodeNamed(node.id, node.name, node.goal, d.Cause.HAND),)
-
-
-@inverse_deltas.register
-def _(delta: d.FramesReserved, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    return (d.FramesReleased(delta.frames, d.Cause.HAND),)
-
-
-@inverse_deltas.register
-def _(delta: d.FramesReleased, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    return (d.FramesReserved(tuple(dict.fromkeys(delta.frames)), d.Cause.HAND),)
 
 
 def _edge(graph: TopologicalGraph, key: EdgeKey) -> d.Edge:

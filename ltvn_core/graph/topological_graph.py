@@ -6,10 +6,10 @@ reserve but never both, and a name belongs to one node. Does not own images or f
 """
 
 import math
-from collections.abc import Callable, Iterable, KeysView, Mapping
+from collections.abc import Iterable, KeysView, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Self, TypeAlias
+from typing import Self, TypeAlias, assert_never
 
 from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import (
@@ -84,7 +84,27 @@ class TopologicalGraph:
 
     def apply(self, delta: GraphDelta) -> None:
         """Change the map; raise MapError and leave it as it was if the delta does not fit."""
-        _CHANGES[type(delta)](self, delta)
+        match delta:
+            case EdgeAdded():
+                self._add_edge(delta)
+            case BeliefUpdated():
+                self._update_belief(delta)
+            case NodeAdded():
+                self._add_node(delta)
+            case EdgePruned():
+                self._prune_edge(delta)
+            case NodeDropped():
+                self._drop_node(delta)
+            case EdgeProtected():
+                self._protect_edge(delta)
+            case NodeNamed():
+                self._name_node(delta)
+            case FramesReserved():
+                self._add_reserve(delta)
+            case FramesReleased():
+                self._release(delta)
+            case _:
+                assert_never(delta)
         self._version += 1
 
     def deltas(self, cause: Cause = Cause.LOAD) -> tuple[GraphDelta, ...]:
@@ -225,16 +245,3 @@ def _name(edge: Edge) -> str:
 def _require(holds: bool, otherwise: str) -> None:
     if not holds:
         raise MapError(otherwise)
-
-
-_CHANGES: dict[type, Callable[[TopologicalGraph, Any], None]] = {
-    NodeAdded: TopologicalGraph._add_node,
-    NodeDropped: TopologicalGraph._drop_node,
-    EdgeAdded: TopologicalGraph._add_edge,
-    BeliefUpdated: TopologicalGraph._update_belief,
-    EdgePruned: TopologicalGraph._prune_edge,
-    EdgeProtected: TopologicalGraph._protect_edge,
-    NodeNamed: TopologicalGraph._name_node,
-    FramesReserved: TopologicalGraph._add_reserve,
-    FramesReleased: TopologicalGraph._release,
-}

@@ -2,27 +2,70 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
+from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.breakpoint_kinds import Breakpoint, EdgeBeliefBreakpoint, EdgeBreakpoint, NodeBreakpoint
-from ltvn_core.analysis.breakpoint_parser import format_breakpoint, parse_breakpoint
+from ltvn_core.analysis.breakpoint_kinds import (
+    Breakpoint,
+    BreakpointQuantity,
+    BreakpointTrigger,
+    EdgeBeliefBreakpoint,
+    EdgeBreakpoint,
+    EventBreakpoint,
+    LocalisationBreakpoint,
+    NodeBreakpoint,
+)
+from ltvn_core.analysis.breakpoint_parser import format_breakpoint, parse_breakpoint, prune_threshold_breakpoint
 from ltvn_core.errors import OptionError
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
-from ltvn_viz.session.commands import Seek, SubmitText
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.session.commands import QuestionRequest, Seek
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor, BreakpointStop
 
 _ROWS = 12
-_OFFERED = ("prune", "failed leg", "replan", "collision", "expand", "lost", "p crosses R_p", "margin < 0.2")
+_OFFERED_TRIGGERS = (
+    BreakpointTrigger.PRUNE,
+    BreakpointTrigger.FAILED_ATTEMPT,
+    BreakpointTrigger.REPLAN,
+    BreakpointTrigger.COLLISION,
+    BreakpointTrigger.EXPANSION,
+    BreakpointTrigger.LOST,
+)
+_SMALL_MARGIN = LocalisationBreakpoint(BreakpointQuantity.MARGIN, less=True, value=0.2)
 _REMOVE, _ALL = "remove ", "all"
 
 
-class BreakpointQuestion:
+@dataclass(frozen=True, slots=True)
+class AddBreakpoint(QuestionRequest):
+    """Stop at this too."""
+
+    breakpoint: Breakpoint
+
+
+@dataclass(frozen=True, slots=True)
+class RemoveBreakpoint(QuestionRequest):
+    """Stop at this no longer."""
+
+    breakpoint: Breakpoint
+
+
+@dataclass(frozen=True, slots=True)
+class RemoveAllBreakpoints(QuestionRequest):
+    """Stop at nothing."""
+
+
+BreakpointRequest: TypeAlias = AddBreakpoint | RemoveBreakpoint | RemoveAllBreakpoints
+
+
+class BreakpointQuestion(Question[BreakpointRequest]):
     """Sets breakpoints and shows where they were met."""
 
+    name = QuestionName.BREAK
+    word = QuestionName.BREAK.word
     about = "The task or the replay stops where something you name happens. Click an offer or type your own."
 
     def __init__(self, breakpoint_monitor: BreakpointMonitor) -> None:
@@ -36,18 +79,28 @@ class BreakpointQuestion:
         stops = self._stops(context)
         if self._monitor.breakpoints:
             self._found(context, stops, builder)
-        self._offers(selection, builder)
+        self._offers(context, selection, builder)
         return builder.build(
             _overlay(context, self._monitor.breakpoints), input_hint="Stop when (edge 12->40, p(12->40) < 0.5 …)"
         )
 
     def handle_text(self, context: DebugContext, text: str) -> None:
         """Add a breakpoint, or take one or "all" out with the word "remove" before it. Raises OptionError."""
-        words, known = " ".join(text.split()), self._monitor.breakpoints
-        if words.startswith(_REMOVE):
-            self._set(context, _without(known, words.removeprefix(_REMOVE), context))
-        elif (fresh := parse_breakpoint(words, context.method.believing)) not in known:
-            self._set(context, (*known, fresh))
+        self.handle_request(context, _typed_request(text, context))
+
+    def handle_request(self, context: DebugContext, request: BreakpointRequest) -> None:
+        """Add or remove breakpoints. Raises OptionError where one that is not set is to be removed."""
+        known = self._monitor.breakpoints
+        match request:
+            case AddBreakpoint(fresh):
+                if fresh not in known:
+                    self._set(context, (*known, fresh))
+            case RemoveBreakpoint(gone):
+                self._set(context, _without(known, gone))
+            case RemoveAllBreakpoints():
+                self._set(context, ())
+            case _:
+                assert_never(request)
 
     def _set(self, context: DebugContext, breakpoints: Sequence[Breakpoint]) -> None:
         self._monitor.change(breakpoints, context.live)
@@ -57,10 +110,10 @@ class BreakpointQuestion:
 
     def _breakpoints(self, builder: AnswerBuilder) -> None:
         for each in self._monitor.breakpoints:
-            text = format_breakpoint(each)
-            builder.add_html(f"<div><b>{escape(text)}</b> · {builder.link('remove', SubmitText(_REMOVE + text))}</div>")
+            remove = builder.request_link("remove", RemoveBreakpoint(each))
+            builder.add_html(f"<div><b>{escape(format_breakpoint(each))}</b> · {remove}</div>")
         if len(self._monitor.breakpoints) > 1:
-            builder.add_html(f"<div>{builder.link('remove all', SubmitText(_REMOVE + _ALL))}</div>")
+            builder.add_html(f"<div>{builder.request_link('remove all', RemoveAllBreakpoints())}</div>")
 
     def _found(self, context: DebugContext, stops: Sequence[BreakpointStop], builder: AnswerBuilder) -> None:
         before = bisect_left(stops, context.step, key=lambda stop: stop.hit.moment.step) - 1
@@ -75,28 +128,34 @@ class BreakpointQuestion:
                 ("when", "what"), [(_jump(builder, f"{each.time_s:.1f} s", each), _why(each)) for each in shown]
             )
 
-    def _offers(self, selection: Selection, builder: AnswerBuilder) -> None:
-        known = {format_breakpoint(each) for each in self._monitor.breakpoints}
-        offers = [text for text in (*_about(selection), *_OFFERED) if text not in known]
-        links = " · ".join(builder.link(text, SubmitText(text)) for text in offers)
+    def _offers(self, context: DebugContext, selection: Selection, builder: AnswerBuilder) -> None:
+        offers = [*_about(selection), *map(EventBreakpoint, _OFFERED_TRIGGERS)]
+        offers += [prune_threshold_breakpoint(context.method.believing), _SMALL_MARGIN]
+        fresh = [each for each in offers if each not in self._monitor.breakpoints]
+        links = " · ".join(builder.request_link(format_breakpoint(each), AddBreakpoint(each)) for each in fresh)
         builder.add_html(f"<div>Stop at: {links}</div>")
 
 
-def _without(known: Sequence[Breakpoint], text: str, context: DebugContext) -> tuple[Breakpoint, ...]:
-    if text == _ALL:
-        return ()
-    gone = parse_breakpoint(text, context.method.believing)
+def _typed_request(text: str, context: DebugContext) -> BreakpointRequest:
+    words, believing = " ".join(text.split()), context.method.believing
+    if not words.startswith(_REMOVE):
+        return AddBreakpoint(parse_breakpoint(words, believing))
+    named = words.removeprefix(_REMOVE)
+    return RemoveAllBreakpoints() if named == _ALL else RemoveBreakpoint(parse_breakpoint(named, believing))
+
+
+def _without(known: Sequence[Breakpoint], gone: Breakpoint) -> tuple[Breakpoint, ...]:
     if gone not in known:
         listed = ", ".join(format_breakpoint(each) for each in known) or "none"
-        raise OptionError(f"{text!r} is not among the breakpoints; there are: {listed}.")
+        raise OptionError(f"{format_breakpoint(gone)!r} is not among the breakpoints; there are: {listed}.")
     return tuple(each for each in known if each != gone)
 
 
-def _about(selection: Selection) -> tuple[str, ...]:
+def _about(selection: Selection) -> tuple[Breakpoint, ...]:
     if selection.edge is not None:
-        edge = f"{selection.edge[0]}->{selection.edge[1]}"
-        return f"edge {edge}", f"p({edge}) < 0.5"
-    return () if selection.node is None else (f"node {selection.node}",)
+        doubtful = EdgeBeliefBreakpoint(BreakpointQuantity.P, selection.edge, less=True, value=0.5)
+        return EdgeBreakpoint(selection.edge), doubtful
+    return () if selection.node is None else (NodeBreakpoint(selection.node),)
 
 
 def _why(stop: BreakpointStop) -> str:

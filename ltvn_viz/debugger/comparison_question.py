@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MapMetrics, compare_maps, map_metrics
@@ -15,16 +16,36 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.svg_figures import legend_item
-from ltvn_viz.session.commands import PointAt, SubmitText
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.session.commands import PointAt, QuestionRequest
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
 
 BEFORE_FIRST_QUERY = "before its first query"
 CHOOSE_ANOTHER = "choose another"
 _NAMES, _ROWS, _STROKES = 10, 20, 4000
 _ASKS = "Name of a recording"
+
+
+@dataclass(frozen=True, slots=True)
+class CompareWithStart(QuestionRequest):
+    """Compare with this run before its first query."""
+
+
+@dataclass(frozen=True, slots=True)
+class CompareWithRecording(QuestionRequest):
+    """Compare with the map of another recording."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChooseAnother(QuestionRequest):
+    """Go back to the list of what to compare with."""
+
+
+ComparisonRequest: TypeAlias = CompareWithStart | CompareWithRecording | ChooseAnother
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,30 +70,32 @@ class MapComparison:
     """None across scenes."""
 
 
-class ComparisonQuestion:
+class ComparisonQuestion(Question[ComparisonRequest]):
     """Shows what is different in another map."""
 
+    name = QuestionName.COMPARE
+    word = QuestionName.COMPARE.word
     about = "This map against another: figures of both, and the edges that differ, those that matter most first."
 
     def __init__(self) -> None:
         """Compare with nothing yet."""
-        self._other = ""
+        self._other: CompareWithStart | CompareWithRecording | None = None
         self._latest = LatestAnswer()
         self._start: tuple[Timeline, int, ComparedMap] | None = None
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer recordings, or show what is different in the chosen one."""
         builder = AnswerBuilder()
-        if not self._other:
+        if self._other is None:
             return _offer(context, builder)
-        builder.add_html(f"<div>{builder.link(CHOOSE_ANOTHER, SubmitText(CHOOSE_ANOTHER))}</div>")
+        builder.add_html(f"<div>{builder.request_link(CHOOSE_ANOTHER, ChooseAnother())}</div>")
         try:
-            there = self._there(context)
+            there = self._there(context, self._other)
         except LtvnError as error:
             builder.add_text(str(error))
             return builder.build()
         if there is None:
-            builder.add_pending(f"Opening {self._other}")
+            builder.add_pending(f"Opening {_title(self._other)}")
             return builder.build()
         here = (
             context.name,
@@ -91,31 +114,45 @@ class ComparisonQuestion:
 
     def handle_text(self, context: DebugContext, text: str) -> None:
         """Take the name of the other recording; raises RecordingError if there is none of that name."""
-        name = text.strip()
-        if name not in (CHOOSE_ANOTHER, BEFORE_FIRST_QUERY):
-            context.library.path(name)
-        self._other = "" if name == CHOOSE_ANOTHER else name
+        self.handle_request(context, CompareWithRecording(text.strip()))
+
+    def handle_request(self, context: DebugContext, request: ComparisonRequest) -> None:
+        """Take the other map, or none; raises RecordingError if there is no recording of that name."""
+        match request:
+            case CompareWithRecording(name):
+                context.library.path(name)
+                self._other = request
+            case CompareWithStart():
+                self._other = request
+            case ChooseAnother():
+                self._other = None
+            case _:
+                assert_never(request)
         self._latest.forget()
 
-    def _there(self, context: DebugContext) -> ComparedMap | None:
-        if self._other == BEFORE_FIRST_QUERY:
+    def _there(self, context: DebugContext, other: CompareWithStart | CompareWithRecording) -> ComparedMap | None:
+        if isinstance(other, CompareWithStart):
             run = context.timeline, _first_query_event(context.timeline)
             if self._start is None or self._start[:2] != run:
                 self._start = *run, _before(context)
             return self._start[2]
-        path = context.library.path(self._other)
-        return context.in_background(("open", self._other, path.stat().st_mtime_ns), lambda: _opened(path))
+        path = context.library.path(other.name)
+        return context.in_background(("open", other.name, path.stat().st_mtime_ns), lambda: _opened(path))
+
+
+def _title(other: CompareWithStart | CompareWithRecording) -> str:
+    return other.name if isinstance(other, CompareWithRecording) else f"this run, {BEFORE_FIRST_QUERY}"
 
 
 def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
     builder.add_text("Compare with:")
     names = [name for name in context.library.names() if name != context.name]
     offered = (
-        [f"this run, {builder.link(BEFORE_FIRST_QUERY, SubmitText(BEFORE_FIRST_QUERY))}"]
+        [f"this run, {builder.request_link(BEFORE_FIRST_QUERY, CompareWithStart())}"]
         if context.timeline.queries
         else []
     )
-    offered += [builder.link(name, SubmitText(name)) for name in names[:_NAMES]]
+    offered += [builder.request_link(name, CompareWithRecording(name)) for name in names[:_NAMES]]
     for each in offered:
         builder.add_html(f"<div>{each}</div>")
     if not offered:

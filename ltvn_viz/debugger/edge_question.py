@@ -1,28 +1,30 @@
 """The edge microscope: both images, the predicted waypoint, what was believed when, and every attempt."""
 
 from html import escape
+from typing import Never
 
 import numpy as np
 
 from ltvn_core import palette
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, edge_history
 from ltvn_core.analysis.timeline_records import Instant
-from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
 from ltvn_core.types import Waypoint
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.svg_figures import image_figure, step_curve_svg
 from ltvn_viz.session.commands import PointAt
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
 
 _ATTEMPTS = 40
 
 
-class EdgeQuestion:
+class EdgeQuestion(Question[Never]):
     """Shows one edge."""
 
+    name = QuestionName.EDGE
+    word = QuestionName.EDGE.word
     about = "Both images of an edge, what was believed of it when, and every attempt. Click a node, then its neighbour."
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
@@ -34,10 +36,6 @@ class EdgeQuestion:
             builder.add_text("Click a node in the scene.")
             return builder.build()
         return self._edges_of(context, selection.node, builder)
-
-    def handle_text(self, context: DebugContext, text: str) -> None:
-        """Take nothing in."""
-        raise OptionError("Nothing is asked here; click a node in the scene.")
 
     def _edges_of(self, context: DebugContext, node: int, builder: AnswerBuilder) -> QuestionAnswer:
         builder.add_text(f"Node {node}. Choose one of its edges:")

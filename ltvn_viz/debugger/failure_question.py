@@ -19,12 +19,11 @@ from ltvn_core.analysis.failure_triage import (
 from ltvn_core.analysis.lifelong_success import LifelongSuccess, lifelong_success
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import QueryRecord
-from ltvn_core.errors import OptionError
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.lifelong_curves import add_lifelong_curves
-from ltvn_viz.debugger.question import AnswerBuilder
-from ltvn_viz.session.commands import ChooseQuestion, PointAt, SubmitText
+from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.session.commands import ChooseQuestion, PointAt, QuestionRequest
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Label, Overlay, stroke
 
@@ -40,7 +39,6 @@ _NEXT = {
 WINDOW = 10
 """Queries over which success is counted."""
 _ROWS = 10
-_ALL = "all"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,9 +56,19 @@ class FailureSummary:
         return cls(failures, group_by_place(failures), lifelong_success(timeline, WINDOW))
 
 
-class FailureQuestion:
+@dataclass(frozen=True, slots=True)
+class ShowFailures(QuestionRequest):
+    """List the failures of one cause."""
+
+    only: FailureMode | None
+    """None means all causes."""
+
+
+class FailureQuestion(Question[ShowFailures]):
     """Tells what failed."""
 
+    name = QuestionName.FAILURES
+    word = QuestionName.FAILURES.word
     about = "Failed queries by cause and place; a time leads to the second before it went wrong."
 
     def __init__(self) -> None:
@@ -92,11 +100,9 @@ class FailureQuestion:
         add_lifelong_curves(context, findings.strip, builder)
         return builder.build(self._overlay(context, findings, shown, now))
 
-    def handle_text(self, context: DebugContext, text: str) -> None:
+    def handle_request(self, context: DebugContext, request: ShowFailures) -> None:
         """Show one cause, or all."""
-        if text != _ALL and text not in [*FailureMode]:
-            raise OptionError(f"Choose a cause out of {', '.join(FailureMode)}, or {_ALL}.")
-        self._only = None if text == _ALL else FailureMode(text)
+        self._only = request.only
 
     def _findings(self, context: DebugContext) -> FailureSummary | None:
         queries, timeline = context.timeline.queries, context.timeline.copy()
@@ -113,11 +119,11 @@ class FailureQuestion:
         builder.add_html(f"<div><b>{failed}</b> of <b>{count}</b> queries failed.</div>")
         groups = group_by_failure_mode(findings.failures)
         links = [
-            builder.link(f"{failure_mode} {len(group)}", SubmitText(failure_mode))
+            builder.request_link(f"{failure_mode} {len(group)}", ShowFailures(failure_mode))
             for failure_mode, group in groups.items()
         ]
         if self._only is not None:
-            links.append(builder.link("show all", SubmitText(_ALL)))
+            links.append(builder.request_link("show all", ShowFailures(None)))
         if links:
             builder.add_html(f"<div>{' · '.join(links)}</div>")
 

@@ -3,9 +3,10 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Never
 
 from ltvn_core import palette
-from ltvn_core.errors import MapError, OptionError
+from ltvn_core.errors import MapError
 from ltvn_core.evaluation.edge_accuracy import EdgeAccuracy as Verdicts
 from ltvn_core.evaluation.edge_accuracy import MissingEdge, edge_accuracy
 from ltvn_core.evaluation.edge_calibration import CalibrationPoint, calibration_over_queries
@@ -17,10 +18,10 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import FrameId, Observation, Pose
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.svg_figures import calibration_svg, legend_item
 from ltvn_viz.session.commands import PointAt
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
 
 _SPURIOUS, _MISSING = 15, 10
@@ -40,9 +41,11 @@ class JudgedMap:
     """None before any attempt."""
 
 
-class GroundTruthQuestion:
+class GroundTruthQuestion(Question[Never]):
     """Holds the map against the simulator."""
 
+    name = QuestionName.TRUTH
+    word = QuestionName.TRUTH.word
     about = "In simulation: edges that nobody can drive, edges that are missing, and whether p tells the truth."
 
     def __init__(self) -> None:
@@ -67,10 +70,6 @@ class GroundTruthQuestion:
             builder.add_pending("Asking the simulator")
             return builder.build()
         return _show(builder, judged, selection)
-
-    def handle_text(self, context: DebugContext, text: str) -> None:
-        """Take nothing in."""
-        raise OptionError("Nothing is asked here; click an edge of the table.")
 
 
 def _unknown(context: DebugContext) -> str | None:

@@ -6,16 +6,16 @@ Owns the words. What gets a mark is `ltvn_core.analysis.timeline_marks`; the sli
 from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import islice
+from typing import Never
 
 from ltvn_core import palette
 from ltvn_core.analysis.timeline_records import Mark, MarkKind
-from ltvn_core.errors import OptionError
 from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.recent_changes import RecentChanges
 from ltvn_viz.server.keymap import Action, key_label
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.timeline.adjacent_moments import adjacent_mark
 
 _LAST = 3
@@ -36,9 +36,11 @@ MARK_STYLES: Mapping[MarkKind, tuple[str, Rgb8]] = {
 _WIDTH_PX, _ROW_PX = 340, 9
 
 
-class HistoryQuestion:
+class HistoryQuestion(Question[Never]):
     """Tells the history."""
 
+    name = QuestionName.TIME
+    word = QuestionName.TIME.word
     about = "All that is notable, by kind. In the scene: faded red edges were pruned, green nodes came in lately."
 
     def __init__(self) -> None:
@@ -58,10 +60,6 @@ class HistoryQuestion:
             builder.add_html(f"<div>{builder.time_link(context.seconds(mark.instant))} {escape(mark.text)}</div>")
         builder.add_text(_KEYS)
         return builder.build(self._recent_changes.at(context))
-
-    def handle_text(self, context: DebugContext, text: str) -> None:
-        """Take nothing in."""
-        raise OptionError("Nothing is asked here; follow a link to a moment.")
 
 
 def _row(context: DebugContext, kind: MarkKind, builder: AnswerBuilder) -> tuple[str, ...]:

@@ -5,9 +5,10 @@ thread.
 """
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
+from typing import Any
 
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.types import NodeId
@@ -16,7 +17,7 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.context_builder import DebugContextBuilder
 from ltvn_viz.debugger.question import Question
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.commands import Command
+from ltvn_viz.session.commands import Command, QuestionRequest
 from ltvn_viz.session.inspection import (
     LINKS_PER_VIEW,
     NO_ANSWER,
@@ -37,11 +38,12 @@ change with time are replaced while a person aims.
 class Inspector:
     """The debugger's state."""
 
-    def __init__(self, questions: Mapping[QuestionName, Question], worker: Worker) -> None:
-        """Offer these questions, and let them compute slow answers in `worker`."""
-        self._questions = questions
+    def __init__(self, questions: Sequence[Question[Any]], worker: Worker) -> None:
+        """Offer these questions in this order, and let them compute slow answers in `worker`."""
+        self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
+        self.words = {question.word: question.name for question in questions}
         self._contexts = DebugContextBuilder(BackgroundCache(worker, self.mark_stale))
-        self.shown = Inspection(offered=(QuestionName.NONE, *(name for name in QuestionName if name in questions)))
+        self.shown = Inspection(offered=(QuestionName.NONE, *self._questions))
         self._key: object = None
         self._context: DebugContext | None = None
         self._drawn: OrderedDict[int, tuple[Command, ...]] = OrderedDict()
@@ -49,9 +51,9 @@ class Inspector:
     @property
     def is_on(self) -> bool:
         """Tell whether a tool is on show, so that clicks in the scene are meant for it."""
-        return self.shown.question is not QuestionName.NONE
+        return self.shown.question != QuestionName.NONE
 
-    def choose(self, question: QuestionName) -> None:
+    def choose(self, question: str) -> None:
         """Show a tool, or none."""
         about = self._questions[question].about if question in self._questions else ""
         self.shown = replace(self.shown, question=question, about=about, answer=NO_ANSWER, serial=self.shown.serial + 1)
@@ -71,11 +73,20 @@ class Inspector:
 
     def handle_text(self, text: str) -> Command | None:
         """Hand a person's words to the tool; returns what they ask for, if anything. Raises OptionError, MapError."""
+        question, context = self._asked()
+        return question.handle_text(context, text)
+
+    def handle_request(self, request: QuestionRequest) -> Command | None:
+        """Hand what a link asks for to its question; returns what that asks of the session. Raises LtvnError."""
+        question, context = self._asked()
+        return question.handle_request(context, request)
+
+    def _asked(self) -> tuple[Question[Any], DebugContext]:
         question = self._questions.get(self.shown.question)
         if question is None or self._context is None:
             raise OptionError("Choose a question first.")
         self._key = None
-        return question.handle_text(self._context, text)
+        return question, self._context
 
     def context(self, state: AppState, moment: RunMoment) -> DebugContext:
         """Return what the questions may look at when the page shows `moment`."""

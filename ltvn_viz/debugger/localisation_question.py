@@ -18,7 +18,7 @@ from ltvn_core.analysis.perceptual_aliases import PerceptualAlias, find_perceptu
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import Method
-from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.errors import LtvnError
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -27,10 +27,10 @@ from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.node_images import NodeImageLoader
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.svg_figures import step_curve_svg
-from ltvn_viz.session.commands import PointAt, Seek, SubmitText
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.session.commands import PointAt, QuestionRequest, Seek
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
 
 _COLOURED = 1000
@@ -40,7 +40,6 @@ _PAIRS = 8
 _CANDIDATES = 8
 """Nodes with the most similar pictures that each node is compared with; more takes longer."""
 _SMALL = 0.3
-_FIND_ALIASES = "look-alikes"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,9 +50,16 @@ class ColouredHeat:
     colours: dict[NodeId, Rgb8] = field(default_factory=dict)
 
 
-class LocalisationQuestion:
+@dataclass(frozen=True, slots=True)
+class FindAliases(QuestionRequest):
+    """Search the map for places that look alike."""
+
+
+class LocalisationQuestion(Question[FindAliases]):
     """Compares what is seen now with the whole map."""
 
+    name = QuestionName.WHERE
+    word = QuestionName.WHERE.word
     about = "How near each node looks from the current view: blue is near. And how sure the robot was over time."
 
     def __init__(self) -> None:
@@ -74,10 +80,8 @@ class LocalisationQuestion:
         nodes = shown.colours if shown is not None else {}
         return builder.build(Overlay(strokes, nodes) if nodes or strokes else EMPTY_OVERLAY)
 
-    def handle_text(self, context: DebugContext, text: str) -> None:
-        """Search for places that look alike. Raises OptionError."""
-        if text != _FIND_ALIASES:
-            raise OptionError("Nothing is asked here; follow a link, or click a node in the scene.")
+    def handle_request(self, context: DebugContext, request: FindAliases) -> None:
+        """Search for places that look alike."""
         self._asked = (
             "alike",
             context.name,
@@ -134,7 +138,7 @@ class LocalisationQuestion:
         builder.add_html(f"<div>Smallest: {' · '.join(links)}</div>")
 
     def _perceptual_aliases(self, context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke, ...]:
-        link = builder.link("search for places that look alike", SubmitText(_FIND_ALIASES))
+        link = builder.request_link("search for places that look alike", FindAliases())
         if self._asked is None or self._asked[1] != context.name:
             builder.add_html(f"<div>{link}</div>")
             return ()

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from html import escape
 from itertools import groupby
-from typing import NamedTuple
+from typing import NamedTuple, Never
 
 from ltvn_core import palette
 from ltvn_core.analysis.manual_edits import (
@@ -24,9 +24,9 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.event_text import describe_delta
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.session.commands import CloseRecording, Command, EditMap, Seek
-from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, Selection
+from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Label, Overlay, stroke
 
 _ROWS = 10
@@ -42,9 +42,11 @@ class ManualEdit(NamedTuple):
     back: tuple[d.GraphDelta, ...]
 
 
-class ManualEditQuestion:
+class ManualEditQuestion(Question[Never]):
     """Changes the live map; whatever it does can be undone."""
 
+    name = QuestionName.HAND
+    word = QuestionName.HAND.word
     about = "Change the live map while you drive. Click a node, or one and then another to join or part them."
 
     def __init__(self) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from html import escape
+from typing import Never
 
 import numpy as np
 
@@ -9,16 +10,15 @@ from ltvn_core import palette
 from ltvn_core.analysis.localisation_confidence import features_of
 from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
 from ltvn_core.config import Method
-from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.session.commands import CloseRecording, PointAt
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
 
@@ -26,9 +26,11 @@ _LOOPS = 4
 _COLOURED = 500
 
 
-class NextDriveQuestion:
+class NextDriveQuestion(Question[Never]):
     """Looks over the shoulder of whoever drives."""
 
+    name = QuestionName.COACH
+    word = QuestionName.COACH.word
     about = "While you drive: what the map still lacks, and where to go next. The ghost stands there."
 
     def __init__(self) -> None:
@@ -58,10 +60,6 @@ class NextDriveQuestion:
             return builder.build()
         _say(found, builder)
         return builder.build(_overlay(context, found, seen))
-
-    def handle_text(self, context: DebugContext, text: str) -> None:
-        """Take nothing in."""
-        raise OptionError("Nothing is asked here; drive, and the advice follows.")
 
 
 def _advise(

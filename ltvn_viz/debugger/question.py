@@ -3,16 +3,18 @@
 Owns the interface. Tools live one to a module and know neither the page nor the session's thread.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import Protocol
+from typing import ClassVar, Generic, TypeVar
 
 from ltvn_core import palette
+from ltvn_core.errors import OptionError
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.session.commands import ChooseQuestion, Command, Seek
+from ltvn_viz.session.commands import AskQuestion, ChooseQuestion, Command, QuestionRequest, Seek
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay
 
@@ -44,6 +46,10 @@ class AnswerBuilder:
         number = len(self.links) - 1
         return f'<a class="lt-link" data-ltvn-action="follow" data-id="link-{number}">{escape(label)}</a>'
 
+    def request_link(self, label: str, request: QuestionRequest) -> str:
+        """Return a link that asks something of the question that draws it, to be put into `html`."""
+        return self.link(label, AskQuestion(request))
+
     def time_link(self, seconds: float, label: str = "") -> str:
         """Return a link to a moment, named by its time unless there is a label, to be put into `html`."""
         return self.link(label or f"{seconds:.1f} s", Seek(seconds))
@@ -74,18 +80,35 @@ class AnswerBuilder:
         )
 
 
-class Question(Protocol):
-    """Answers one kind of question."""
+RequestT = TypeVar("RequestT", bound=QuestionRequest)
 
-    about: str
+
+class Question(ABC, Generic[RequestT]):
+    """Answers one kind of question; `RequestT` is what its links ask of it, Never where they only lead elsewhere.
+
+    To add one: write a class like this and put it into `question_registry`.
+    """
+
+    name: ClassVar[str]
+    """What the page calls it, different from all others."""
+    word: ClassVar[str]
+    """The word for it in an address, such as what-if."""
+    about: ClassVar[str]
     """What it shows, in one line."""
 
+    @abstractmethod
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Return what there is to see now; called when case or selection changed, in the session's thread."""
-        ...
 
     def handle_text(self, context: DebugContext, text: str) -> Command | None:
         """Take in what a person typed, and return what that asks for, if anything; raises OptionError or MapError,
         whose words the page shows.
         """
-        ...
+        raise OptionError("Nothing can be typed here; follow a link, or click a node in the scene.")
+
+    def handle_request(self, context: DebugContext, request: RequestT) -> Command | None:
+        """Do what a link of this question asks for, and return what that asks of the session, if anything.
+
+        Raises LtvnError, whose words the page shows.
+        """
+        raise OptionError(f"The question “{self.name}” cannot do this: {request}.")

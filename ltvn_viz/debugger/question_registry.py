@@ -1,6 +1,6 @@
-"""The tools of the debugger, by their names. Owns which there are."""
+"""The questions of the debugger, in the order of the list: a new one is a module of its own and one line here."""
 
-from collections.abc import Mapping
+from typing import Any
 
 from ltvn_viz.debugger.breakpoint_question import BreakpointQuestion
 from ltvn_viz.debugger.comparison_question import ComparisonQuestion
@@ -15,23 +15,22 @@ from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.share_question import ShareQuestion
 from ltvn_viz.debugger.what_if_question import WhatIfQuestion
 from ltvn_viz.debugger.why_question import WhyQuestion
-from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
 
-def all_questions(breakpoint_monitor: BreakpointMonitor) -> Mapping[QuestionName, Question]:
-    """Return a fresh set of questions; breakpoints are kept in `breakpoint_monitor`."""
-    return {
-        QuestionName.EDGE: EdgeQuestion(),
-        QuestionName.BLAME: WhyQuestion(),
-        QuestionName.TIME: HistoryQuestion(),
-        QuestionName.WHAT_IF: WhatIfQuestion(),
-        QuestionName.BREAK: BreakpointQuestion(breakpoint_monitor),
-        QuestionName.WHERE: LocalisationQuestion(),
-        QuestionName.COACH: NextDriveQuestion(),
-        QuestionName.FAILURES: FailureQuestion(),
-        QuestionName.COMPARE: ComparisonQuestion(),
-        QuestionName.TRUTH: GroundTruthQuestion(),
-        QuestionName.HAND: ManualEditQuestion(),
-        QuestionName.SHARE: ShareQuestion(),
-    }
+def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any], ...]:
+    """Return a fresh set of questions in the order of the list; breakpoints are kept in `breakpoint_monitor`."""
+    return (
+        EdgeQuestion(),
+        WhyQuestion(),
+        HistoryQuestion(),
+        WhatIfQuestion(),
+        LocalisationQuestion(),
+        BreakpointQuestion(breakpoint_monitor),
+        ComparisonQuestion(),
+        GroundTruthQuestion(),
+        FailureQuestion(),
+        NextDriveQuestion(),
+        ManualEditQuestion(),
+        ShareQuestion(),
+    )

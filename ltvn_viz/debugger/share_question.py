@@ -1,24 +1,40 @@
 """Share: a link to what is on show, the moment as a small recording with a test, the map as page and figure, Rerun."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
 from html import escape
 from pathlib import Path
 from shlex import quote
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, assert_never
 
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.exports import save_excerpt, save_map
-from ltvn_viz.debugger.question import AnswerBuilder
-from ltvn_viz.session.commands import SubmitText
+from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.session.commands import QuestionRequest
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.share_links import link
 
-SAVE_EXCERPT, SAVE_MAP, OPEN_IN_RERUN = "save this moment", "save the map as a page and a figure", "open in Rerun"
 _BEFORE_S, _AFTER_S = 8.0, 2.0
 
 
-class _ShareRequest(NamedTuple):
+class ShareAction(StrEnum):
+    """What a person can take along, in the words of its link."""
+
+    SAVE_EXCERPT = "save this moment"
+    SAVE_MAP = "save the map as a page and a figure"
+    OPEN_IN_RERUN = "open in Rerun"
+
+
+@dataclass(frozen=True, slots=True)
+class ShareRequest(QuestionRequest):
+    """Make one of these of the moment on show."""
+
+    action: ShareAction
+
+
+class _ShareJob(NamedTuple):
     """Something slow that a person asked for."""
 
     words: str
@@ -26,14 +42,16 @@ class _ShareRequest(NamedTuple):
     compute: Callable[[], Any]
 
 
-class ShareQuestion:
+class ShareQuestion(Question[ShareRequest]):
     """Hands out what is on show."""
 
+    name = QuestionName.SHARE
+    word = QuestionName.SHARE.word
     about = "Show somebody what you see: a link, a small recording of this moment, the map as a page."
 
     def __init__(self) -> None:
         """Nothing was asked for yet."""
-        self._request: _ShareRequest | None = None
+        self._job: _ShareJob | None = None
         self._count = 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
@@ -48,32 +66,27 @@ class ShareQuestion:
         self._link(builder, context, selection)
         where = escape(str(context.library.folder))
         builder.add_html(
-            f"<div>{builder.link(SAVE_EXCERPT, SubmitText(SAVE_EXCERPT))}: "
+            f"<div>{_request_link(builder, ShareAction.SAVE_EXCERPT)}: "
             f"{_BEFORE_S + _AFTER_S:.0f} s, with a test, in {where}</div>"
         )
-        builder.add_html(f"<div>{builder.link(SAVE_MAP, SubmitText(SAVE_MAP))}, in {where}</div>")
+        builder.add_html(f"<div>{_request_link(builder, ShareAction.SAVE_MAP)}, in {where}</div>")
         builder.add_html(
-            f"<div>{builder.link(OPEN_IN_RERUN, SubmitText(OPEN_IN_RERUN))}: "
+            f"<div>{_request_link(builder, ShareAction.OPEN_IN_RERUN)}: "
             "all rows of the recording, in a window of its own</div>"
         )
         self._answer(builder, context)
         return builder.build()
 
-    def handle_text(self, context: DebugContext, text: str) -> None:
+    def handle_request(self, context: DebugContext, request: ShareRequest) -> None:
         """Begin what a link asks for. Raises OptionError."""
         if context.is_live:
             raise OptionError("Open a recording under “Replay” first.")
-        library, name, stamp, rerun = context.library, context.name, context.moment.stamp, context.rerun
-        begin, end = stamp - _BEFORE_S, stamp + _AFTER_S
-        requests: dict[str, Callable[[], Any]] = {
-            SAVE_EXCERPT: lambda: save_excerpt(library, name, begin, end),
-            SAVE_MAP: lambda: save_map(library, name, stamp),
-            OPEN_IN_RERUN: lambda: rerun(library.path(name)),
-        }
-        if text not in requests:
-            raise OptionError(f"Click one of the links: {', '.join(requests)}.")
         self._count += 1  # Asked twice is done twice, under another name.
-        self._request = _ShareRequest(text, ("share", self._count, text), requests[text])
+        self._job = _ShareJob(
+            words=str(request.action),
+            question=("share", self._count, request.action),
+            compute=_computation(context, request.action),
+        )
 
     def _link(self, builder: AnswerBuilder, context: DebugContext, selection: Selection) -> None:
         seconds = max(0.0, context.moment.stamp - context.start_s)
@@ -87,15 +100,15 @@ class ShareQuestion:
         builder.add_html(f"<div>Elsewhere: send the file, and <code>{escape(command)}</code></div>")
 
     def _answer(self, builder: AnswerBuilder, context: DebugContext) -> None:
-        if self._request is None:
+        if self._job is None:
             return
         try:
-            found = context.in_background(self._request.question, self._request.compute)
+            found = context.in_background(self._job.question, self._job.compute)
         except LtvnError as error:
-            builder.add_text(f"Could not {self._request.words}: {error}")
+            builder.add_text(f"Could not {self._job.words}: {error}")
             return
         if found is None:
-            builder.add_pending(self._request.words.capitalize())
+            builder.add_pending(self._job.words.capitalize())
         elif isinstance(found, str):
             builder.add_html(
                 f'<div><a href="{escape(found)}" target="_blank" rel="noreferrer" class="lt-link">Rerun is open here'
@@ -103,6 +116,23 @@ class ShareQuestion:
             )
         else:
             builder.add_text(f"Written: {' and '.join(_size(path) for path in found)}.")
+
+
+def _request_link(builder: AnswerBuilder, action: ShareAction) -> str:
+    return builder.request_link(str(action), ShareRequest(action))
+
+
+def _computation(context: DebugContext, action: ShareAction) -> Callable[[], Any]:
+    """Return what to do in the worker's thread, for the moment as it is now."""
+    library, name, stamp, rerun = context.library, context.name, context.moment.stamp, context.rerun
+    match action:
+        case ShareAction.SAVE_EXCERPT:
+            return lambda: save_excerpt(library, name, stamp - _BEFORE_S, stamp + _AFTER_S)
+        case ShareAction.SAVE_MAP:
+            return lambda: save_map(library, name, stamp)
+        case ShareAction.OPEN_IN_RERUN:
+            return lambda: rerun(library.path(name))
+    assert_never(action)
 
 
 def _size(path: Path) -> str:

@@ -1,10 +1,11 @@
 """What would have been otherwise: old and new plan side by side, and what other thresholds would do to the map."""
 
 from collections.abc import Hashable
+from dataclasses import dataclass
 from functools import partial
 from html import escape
 from itertools import pairwise
-from typing import assert_never
+from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.planner_state import planner_state_at
@@ -25,7 +26,7 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.what_if_planning import (
     WhatIfOutcome,
     WhatIfResult,
@@ -33,17 +34,41 @@ from ltvn_viz.debugger.what_if_planning import (
     plan_both_ways,
     with_imagined_thresholds,
 )
-from ltvn_viz.session.commands import PointAt, SubmitText
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.session.commands import PointAt, QuestionRequest
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
 
 _ROWS = 12
 _FORGET, _ALL = "forget ", "all"
 
 
-class WhatIfQuestion:
+@dataclass(frozen=True, slots=True)
+class ImagineChange(QuestionRequest):
+    """Imagine this too, in place of what was imagined about the same thing."""
+
+    change: WhatIfChange
+
+
+@dataclass(frozen=True, slots=True)
+class ForgetChange(QuestionRequest):
+    """Imagine this no longer."""
+
+    change: WhatIfChange
+
+
+@dataclass(frozen=True, slots=True)
+class ForgetAllChanges(QuestionRequest):
+    """Imagine nothing."""
+
+
+WhatIfRequest: TypeAlias = ImagineChange | ForgetChange | ForgetAllChanges
+
+
+class WhatIfQuestion(Question[WhatIfRequest]):
     """Imagines changes, and never makes them."""
 
+    name = QuestionName.WHAT_IF
+    word = QuestionName.WHAT_IF.word
     about = "Imagine an edge, a belief, the goal or a threshold to be otherwise. The map and the recording stay as is."
 
     def __init__(self) -> None:
@@ -64,34 +89,34 @@ class WhatIfQuestion:
 
     def handle_text(self, context: DebugContext, text: str) -> None:
         """Imagine one thing more, or "forget" one or "all". Raises OptionError, MapError."""
-        words = " ".join(text.split())
-        if words.startswith(_FORGET):
-            self._forget(words.removeprefix(_FORGET))
-        else:
-            change = parse_what_if_change(words)
-            self._changes.pop(_about(change), None)
-            self._changes[_about(change)] = change
+        self.handle_request(context, _typed_request(text))
+
+    def handle_request(self, context: DebugContext, request: WhatIfRequest) -> None:
+        """Imagine or forget. Raises OptionError where something that is not imagined is to be forgotten."""
+        match request:
+            case ImagineChange(change):
+                self._changes.pop(_about(change), None)
+                self._changes[_about(change)] = change
+            case ForgetChange(change):
+                self._forget(change)
+            case ForgetAllChanges():
+                self._changes = {}
+            case _:
+                assert_never(request)
         self._told += 1
 
-    def _forget(self, text: str) -> None:
-        kept = (
-            {}
-            if text == _ALL
-            else {key: each for key, each in self._changes.items() if format_what_if_change(each) != text}
-        )
-        if len(kept) == len(self._changes) and kept:
-            raise OptionError(
-                f"{text[:60]!r} is not imagined; {', '.join(map(format_what_if_change, kept.values()))} is."
-            )
-        self._changes = kept
+    def _forget(self, change: WhatIfChange) -> None:
+        if self._changes.get(_about(change)) != change:
+            imagined = ", ".join(map(format_what_if_change, self._all)) or "nothing"
+            raise OptionError(f"{format_what_if_change(change)!r} is not imagined; {imagined} is.")
+        del self._changes[_about(change)]
 
     @staticmethod
     def _offers(context: DebugContext, selection: Selection, builder: AnswerBuilder) -> None:
-        texts = [*_about_edge(context.graph, selection), *_about_node(selection)]
-        if texts:
-            builder.add_html(
-                "<div>What if: " + " · ".join(builder.link(text, SubmitText(text)) for text in texts) + "</div>"
-            )
+        offers = [*_about_edge(context.graph, selection), *_about_node(selection)]
+        if offers:
+            links = (builder.request_link(format_what_if_change(each), ImagineChange(each)) for each in offers)
+            builder.add_html(f"<div>What if: {' · '.join(links)}</div>")
         else:
             builder.add_text(
                 "Click a node, then its neighbour, to imagine something about the edge between, or type below."
@@ -99,10 +124,10 @@ class WhatIfQuestion:
 
     def _imagined(self, builder: AnswerBuilder) -> None:
         for each in self._changes.values():
-            text = format_what_if_change(each)
-            builder.add_html(f"<div><b>{escape(text)}</b> · {builder.link('forget', SubmitText(_FORGET + text))}</div>")
+            forget = builder.request_link("forget", ForgetChange(each))
+            builder.add_html(f"<div><b>{escape(format_what_if_change(each))}</b> · {forget}</div>")
         if len(self._changes) > 1:
-            builder.add_html(f"<div>{builder.link('forget all', SubmitText(_FORGET + _ALL))}</div>")
+            builder.add_html(f"<div>{builder.request_link('forget all', ForgetAllChanges())}</div>")
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> Overlay:
         graph, situation, changes = context.graph, planner_state_at(context.timeline, context.instant), self._all
@@ -147,6 +172,14 @@ class WhatIfQuestion:
             builder.add_html(f"<div>Rebuilt so: <b>{escape(counted)}</b></div>")
 
 
+def _typed_request(text: str) -> WhatIfRequest:
+    words = " ".join(text.split())
+    if not words.startswith(_FORGET):
+        return ImagineChange(parse_what_if_change(words))
+    named = words.removeprefix(_FORGET)
+    return ForgetAllChanges() if named == _ALL else ForgetChange(parse_what_if_change(named))
+
+
 def _about(change: WhatIfChange) -> Hashable:
     """Return what a change is about; a later one about the same takes its place."""
     match change:
@@ -161,18 +194,17 @@ def _about(change: WhatIfChange) -> Hashable:
     assert_never(change)
 
 
-def _about_edge(graph: TopologicalGraph, selection: Selection) -> tuple[str, ...]:
+def _about_edge(graph: TopologicalGraph, selection: Selection) -> tuple[WhatIfChange, ...]:
     edge = selection.edge or selection.pair
     if edge is None:
         return ()
-    name = f"{edge[0]}->{edge[1]}"
     if edge not in graph.edges:
-        return (f"with {name}",)
-    return f"without {name}", f"p({name}) = 0.1", f"p({name}) = 0.9"
+        return (WithEdge(*edge),)
+    return WithoutEdge(*edge), WithBelief(*edge, p=0.1), WithBelief(*edge, p=0.9)
 
 
-def _about_node(selection: Selection) -> tuple[str, ...]:
-    return () if selection.node is None else (f"goal {selection.node}", f"from {selection.node}")
+def _about_node(selection: Selection) -> tuple[WhatIfChange, ...]:
+    return () if selection.node is None else (WithGoal(selection.node), WithStart(selection.node))
 
 
 def _say(answer: WhatIfResult, builder: AnswerBuilder) -> None:

@@ -6,6 +6,7 @@ Owns which of these questions make sense. The sentences are made in `ltvn_core.a
 import re
 from collections.abc import Sequence
 from html import escape
+from typing import Never
 
 from ltvn_core import palette
 from ltvn_core.analysis import edge_explanation
@@ -19,7 +20,7 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
-from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.session.commands import ChooseQuestion, PointAt
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
@@ -29,9 +30,11 @@ _SENTENCES = 8
 _GONE = 12
 
 
-class WhyQuestion:
+class WhyQuestion(Question[Never]):
     """Tells the reasons."""
 
+    name = QuestionName.BLAME
+    word = QuestionName.BLAME.word
     about = (
         "The reasons behind an edge or a node, each with its moment. Click a node, then another, or type two numbers."
     )

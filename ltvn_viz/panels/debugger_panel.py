@@ -20,9 +20,9 @@ class DebuggerPanel:
         )
         self._tools = gui.add_dropdown("Question", [QuestionName.NONE.value])
         self._about, self._view = HtmlBlock(gui), HtmlBlock(gui)
-        self._field = gui.add_text("SubmitText", "", visible=False)
-        self._tell = gui.add_button("SubmitText", visible=False)
-        self._offered: tuple[QuestionName, ...] = ()
+        self._field = gui.add_text("What to ask", "", visible=False)
+        self._tell = gui.add_button("Ask", visible=False)
+        self._offered: tuple[str, ...] = ()
         self._bind(send)
 
     def show(self, snapshot: Snapshot) -> None:
@@ -30,9 +30,9 @@ class DebuggerPanel:
         inspection = snapshot.inspection
         if inspection.offered != self._offered:
             self._offered = inspection.offered
-            self._tools.options = [question.value for question in inspection.offered]
+            self._tools.options = [str(question) for question in inspection.offered]
         if self._tools.value != inspection.question:
-            self._tools.value = inspection.question.value
+            self._tools.value = str(inspection.question)
         self._about.show(note(inspection.about) if inspection.about else "")
         self._view.show(inspection.html)
         input_hint = inspection.answer.input_hint

@@ -4,7 +4,7 @@ Owns no rule of its own beyond how an activity is left; commands are carried out
 `snapshot_builder`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeAlias
@@ -18,10 +18,10 @@ from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.camera_feed import ImageFeed
-from ltvn_viz.session.commands import Command
+from ltvn_viz.session.commands import Command, QuestionRequest
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals
-from ltvn_viz.session.inspection import Inspection, QuestionName
+from ltvn_viz.session.inspection import Inspection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.recording_library import RecordingLibrary
@@ -47,7 +47,12 @@ class Debugger(Protocol):
         """What the page shows of it."""
         ...
 
-    def choose(self, question: QuestionName) -> None:
+    @property
+    def words(self) -> Mapping[str, str]:
+        """The names of the questions by their words in an address."""
+        ...
+
+    def choose(self, question: str) -> None:
         """Show a question, or none."""
         ...
 
@@ -57,6 +62,10 @@ class Debugger(Protocol):
 
     def handle_text(self, text: str) -> Command | None:
         """Hand a person's words to the question; returns what they ask for. Raises OptionError, MapError."""
+        ...
+
+    def handle_request(self, request: QuestionRequest) -> Command | None:
+        """Hand what a link asks for to the question; returns what that asks of the session. Raises LtvnError."""
         ...
 
     def link(self, number: int) -> Command | None:

@@ -4,6 +4,7 @@ Owns the meaning of each command. Whether it is legal now is `modes`; runs in th
 """
 
 from collections.abc import Sequence
+from typing import assert_never
 
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.deltas import GraphDelta
@@ -57,7 +58,7 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             state.goals.selected = node
         case c.PickNode(node):
             _pick(state, node)
-        case c.ChooseQuestion() | c.FollowLink() | c.SubmitText() | c.PointAt():
+        case c.ChooseQuestion() | c.PointAt() | c.SubmitText() | c.AskQuestion() | c.FollowLink():
             _inspect(state, command)
         case c.EditMap(deltas):
             _change(state, deltas)
@@ -69,8 +70,10 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             state.say(text, Severity.ERROR)
         case c.StartRecording() | c.KeepRecording() | c.DiscardRecording():
             _record(state, command)
-        case _:
+        case c.Pause() | c.StepOnce() | c.Seek() | c.SeekMark() | c.SeekBy() | c.OpenRecording() | c.CloseRecording():
             _play(state, command)
+        case _:
+            assert_never(command)
 
 
 def _stop(state: AppState) -> None:
@@ -79,7 +82,7 @@ def _stop(state: AppState) -> None:
         state.cancel("Stopped; the task was cancelled.")
 
 
-def _play(state: AppState, command: c.Command) -> None:
+def _play(state: AppState, command: c.PlaybackCommand) -> None:
     """Commands that mean something to a task or a replay under way."""
     match command, state.activity:
         case c.Pause(), Playback() as replay:
@@ -98,21 +101,25 @@ def _play(state: AppState, command: c.Command) -> None:
             _open(state, opening)
         case c.CloseRecording(), _:
             state.activity = state.teleop
+        case ((c.Pause() | c.StepOnce() | c.SeekBy()), _):
+            pass  # It is legal in another mode alone, which `modes` has seen to.
 
 
-def _inspect(state: AppState, command: c.Command) -> None:
+def _inspect(state: AppState, command: c.DebuggerCommand) -> None:
     debugger = state.debugger
     match command:
         case c.ChooseQuestion(name):
-            debugger.choose(
-                next((question for question in debugger.shown.offered if question == name), QuestionName.NONE)
-            )
+            debugger.choose(next((each for each in debugger.shown.offered if each == name), QuestionName.NONE))
         case c.PointAt(node, target):
             debugger.point_at(node, target)
         case c.SubmitText(text):
             _ask(state, debugger.handle_text(text))
+        case c.AskQuestion(request):
+            _ask(state, debugger.handle_request(request))
         case c.FollowLink(number):
             _ask(state, debugger.link(number) or c.ReportError(STALE_LINK))
+        case _:
+            assert_never(command)
 
 
 def _ask(state: AppState, asked: c.Command | None) -> None:
@@ -163,7 +170,7 @@ def _find_and_go(state: AppState, rgb: Rgb) -> None:
     state.worker.submit(find, go)
 
 
-def _record(state: AppState, command: c.Command) -> None:
+def _record(state: AppState, command: c.RecordingCommand) -> None:
     recorder = state.live.recorder
     # What the map has learned must be in the timeline before a recording begins with it, or ends.
     state.worker.settle()
@@ -175,6 +182,8 @@ def _record(state: AppState, command: c.Command) -> None:
             state.say(f"Kept as {state.last_recording}. Open it under “Replay”.")
         case c.DiscardRecording():
             state.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
+        case _:
+            assert_never(command)
 
 
 def _open(state: AppState, asked: c.OpenRecording) -> None:

@@ -5,7 +5,7 @@ is not among them: the held keys are polled from the driver's seat, so that they
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph.deltas import GraphDelta
@@ -13,7 +13,7 @@ from ltvn_core.types import NodeId, Rgb
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Command:
+class LabelledCommand:
     """Something a person asked for."""
 
     label: ClassVar[str] = ""
@@ -21,35 +21,35 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StopRobot(Command):
+class StopRobot(LabelledCommand):
     """Stop the robot now and give up navigating."""
 
     label: ClassVar[str] = "stop"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StartRecording(Command):
+class StartRecording(LabelledCommand):
     """Begin a new recording."""
 
     label: ClassVar[str] = "record"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KeepRecording(Command):
+class KeepRecording(LabelledCommand):
     """End the recording and keep it under a name of its own."""
 
     label: ClassVar[str] = "keep"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DiscardRecording(Command):
+class DiscardRecording(LabelledCommand):
     """End the recording and move it to the folder of discarded ones."""
 
     label: ClassVar[str] = "discard"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BuildMap(Command):
+class BuildMap(LabelledCommand):
     """Build a map anew from all images driven so far, Algorithm 1."""
 
     label: ClassVar[str] = "build the map"
@@ -61,7 +61,7 @@ MOST_MINUTES = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FineTune(Command):
+class FineTune(LabelledCommand):
     """Fine-tune the network on the drive at hand."""
 
     label: ClassVar[str] = "learn from a drive"
@@ -69,24 +69,24 @@ class FineTune(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StopFineTuning(Command):
+class StopFineTuning(LabelledCommand):
     """Give up fine-tuning; the network stays as it is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UseWeights(Command):
+class UseWeights(LabelledCommand):
     """Take the weights that fine-tuning made into use and build the map anew with them."""
 
     label: ClassVar[str] = "use new weights"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DismissWeights(Command):
+class DismissWeights(LabelledCommand):
     """Go on with the weights in use; those that fine-tuning made stay on disk."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SelectGoal(Command):
+class SelectGoal(LabelledCommand):
     """Choose a node as the goal without going there yet."""
 
     label: ClassVar[str] = "choose a goal"
@@ -94,14 +94,14 @@ class SelectGoal(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PickNode(Command):
+class PickNode(LabelledCommand):
     """Choose a node as the goal, and go there if the robot is free."""
 
     node: NodeId
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NavigateTo(Command):
+class NavigateTo(LabelledCommand):
     """Drive to a node of the map, or to the one that was chosen."""
 
     label: ClassVar[str] = "navigate"
@@ -109,7 +109,7 @@ class NavigateTo(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NavigateToImage(Command):
+class NavigateToImage(LabelledCommand):
     """Drive to the node that looks most like a picture (H, W, 3)."""
 
     label: ClassVar[str] = "upload a goal picture"
@@ -117,35 +117,35 @@ class NavigateToImage(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pause(Command):
+class Pause(LabelledCommand):
     """Hold the navigation task or the replay, or go on with it."""
 
     label: ClassVar[str] = "pause"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StepOnce(Command):
+class StepOnce(LabelledCommand):
     """Let one control step of the navigation task happen, then hold it."""
 
     label: ClassVar[str] = "step"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cancel(Command):
+class Cancel(LabelledCommand):
     """Give up the navigation task or the building of a map."""
 
     label: ClassVar[str] = "cancel"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TakeOver(Command):
+class TakeOver(LabelledCommand):
     """Give up the navigation task, because a person drives."""
 
     label: ClassVar[str] = "take over"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OpenRecording(Command):
+class OpenRecording(LabelledCommand):
     """Show a recording of the recordings folder in the page."""
 
     label: ClassVar[str] = "open a recording"
@@ -153,19 +153,19 @@ class OpenRecording(Command):
     """Path inside the recordings folder."""
     at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
-    then: tuple[Command, ...] = ()
+    then: "tuple[Command, ...]" = ()
     """What to do once it is open."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CloseRecording(Command):
+class CloseRecording(LabelledCommand):
     """Go back from the replay to the live robot."""
 
     label: ClassVar[str] = "back to the robot"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seek(Command):
+class Seek(LabelledCommand):
     """Show the recording, or the live run, as it was so many seconds after its beginning."""
 
     label: ClassVar[str] = "seek"
@@ -173,14 +173,14 @@ class Seek(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeekBy(Command):
+class SeekBy(LabelledCommand):
     """Show the replay so many seconds later, or earlier."""
 
     seconds: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeekMark(Command):
+class SeekMark(LabelledCommand):
     """Show the moment of the next mark on the time line, or of the one before."""
 
     label: ClassVar[str] = "go to an event"
@@ -190,7 +190,7 @@ class SeekMark(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ChooseQuestion(Command):
+class ChooseQuestion(LabelledCommand):
     """Show a tool of the debugger, by the name that the page calls it; an unknown one shows none."""
 
     label: ClassVar[str] = "ask why"
@@ -198,21 +198,33 @@ class ChooseQuestion(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FollowLink(Command):
+class FollowLink(LabelledCommand):
     """Follow a link in what the tool shows."""
 
     link: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SubmitText(Command):
+class SubmitText(LabelledCommand):
     """Hand what a person typed to the tool."""
 
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class QuestionRequest:
+    """What a link in an answer asks of the question that drew it; each question has its own kinds."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class PointAt(Command):
+class AskQuestion(LabelledCommand):
+    """Ask something of the question on show."""
+
+    request: QuestionRequest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointAt(LabelledCommand):
     """Select a node, or an edge from `node` to `target`, for the tool."""
 
     node: NodeId
@@ -220,7 +232,7 @@ class PointAt(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class EditMap(Command):
+class EditMap(LabelledCommand):
     """Change the live map by hand."""
 
     label: ClassVar[str] = "change the map by hand"
@@ -228,7 +240,33 @@ class EditMap(Command):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReportError(Command):
+class ReportError(LabelledCommand):
     """Show a message in the page; for errors met outside the session, such as a broken upload."""
 
     text: str
+
+
+RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
+PlaybackCommand: TypeAlias = Pause | StepOnce | Seek | SeekMark | SeekBy | OpenRecording | CloseRecording
+"""What means something to a query or a replay under way."""
+DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
+Command: TypeAlias = (
+    RecordingCommand
+    | PlaybackCommand
+    | DebuggerCommand
+    | StopRobot
+    | BuildMap
+    | FineTune
+    | StopFineTuning
+    | UseWeights
+    | DismissWeights
+    | SelectGoal
+    | PickNode
+    | NavigateTo
+    | NavigateToImage
+    | Cancel
+    | TakeOver
+    | EditMap
+    | ReportError
+)
+"""Everything that can be asked of the session; pyright names each place that must know a new one."""

@@ -6,6 +6,7 @@ Owns no answer; the questions are in `ltvn_viz.debugger`, and the page draws wha
 import re
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
 
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
@@ -18,21 +19,33 @@ _LINK_ID = re.compile(r'data-id="link-(\d+)"')
 
 
 class QuestionName(StrEnum):
-    """The tools, in the order of the list; the value is what the page calls them."""
+    """What the page calls the questions to which others lead, each with its word in an address.
 
-    NONE = "choose a question …"
-    EDGE = "What about this edge?"
-    BLAME = "Why is it so?"
-    TIME = "What happened when?"
-    WHAT_IF = "What if?"
-    WHERE = "Where am I?"
-    BREAK = "Stop when …"
-    COMPARE = "What is different?"
-    TRUTH = "What is true?"
-    FAILURES = "What failed?"
-    COACH = "Where to drive next?"
-    HAND = "Change by hand"
-    SHARE = "Show somebody"
+    A question that nothing else leads to has a name and a word of its own, and needs no member here.
+    """
+
+    word: str
+
+    def __new__(cls, name: str, word: str) -> Self:
+        """Make a member whose value is `name`."""
+        member = str.__new__(cls, name)
+        member._value_ = name
+        member.word = word
+        return member
+
+    NONE = "choose a question …", ""
+    EDGE = "What about this edge?", "edge"
+    BLAME = "Why is it so?", "blame"
+    TIME = "What happened when?", "time"
+    WHAT_IF = "What if?", "what-if"
+    WHERE = "Where am I?", "where"
+    BREAK = "Stop when …", "break"
+    COMPARE = "What is different?", "compare"
+    TRUTH = "What is true?", "truth"
+    FAILURES = "What failed?", "failures"
+    COACH = "Where to drive next?", "coach"
+    HAND = "Change by hand", "hand"
+    SHARE = "Show somebody", "share"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +88,14 @@ NO_ANSWER = QuestionAnswer("")
 class Inspection:
     """What the page shows of the debugger."""
 
-    question: QuestionName = QuestionName.NONE
+    question: str = QuestionName.NONE
+    """Its name, as the page calls it."""
     about: str = ""
     answer: QuestionAnswer = NO_ANSWER
     serial: int = 0
     """Counts views; part of every link."""
     selection: Selection = NOTHING_SELECTED
-    offered: tuple[QuestionName, ...] = (QuestionName.NONE,)
+    offered: tuple[str, ...] = (QuestionName.NONE,)
 
     @property
     def html(self) -> str:

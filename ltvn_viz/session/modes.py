@@ -43,6 +43,7 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.ChooseQuestion: ANYWHERE,
     c.FollowLink: ANYWHERE,
     c.SubmitText: ANYWHERE,
+    c.AskQuestion: ANYWHERE,
     c.PointAt: ANYWHERE,
     c.SelectGoal: LIVE,
     c.PickNode: ANYWHERE,

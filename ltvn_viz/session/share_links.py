@@ -6,6 +6,7 @@ checked, and whatever else stands in an address is left alone.
 
 import math
 import re
+from collections.abc import Mapping
 from urllib.parse import parse_qs, urlencode
 
 from ltvn_core.errors import OptionError
@@ -17,6 +18,8 @@ from ltvn_viz.session.viewpoint import Viewpoint
 
 _NODE = re.compile(r"[0-9]{1,12}", re.ASCII)
 _MAX_FIELDS = 32
+QUESTION_WORDS: Mapping[str, str] = {name.word: name.value for name in QuestionName if name.word}
+"""The names of our own questions by their words."""
 
 
 def link(
@@ -33,15 +36,16 @@ def link(
     elif selection is not None and selection.node is not None:
         words["node"] = str(selection.node)
     if question is not QuestionName.NONE:
-        words["tool"] = _word(question)
+        words["tool"] = question.word
     if view is not None:
         words["camera"] = view.word
     return f"/?{urlencode(words, safe=',')}"
 
 
-def commands_from_link(query: str) -> tuple[Command, ...]:
+def commands_from_link(query: str, questions: Mapping[str, str] = QUESTION_WORDS) -> tuple[Command, ...]:
     """Return what the query of an address asks for, nothing where it asks for nothing. Raises OptionError.
 
+    `questions` has the names of the questions by their words.
     The page itself puts the camera where a link says; one that makes no sense is reported, and the rest is done.
     """
     try:
@@ -49,7 +53,7 @@ def commands_from_link(query: str) -> tuple[Command, ...]:
     except ValueError as error:
         raise OptionError(f"This link cannot be read ({error}). Ask for it again under “Show somebody”.") from error
     words = {name: fields[name][-1] for name in LINK_PARAMETERS if name in fields}
-    shown: tuple[Command, ...] = (*_tool(words.get("tool")), *_pointed(words))
+    shown: tuple[Command, ...] = (*_tool(words.get("tool"), questions), *_pointed(words))
     if "replay" in words:
         shown = (OpenRecording(words["replay"], _seconds(words.get("at", "0")), shown),)
     return (*shown, *_complaint(words.get("camera")))
@@ -64,10 +68,9 @@ def _complaint(camera: str | None) -> tuple[Command, ...]:
     return ()
 
 
-def _tool(word: str | None) -> tuple[Command, ...]:
+def _tool(word: str | None, known: Mapping[str, str]) -> tuple[Command, ...]:
     if word is None:
         return ()
-    known = {_word(question): question for question in QuestionName if question is not QuestionName.NONE}
     if word not in known:
         raise OptionError(f"This link asks for the tool “{word}”; there are {', '.join(known)}.")
     return (ChooseQuestion(known[word]),)
@@ -88,7 +91,3 @@ def _seconds(text: str) -> float:
     if not (math.isfinite(seconds) and seconds >= 0):
         raise OptionError(f"This link names the time “{text}”; want seconds after the beginning, such as at=12.5.")
     return seconds
-
-
-def _word(question: QuestionName) -> str:
-    return question.name.lower().replace("_", "-")

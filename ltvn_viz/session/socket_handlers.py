@@ -70,7 +70,7 @@ def drive_listener(session: Session) -> DriveListener:
 
     def on_link(_client: ClientId, query: str) -> None:
         try:
-            asked = commands_from_link(query)
+            asked = commands_from_link(query, session.state.debugger.words)
         except OptionError as error:
             asked = (c.ReportError(str(error)),)
         for command in asked:

@@ -53,7 +53,7 @@ class DebuggerPage:
         """Choose a question of the list, and return where its answer will stand."""
         box = self.page.get_by_label("Question", exact=True).locator("visible=true")
         if self.shown.question is not question:
-            self.until(lambda: box.input_value() == self.shown.question.value)
+            self.until(lambda: box.input_value() == str(self.shown.question))
             box.click()
             self.page.get_by_role("option", name=question.value, exact=True).click()
             self.until(lambda: self.shown.question is question)
@@ -69,13 +69,11 @@ class DebuggerPage:
         self.settled()
 
     def _handled(self, command: Command | None, before: Inspection) -> bool:
-        match command:
-            case ChooseQuestion(question):
-                return self.shown.question.value == question
-            case PointAt(node, target) if target is not None:
-                return self.shown.selection.edge == (node, target)
-            case PointAt(node):
-                return self.shown.selection.node == node
+        if isinstance(command, ChooseQuestion):
+            return self.shown.question == command.name
+        if isinstance(command, PointAt):
+            edge, node = self.shown.selection.edge, self.shown.selection.node
+            return node == command.node if command.target is None else edge == (command.node, command.target)
         return self.shown is not before
 
     def link(self, label: str | re.Pattern[str]) -> Locator:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from ltvn_viz.debugger.share_question import SAVE_EXCERPT
+from ltvn_viz.debugger.share_question import ShareAction
 from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.session.share_links import link
@@ -75,7 +75,7 @@ def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, p
     copied = page.get_by_role("link", name="Link to this moment").get_attribute("href") or ""
     assert re.fullmatch(r"/\?replay=demo-drive\.rrd&at=42\.5&edge=728-724&tool=edge", copied)
 
-    page.get_by_text(SAVE_EXCERPT).click()
+    page.get_by_text(ShareAction.SAVE_EXCERPT).click()
 
     expect(page.get_by_text("Written: moment-demo-drive")).to_be_visible()
     assert list(app.harness.library.folder.glob("moment-*.rrd"))

@@ -107,3 +107,5 @@ def test_each_shipped_query_meets_its_fault_and_fails(shipped: Recording) -> Non
             case "missing-edge":
                 assert ends[said["query"]] is Outcome.NO_PATH
                 assert set(plans) == {()}
+            case unknown:
+                pytest.fail(f"no such fault: {unknown}")

@@ -112,3 +112,12 @@ def test_links_lead_to_the_next_and_to_the_previous_hit_of_a_recording(harness: 
     assert second.replay is not None
     assert back.replay is not None
     assert back.replay.time_s == first.replay.time_s < second.replay.time_s
+
+
+def test_an_offer_that_was_taken_is_offered_no_more(harness: SessionHarness) -> None:
+    offered = harness.do(ticks=2)
+
+    taken = follow(harness, offered, "p crosses R_p")
+
+    assert taken.inspection.html.count("p crosses R_p") == 1
+    assert "<b>p crosses R_p</b>" in taken.inspection.html

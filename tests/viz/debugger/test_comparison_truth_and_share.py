@@ -15,7 +15,7 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Observation
 from ltvn_viz.debugger.comparison_question import BEFORE_FIRST_QUERY
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
-from ltvn_viz.debugger.share_question import OPEN_IN_RERUN, SAVE_EXCERPT, SAVE_MAP
+from ltvn_viz.debugger.share_question import ShareAction
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
@@ -159,9 +159,9 @@ def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(de
 def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo: SessionHarness) -> None:
     demo.do(c.ChooseQuestion(QuestionName.SHARE))
     before = set(demo.library.folder.iterdir())
-    shown = follow(demo, SAVE_EXCERPT)
+    shown = follow(demo, ShareAction.SAVE_EXCERPT)
     assert "Written: moment-demo-drive" in words(shown)
-    follow(demo, SAVE_EXCERPT)
+    follow(demo, ShareAction.SAVE_EXCERPT)
 
     written = sorted(set(demo.library.folder.iterdir()) - before)
     moments, tests = [p for p in written if p.suffix == ".rrd"], [p for p in written if p.suffix == ".py"]
@@ -173,7 +173,7 @@ def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo:
 
 def test_the_map_is_written_as_a_page_and_a_figure_that_ask_nothing_of_others(demo: SessionHarness) -> None:
     demo.do(c.ChooseQuestion(QuestionName.SHARE))
-    follow(demo, SAVE_MAP)
+    follow(demo, ShareAction.SAVE_MAP)
     page, figure = (next(demo.library.folder.glob(f"map-*{end}")).read_text() for end in (".html", ".svg"))
     assert figure.startswith("<svg")
     assert not re.search(r"(src|href)=[\"']?https?:", page + figure)
@@ -182,13 +182,16 @@ def test_the_map_is_written_as_a_page_and_a_figure_that_ask_nothing_of_others(de
 def test_rerun_is_opened_by_a_link_and_a_failure_is_said_in_words(demo: SessionHarness) -> None:
     demo.state.rerun = lambda path: f"http://127.0.0.1:1/{path.name}"
     demo.do(c.ChooseQuestion(QuestionName.SHARE))
-    assert 'href="http://127.0.0.1:1/demo-drive.rrd" target="_blank"' in follow(demo, OPEN_IN_RERUN).inspection.html
+    assert (
+        'href="http://127.0.0.1:1/demo-drive.rrd" target="_blank"'
+        in follow(demo, ShareAction.OPEN_IN_RERUN).inspection.html
+    )
 
     def broken(path: Path) -> str:
         raise RecordingError("no viewer here")
 
     demo.state.rerun = broken
     demo.do(c.Seek(1.0), ticks=2)
-    failed = words(follow(demo, OPEN_IN_RERUN))
+    failed = words(follow(demo, ShareAction.OPEN_IN_RERUN))
     assert "no viewer here" in failed
-    assert SAVE_EXCERPT in failed
+    assert ShareAction.SAVE_EXCERPT in failed

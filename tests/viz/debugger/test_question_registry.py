@@ -1,0 +1,79 @@
+"""A question of one's own is a class and a line: the page lists it, and links lead to it."""
+
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.errors import OptionError
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.inspector import Inspector
+from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
+from ltvn_viz.session.share_links import commands_from_link
+from tests.viz.debugger.answer_links import follow
+from tests.viz.session_harness import SessionHarness
+
+
+class CountNodes(c.QuestionRequest):
+    """Count once more."""
+
+
+class NodeCountQuestion(Question[CountNodes]):
+    """Says how many nodes the map has, and how often it was asked to count."""
+
+    name = "How many nodes?"
+    word = "node-count"
+    about = "The size of the map."
+
+    def __init__(self) -> None:
+        self.counts = 1
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        builder = AnswerBuilder()
+        builder.add_text(f"{len(context.graph.nodes)} nodes, counted {self.counts} times")
+        builder.add_html(builder.request_link("count again", CountNodes()))
+        return builder.build()
+
+    def handle_request(self, context: DebugContext, request: CountNodes) -> None:
+        self.counts += 1
+
+
+@pytest.fixture
+def harness(tmp_path: Path) -> SessionHarness:
+    """A session whose debugger knows one question more than ours, and none of ours."""
+    harness = SessionHarness(tmp_path)
+    harness.state.debugger = Inspector([NodeCountQuestion()], harness.state.worker)
+    return harness
+
+
+def test_a_question_of_ones_own_is_offered_and_answers(harness: SessionHarness) -> None:
+    shown = harness.do(c.ChooseQuestion("How many nodes?"), ticks=2)
+
+    assert shown.inspection.offered == (QuestionName.NONE, "How many nodes?")
+    assert f"{len(harness.state.live_map.graph.nodes)} nodes, counted 1 times" in shown.inspection.html
+    assert "counted 2 times" in follow(harness, shown, "count again").inspection.html
+
+
+def test_a_link_leads_to_a_question_of_ones_own_by_its_word(harness: SessionHarness) -> None:
+    (asked,) = commands_from_link("tool=node-count", harness.state.debugger.words)
+
+    assert harness.do(asked).inspection.question == "How many nodes?"
+
+
+def test_a_question_that_takes_no_text_says_so(harness: SessionHarness) -> None:
+    harness.do(c.ChooseQuestion("How many nodes?"))
+
+    shown = harness.do(c.SubmitText("forty?"))
+
+    assert shown.message is not None
+    assert "Nothing can be typed here" in shown.message.text
+
+
+def test_our_questions_keep_the_words_of_links_that_were_sent(tmp_path: Path) -> None:
+    words = SessionHarness(tmp_path).state.debugger.words
+
+    assert " ".join(words) == "edge blame time what-if where break compare truth failures coach hand share"
+    assert len(set(words.values())) == len(words)
+    with pytest.raises(OptionError, match="edge, blame"):
+        commands_from_link("tool=explode", words)

@@ -78,10 +78,13 @@ class GraphHistory:
         self._latest: tuple[int, GraphArrays] = (0, EMPTY_GRAPH)
 
     def apply(self, delta: d.GraphDelta, stamp: float, pose: Pose | None = None) -> None:
-        """Append a change at `stamp` seconds; a new node is drawn at `pose` (3,), else where odometry put it."""
+        """Append a change at `stamp` seconds; a new node is drawn at `pose` (3,), else where odometry put it.
+
+        A change that does not fit, in a recording that lost some, leaves the map as it was.
+        """
         self.version += 1
         match delta:
-            case d.NodeAdded(node, _):
+            case d.NodeAdded(node, _) if node.id not in self._node_rows:
                 x, y, yaw = node.odometry if pose is None else pose
                 row = self._nodes.append(id=node.id, x=x, y=y, yaw=yaw, born=self.version, died=NEVER)
                 self._node_rows[node.id] = row
@@ -93,12 +96,10 @@ class GraphHistory:
                 self._believe(self._edge_rows.get((source, target)), belief.p, attempts)
             case d.EdgePruned(source, target, cause):
                 self._cut((source, target), cause, stamp)
+            case d.NodeAdded():
+                pass  # It is there already.
             case d.EdgeProtected() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It is not drawn.
-
-    def skip(self) -> None:
-        """Count a change that did not fit the map and left it as it was."""
-        self.version += 1
 
     def clear(self) -> None:
         """Let nothing be left of the map from the next change on, because another map begins with it."""
@@ -125,10 +126,9 @@ class GraphHistory:
 
     def _connect(self, edge: d.Edge, cause: d.Cause, stamp: float) -> None:
         source, target = self._node_rows.get(edge.source), self._node_rows.get(edge.target)
-        if source is None or target is None:
-            return  # A cut recording may have lost the node; the rest is still worth seeing.
+        if source is None or target is None or source == target or (edge.source, edge.target) in self._edge_rows:
+            return
         added_edges = -np.inf if cause in d.BULK_CAUSES else stamp
-        self._cut((edge.source, edge.target), d.Cause.LOAD, stamp)
         row = self._edges.append(
             source=source, target=target, born=self.version, died=NEVER, came_s=added_edges, went_s=-np.inf
         )

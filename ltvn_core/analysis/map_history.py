@@ -45,8 +45,9 @@ class MapHistory:
         """The same maps as arrays."""
         self._by_edge: dict[EdgeKey, list[MapChange]] = {}
         self._by_node: dict[NodeId, list[MapChange]] = {}
+        self._filed = 0
+        """So many changes are filed by edge and node already; the rest waits until somebody asks."""
         self._epochs = MapEpochs()
-        self._now: MapReplay | None = MapReplay()
         self._kept: dict[int, MapReplay] = {}
 
     @property
@@ -55,20 +56,19 @@ class MapHistory:
         return self._epochs.current
 
     def copy(self) -> "MapHistory":
-        """Return one that stays as it is when this one goes on; it cannot be appended to."""
+        """Return one that stays as it is when this one goes on; it must not be appended to."""
+        self._file()
         twin = copy(self)
         twin.changes = list(self.changes)
         twin.epochs = list(self.epochs)
-        twin._now = None  # This one goes on to change it; the maps kept on the way never change.
         return twin
 
     def append(self, event: int, instant: Instant, changed: GraphChanged, pose: Pose | None) -> bool:
         """Add the change of event number `event`; tell whether a whole map begins with it.
 
         A node that comes in is drawn at `pose` (3,), or where odometry put it. Constant time, but for a node that
-        leaves with many edges, and for a copy of the map every 10,000 changes.
+        leaves with many edges.
         """
-        assert self._now is not None, "A copy cannot be appended to."
         fresh = self._epochs.take(changed.delta)
         if fresh or not self.epochs:
             self.epochs.append(len(self.changes))
@@ -82,13 +82,8 @@ class MapHistory:
             query=changed.query,
             attempt=changed.attempt,
         )
-        if self._now.take(change):
-            self.drawing.apply(change.delta, instant.stamp, pose)
-        else:
-            self.drawing.skip()
-        self._file(change)
-        if len(self.changes) % _STRIDE == 0:
-            self._keep(len(self.changes), self._now.copy())
+        self.changes.append(change)
+        self.drawing.apply(change.delta, instant.stamp, pose)
         return fresh
 
     def count_before(self, event: int) -> int:
@@ -96,14 +91,17 @@ class MapHistory:
         return bisect_left(self.changes, event, key=_number)
 
     def graph_after(self, count: int) -> TopologicalGraph:
-        """Return the map after the first `count` changes, to be changed freely; one copy and at most 10,000 changes."""
-        if self._now is not None and count == len(self.changes):
-            return self._now.graph.copy()
+        """Return the map after the first `count` changes, to be changed freely.
+
+        One copy and at most 10,000 changes, once those before were folded.
+        """
         kept = self._kept  # Another thread may replace it meanwhile.
         known = max((place for place in kept if place <= count), default=0)
         replay = kept[known].copy() if known else MapReplay()
         for place in range(known, count):
             replay.take(self.changes[place])
+            if (place + 1) % _STRIDE == 0:
+                self._keep(place + 1, replay.copy())
         return replay.graph
 
     def of_edge(self, edge: EdgeKey) -> Sequence[MapChange]:
@@ -119,6 +117,7 @@ class MapHistory:
 
         Of a recording whose beginning is cut off, beliefs count from their first update. Logarithmic.
         """
+        self._file()
         last = _last_before(self._by_edge.get(edge, ()), event)
         place = self.count_before(event)
         if last is None or last.epoch != self.changes[place - 1].epoch:
@@ -133,11 +132,17 @@ class MapHistory:
 
     def _known(self, filed: Mapping, key: EdgeKey | NodeId) -> tuple[MapChange, ...]:
         """Leave out what came after this copy was made: the files by edge and node are shared with the original."""
+        self._file()
         rows = filed.get(key, ())
         return tuple(rows[: bisect_left(rows, len(self.changes) and self.changes[-1].event + 1, key=_number)])
 
-    def _file(self, change: MapChange) -> None:
-        self.changes.append(change)
+    def _file(self) -> None:
+        """File by edge and node what came since the last time."""
+        for place in range(self._filed, len(self.changes)):
+            self._file_change(self.changes[place])
+        self._filed = len(self.changes)
+
+    def _file_change(self, change: MapChange) -> None:
         match change.delta:
             case EdgeAdded(edge=edge):
                 self._by_edge.setdefault((edge.source, edge.target), []).append(change)

@@ -5,8 +5,8 @@ map.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import assert_never
+from types import MappingProxyType
+from typing import NamedTuple, assert_never
 
 from ltvn_core.analysis.timeline_records import edges_between
 from ltvn_core.graph import deltas
@@ -15,8 +15,7 @@ from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
 
 
-@dataclass(frozen=True, slots=True)
-class NavigationProgress:
+class NavigationProgress(NamedTuple):
     """How the navigation stands after some events."""
 
     navigator: e.NavigatorState = e.NavigatorState.IDLE
@@ -34,7 +33,7 @@ class NavigationProgress:
     """In simulation, whether that was true."""
     note: e.Note | None = None
     """The latest thing to read."""
-    failures: Mapping[EdgeKey, int] = field(default_factory=dict)
+    failures: Mapping[EdgeKey, int] = MappingProxyType({})
     """How often each edge failed in the latest task."""
     queries: int = 0
     reached: int = 0
@@ -52,26 +51,26 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
     """Return how things stand once `event` has happened."""
     match event:
         case e.StateChanged(state):
-            return replace(progress, navigator=state)
+            return progress._replace(navigator=state)
         case e.QueryStarted(query, goal):
-            fresh = replace(progress, query=query, goal=goal, plan=(), attempt=None, localised=None)
-            return replace(fresh, ended=None, judged=None, failures={}, queries=progress.queries + 1)
+            fresh = progress._replace(query=query, goal=goal, plan=(), attempt=None, localised=None)
+            return fresh._replace(ended=None, judged=None, failures={}, queries=progress.queries + 1)
         case e.Localised():
-            return replace(progress, localised=event)
+            return progress._replace(localised=event)
         case e.Planned(_, nodes, _):
-            return replace(progress, plan=nodes)
+            return progress._replace(plan=nodes)
         case e.AttemptStarted():
-            return replace(progress, attempt=event)
+            return progress._replace(attempt=event)
         case e.AttemptEnded():
-            return replace(progress, attempt=None, failures=_failures(progress, event))
+            return progress._replace(attempt=None, failures=_failures(progress, event))
         case e.Collided():
-            return replace(progress, collisions=progress.collisions + 1)
+            return progress._replace(collisions=progress.collisions + 1)
         case e.QueryEnded():
             return _after_end(progress, event)
         case e.Judged():
-            return replace(progress, judged=event)
+            return progress._replace(judged=event)
         case e.Note():
-            return replace(progress, note=event)
+            return progress._replace(note=event)
         case e.GraphChanged():
             return _after_change(progress, event)
     assert_never(event)
@@ -86,8 +85,7 @@ def _failures(progress: NavigationProgress, event: e.AttemptEnded) -> Mapping[Ed
 
 def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationProgress:
     arrived = event.outcome is e.Outcome.ARRIVED
-    return replace(
-        progress,
+    return progress._replace(
         navigator=e.NavigatorState.IDLE,
         query=None,
         plan=(),
@@ -99,7 +97,7 @@ def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationP
 
 def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> NavigationProgress:
     if isinstance(event.delta, deltas.EdgePruned):
-        return replace(progress, pruned=progress.pruned + 1)
+        return progress._replace(pruned=progress.pruned + 1)
     if isinstance(event.delta, deltas.EdgeAdded) and event.query is not None:
-        return replace(progress, added=progress.added + 1)
+        return progress._replace(added=progress.added + 1)
     return progress

@@ -97,6 +97,8 @@ class TimelineRows:
         mark = mark_of(index, instant, event, self._planned_nodes)
         if mark is not None:
             self.add_mark(mark)
+        if isinstance(event, GraphChanged):
+            return  # By far the most events; no row begins or ends with one.
         match event:
             case QueryStarted():
                 self._close_query(index - 1)
@@ -116,7 +118,7 @@ class TimelineRows:
                 self._attempt = replace(self._attempt, collisions=self._attempt.collisions + 1)
             case AttemptEnded():
                 self._attempt_ended(instant, event)
-            case Localised() | Collided() | StateChanged() | GraphChanged() | Note():
+            case Localised() | Collided() | StateChanged() | Note():
                 pass  # No row begins or ends with it.
 
     def add_mark(self, mark: Mark) -> None:

@@ -36,9 +36,9 @@ def open_and_travel() -> list[Measurement]:
     def fold() -> None:
         replay.timeline.graph_at(replay.timeline.instant(int(rng.integers(len(events) - EVENTS, len(events)))))
 
-    open_s = seconds_once(lambda: _opened(events))
+    open_s = seconds_once(lambda: _opened(events).timeline.queries)
     lived = events[len(events) - EVENTS :]
-    longer = alternating(lambda: Timeline.of(lived[: EVENTS // 2]), lambda: Timeline.of(lived), 9)
+    longer = alternating(lambda: Timeline.of(lived[: EVENTS // 2]).queries, lambda: Timeline.of(lived).queries, 9)
     return [
         measured(f"index {EVENTS:,} events and fold them for the page", open_s, "s", at_most=3),
         measured("indexing twice as many events", longer, "x", at_most=2.5),

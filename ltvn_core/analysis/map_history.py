@@ -41,6 +41,8 @@ class MapHistory:
         self.changes: list[MapChange] = []
         self.epochs: list[int] = []
         """Where in `changes` each map begins."""
+        self.begun_by: dict[int, int] = {}
+        """The number of the map, from 0, that a whole map's first event brought in, by the number of that event."""
         self.drawing = GraphHistory()
         """The same maps as arrays."""
         self._by_edge: dict[EdgeKey, list[MapChange]] = {}
@@ -50,11 +52,6 @@ class MapHistory:
         self._epochs = MapEpochs()
         self._kept: dict[int, MapReplay] = {}
 
-    @property
-    def epoch(self) -> int:
-        """Which map the next change belongs to unless it begins another one, from 0."""
-        return self._epochs.current
-
     def copy(self) -> "MapHistory":
         """Return one that stays as it is when this one goes on; it must not be appended to."""
         self._file()
@@ -63,8 +60,8 @@ class MapHistory:
         twin.epochs = list(self.epochs)
         return twin
 
-    def append(self, event: int, instant: Instant, changed: GraphChanged, pose: Pose | None) -> bool:
-        """Add the change of event number `event`; tell whether a whole map begins with it.
+    def append(self, event: int, instant: Instant, changed: GraphChanged, pose: Pose | None) -> None:
+        """Add the change of event number `event`.
 
         A node that comes in is drawn at `pose` (3,), or where odometry put it. Constant time, but for a node that
         leaves with many edges.
@@ -84,7 +81,8 @@ class MapHistory:
         )
         self.changes.append(change)
         self.drawing.apply(change.delta, instant.stamp, pose)
-        return fresh
+        if fresh:
+            self.begun_by[event] = change.epoch
 
     def count_before(self, event: int) -> int:
         """Return how many changes come before event number `event`. Logarithmic."""

@@ -85,7 +85,8 @@ class Timeline:
         twin._stamps = list(self._stamps)
         twin._progress = list(self._progress)
         twin._maps = self._maps.copy()
-        twin._rows = self._rows.copy()
+        twin._known_rows = self._rows.copy()
+        twin._row_events = self._row_events
         return twin
 
     @property
@@ -266,7 +267,9 @@ class Timeline:
         self._stamps: list[float] = []
         self._progress: list[NavigationProgress] = []
         self._maps = MapHistory()
-        self._rows = TimelineRows()
+        self._known_rows = TimelineRows()
+        self._row_events = 0
+        """So many events have their rows already; the rest waits until somebody asks."""
         self._closed_at: tuple[int, ClosedRows] | None = None
         self._late = 0
 
@@ -281,17 +284,25 @@ class Timeline:
         stamp = max(float(stamped.stamp), self._stamps[-1]) if self._stamps else float(stamped.stamp)
         instant = Instant(int(stamped.step), stamp)
         if isinstance(event, GraphChanged):
-            self._change(number, instant, event)
-        self._rows.take(number, instant, event, self._maps.epoch)
+            seen_from = self.frames.pose(event.delta.node.id) if isinstance(event.delta, NodeAdded) else None
+            self._maps.append(number, instant, event, seen_from)
         self._progress.append(apply_event(self.progress_before(number), event))
         self._stamps.append(stamp)
         self._events.append(stamped)
 
-    def _change(self, number: int, instant: Instant, event: GraphChanged) -> None:
-        seen_from = self.frames.pose(event.delta.node.id) if isinstance(event.delta, NodeAdded) else None
-        if self._maps.append(number, instant, event, seen_from):
-            text = f"map {self._maps.epoch + 1} comes in ({event.delta.cause.value})"
-            self._rows.add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=number, ids=(), text=text))
+    @property
+    def _rows(self) -> TimelineRows:
+        """The rows of all events so far."""
+        for number in range(self._row_events, len(self._events)):
+            self._take_row(number)
+        self._row_events = len(self._events)
+        return self._known_rows
+
+    def _take_row(self, number: int) -> None:
+        event, instant = self._events[number].event, self.instant(number)
+        if isinstance(event, GraphChanged) and (epoch := self._maps.begun_by.get(number)) is not None:
+            self._known_rows.begin_map(number, instant, event.delta.cause, epoch)
+        self._known_rows.take(number, instant, event)
 
 
 def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ltvn_core.analysis.timeline_marks import mark_of
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, Mark, MarkKind, PlanRecord, QueryRecord
+from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import (
     AttemptEnded,
@@ -68,6 +69,7 @@ class TimelineRows:
         self.notes: list[str] = []
         """What is wrong with the events, in words."""
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}
+        self._epoch = 0
         self._query: _OpenQuery | None = None
         self._attempt: AttemptRecord | None = None
         self._planned_nodes: tuple[NodeId, ...] | None = None
@@ -92,17 +94,17 @@ class TimelineRows:
             notes=tuple(twin.notes),
         )
 
-    def take(self, index: int, instant: Instant, event: Event, epoch: int) -> None:
-        """Take in the next event, which is number `index`, in the map number `epoch`."""
+    def take(self, index: int, instant: Instant, event: Event) -> None:
+        """Take in the next event, which is number `index`."""
         mark = mark_of(index, instant, event, self._planned_nodes)
         if mark is not None:
-            self.add_mark(mark)
+            self._add_mark(mark)
         if isinstance(event, GraphChanged):
             return  # By far the most events; no row begins or ends with one.
         match event:
             case QueryStarted():
                 self._close_query(index - 1)
-                self._query = _OpenQuery(started=event, epoch=epoch, first=index, begin=instant)
+                self._query = _OpenQuery(started=event, epoch=self._epoch, first=index, begin=instant)
                 self._planned_nodes = None
             case QueryEnded():
                 self._query_ended(index, instant, event)
@@ -121,8 +123,13 @@ class TimelineRows:
             case Localised() | Collided() | StateChanged() | Note():
                 pass  # No row begins or ends with it.
 
-    def add_mark(self, mark: Mark) -> None:
-        """File a mark."""
+    def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
+        """Let map number `epoch` begin with event number `index`."""
+        self._epoch = epoch
+        text = f"map {epoch + 1} comes in ({cause.value})"
+        self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), text=text))
+
+    def _add_mark(self, mark: Mark) -> None:
         self.marks[None].append(mark)
         self.marks.setdefault(mark.kind, []).append(mark)
 

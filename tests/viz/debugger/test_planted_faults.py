@@ -20,7 +20,7 @@ FAULTS = "demo-fault.rrd"
 Do = Callable[..., Snapshot]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def do() -> Iterator[Do]:
     """A session that replays the recording with faults; sends commands and returns what is shown then."""
     with ExitStack() as stack:
@@ -51,7 +51,6 @@ def test_playing_stops_where_the_first_attempt_fails_at_the_edge_through_the_wal
     assert not stopped.replay.playing
     assert stopped.message is not None
     assert "attempt 1 along edge 1489->2621 failed" in stopped.message.text
-    do(c.SubmitText("remove all"))
 
 
 def test_without_the_edge_through_the_wall_there_is_a_way_round(do: Do) -> None:
@@ -60,7 +59,6 @@ def test_without_the_edge_through_the_wall_there_is_a_way_round(do: Do) -> None:
     shown = do(c.SubmitText("without 1489->2621"))
 
     assert "instead of 2 nodes" in shown.inspection.html
-    do(c.SubmitText("forget all"))
 
 
 def test_with_the_missing_edge_there_is_a_way_where_there_was_none(do: Do) -> None:
@@ -69,4 +67,3 @@ def test_with_the_missing_edge_there_is_a_way_where_there_was_none(do: Do) -> No
     shown = do(c.SubmitText("with 1158->2465"))
 
     assert "instead of no way" in shown.inspection.html
-    do(c.SubmitText("forget all"))

@@ -75,9 +75,9 @@ class LocalisingConfig:
     trail_reach: int = 30
     """What the robot saw on its way must fit to so many images of the drive before and after a node; 0 = off (ours)."""
     trail_share: float = 0.2
-    """Share of those looks that must fit (ours)."""
+    """Share of those observations that must fit (ours)."""
     doubt_after_failures: int = 3
-    """Failed legs in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
+    """Failed attempts in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,23 +105,23 @@ class DrivingConfig:
     yaw_tolerance_rad: float = 0.06
     """The final turn ends within this (ours)."""
     leg_steps: int = 100
-    """Control steps of 0.1 s that a leg may take (ours)."""
+    """Control steps of 0.1 s that an attempt may take (ours)."""
     look_every_steps: int = 20
     """Predict the waypoint anew after so many control steps; 0 = once, at departure (ours)."""
     lost_reachability: float = 0.35
-    """A subgoal that falls below this on the way ends the leg; used only when looking again (ours)."""
+    """A subgoal that falls below this on the way ends the attempt; used only where it is predicted anew (ours)."""
     departure_reachability: float = 0.4
     """Below this r at departure the robot goes to the node it is at first; 0 = it just sets off (ours)."""
     through_map: bool = True
     """Where the node is in sight but its successor is not, aim along the edge's own waypoint (ours)."""
     depth_veto: bool = True
-    """Refuse a command that would touch what the last depth images showed (ours)."""
+    """Refuse a command that would hit what the last depth images showed (ours)."""
     swerve: bool = True
-    """Bend such a command before refusing it (ours)."""
+    """Steer such a command aside before refusing it (ours)."""
     back_up_clearance_m: float = 0.28
     """The robot turns round rather than back up where anything is nearer than this to the way; 0 = never (ours)."""
     bends: int = 3
-    """How often in a leg the robot may go round what no swerve avoids, by one bend each; 0 = never (ours)."""
+    """Detours that one attempt may take where steering aside does not help; 0 = never (ours)."""
     veto_margin_m: float = 0.04
     """How much wider than the robot the way must be (ours)."""
     back_off_m: float = 0.25
@@ -145,7 +145,7 @@ class JudgingConfig:
     arrive_yaw_rad: float = 0.25
     """Greatest yaw to the goal; pi switches the gate off (ours)."""
     second_look: bool = True
-    """Turn a little, look again, and believe the goal only if both looks agree (ours)."""
+    """Turn a little, observe again, and believe the goal only if both observations agree (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,15 +195,15 @@ class ExpansionConfig:
     """New nodes: novel images, and left-over images when there is no path."""
 
     novel_after_looks: int = 12
-    """Looks in vain before what the robot sees becomes a node; 1 = at once (paper), 0 = never (ours)."""
+    """Unrecognised observations before the current one becomes a node; 1 = at once (paper), 0 = never (ours)."""
     connect_factor: float = 1.3
     """D_c grows by this for novel nodes (paper)."""
     merge_factor: float = 0.6
     """D_m shrinks by this for novel nodes (paper)."""
     search_reserve: bool = True
-    """Look for a path through left-over images where the map has none (paper); False = never (ours)."""
+    """Search a path through left-over images where the map has none (paper); False = never (ours)."""
     strict: bool = True
-    """Left-over images must pass R_c with temporal support and touch two nodes (ours)."""
+    """Left-over images must pass R_c with temporal support and connect two nodes (ours)."""
     sample_limit: int = 60
     """Left-over images tried in one search, temporal neighbours of the gap first; 0 = all, at random (ours)."""
     neighbour_limit: int = 24
@@ -215,17 +215,17 @@ class RecoveryConfig:
     """What the robot does when it is lost or sees no path, and when it gives up."""
 
     turn_rad: float = 0.52
-    """Turn on the spot between two looks (paper: it turns; the value is ours)."""
+    """Turn on the spot between two observations (paper: it turns; the value is ours)."""
     looks_per_turn: int = 12
-    """Looks in a full turn (ours)."""
+    """Observations in a full turn (ours)."""
     wander_m: float = 0.3
     """How far to drive ahead after a full turn without success; 0 = never (ours)."""
     give_up_after_looks: int = 48
-    """Failed looks in a row that end a query (ours)."""
+    """Unrecognised observations in a row that end a query (ours)."""
     step_limit: int = 2000
     """K: control steps that end a query (paper: 1,000 in small maps, 2,000 in large ones)."""
     collision_limit: int = 20
-    """More touches than this end a query (paper)."""
+    """More collisions than this end a query (paper)."""
 
 
 @dataclass(frozen=True, slots=True)

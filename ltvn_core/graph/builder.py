@@ -173,7 +173,7 @@ class _BuildRun:
         if len(chosen):
             self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
             return True
-        known.reachability[near] = trusted.reachability  # What was looked at closely once stays decided.
+        known.reachability[near] = trusted.reachability  # What was compared in full once stays decided.
         return False
 
     def _not_met(self, frame: FrameId) -> tuple[tuple[NodeId, ...], ...]:

@@ -25,7 +25,7 @@ class Cause(StrEnum):
     EXPAND = "expand"
     """No path existed, and images left over from mapping were sampled until one did."""
     GOAL = "goal"
-    """A goal picture was tied into the map."""
+    """A goal image was connected to the map."""
     LOAD = "load"
     """The map came out of a file."""
     HAND = "hand"
@@ -96,7 +96,7 @@ class NodeAdded:
 
 @dataclass(frozen=True, slots=True)
 class NodeDropped:
-    """A node left together with all edges that touch it."""
+    """A node left together with all its edges."""
 
     node: NodeId
     cause: Cause

@@ -1,7 +1,8 @@
-"""No path: look for one through the reserve T', and keep only the images that lie on it.
+"""Map expansion where no path exists: search one through the reserve T', and keep only the images on it.
 
 Owns the search. It works on a copy, so a search that finds nothing changes nothing. Searching until anything fits is a
-search for false edges, so the robust method keeps the strict cut, asks for two supports and looks near in time first.
+search for false edges, so the robust method keeps the strict cut, asks for two supports and searches near in time
+first.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
-"""Which nodes look like a picture that came without depth, such as an upload.
+"""Which nodes resemble an image without depth, such as an upload.
 
-Owns a plain comparison of small, normalised colour pictures. The network needs depth and is not asked; a picture with
+Owns a plain comparison of small, normalised colour images. The network needs depth and is not asked; an image with
 depth is better ranked by `Localizer.nearest_nodes`.
 """
 
@@ -19,7 +19,7 @@ _BLOCK_PX = 6
 def most_similar_nodes(
     rgb: Rgb, keyframes: KeyframeStore, nodes: Sequence[NodeId], count: int
 ) -> tuple[tuple[NodeId, float], ...]:
-    """Return the `count` nodes that look most like a picture (72, 96, 3), best first, with a likeness in [-1, 1]."""
+    """Return the `count` nodes that resemble an image (72, 96, 3) most, best first, with a similarity in [-1, 1]."""
     if not nodes:
         return ()
     likeness = colour_descriptors(keyframes, nodes) @ _colour_descriptor(rgb)
@@ -28,14 +28,14 @@ def most_similar_nodes(
 
 
 def colour_descriptors(keyframes: KeyframeStore, nodes: Sequence[NodeId]) -> NDArray[np.float64]:
-    """Return (N, S) unit vectors, one per node, whose products are the likeness in [-1, 1] of two pictures."""
+    """Return (N, S) unit vectors, one per node, whose products are the similarity in [-1, 1] of two images."""
     if not nodes:
         return np.empty((0, 0))
     return np.stack([_colour_descriptor(keyframes.observation(node).rgb) for node in nodes])
 
 
 def _colour_descriptor(rgb: Rgb) -> NDArray[np.float64]:
-    """Return a unit vector of the picture's coarse colours, without its brightness and contrast."""
+    """Return a unit vector of the image's coarse colours, without its brightness and contrast."""
     rows, columns = rgb.shape[0] // _BLOCK_PX, rgb.shape[1] // _BLOCK_PX
     blocks = (
         rgb[: rows * _BLOCK_PX, : columns * _BLOCK_PX]

@@ -1,4 +1,4 @@
-"""What the nodes look like: images and features by frame, encoded once each.
+"""Images and features of nodes and reserve by frame, each encoded once.
 
 Owns observations and features of every frame that is a node or in the reserve, and who comes before and after whom.
 Does not decide which frames to keep: the caller drops those that the map let go.

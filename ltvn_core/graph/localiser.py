@@ -19,7 +19,7 @@ from ltvn_core.types import Features, NodeId, Waypoint
 LOCAL, GLOBAL = "local", "global"
 _MIN_REACHABILITY = 1e-6
 _MIN_OBSERVATIONS, _MIN_OBSERVATIONS_TO_BLAME = 3, 5
-"""So many looks must bear on a place before it is passed over, and before an edge that led there is blamed."""
+"""So many observations must bear on a place before it is passed over, and before an edge that led there is blamed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +90,7 @@ class Localiser:
     def nearest_nodes(
         self, features: Features, graph: TopologicalGraph, count: int
     ) -> tuple[tuple[NodeId, float], ...]:
-        """Return the `count` nodes that look most like the image (1, F), best first, with their reachability."""
+        """Return the `count` nodes that resemble the image most (1, F), best first, with their reachability."""
         matches = self._matcher.match(features, tuple(graph.nodes))
         order = np.argsort(self._scores(matches), kind="stable")[:count]
         return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)

@@ -1,4 +1,4 @@
-"""Loop closures: where two stretches of driving are said to meet, they must fit along both, not at one place alone.
+"""Loop closures: where two parts of a drive meet, the images must agree along both, not at one place alone.
 
 Two rooms may look alike from one place; what is seen a metre on, or after a turn, tells them apart. Odometry over so
 short a stretch is exact, so a match foretells how the images around its ends lie to each other, and the network is
@@ -42,7 +42,7 @@ class AgreementCriterion(NamedTuple):
     min_share: float
     """Of the images that should see each other so many must, and where they should."""
     min_pairs: int
-    """Where fewer should see each other, nothing can be said."""
+    """Where fewer images should see each other, there is no verdict."""
 
 
 class LoopClosureVerifier:

@@ -1,7 +1,7 @@
 """What driving does to the map, as pure functions (graph, evidence) -> deltas.
 
-Owns the updates after an attempt, pruning, and novel nodes. Does not judge an attempt (`nav.judgement`) nor search for
-new paths (`graph.expansion`).
+Owns the updates after an attempt, pruning, and novel nodes. Does not judge an attempt (`navigation.judgement`) nor
+search for new paths (`graph.expansion`).
 """
 
 from dataclasses import dataclass, replace
@@ -41,7 +41,7 @@ class UnrecognisedObservation:
     features: Features
     """(1, F) of the observation."""
     consecutive_failures: int
-    """Looks in a row, this one included, that found no node or no path."""
+    """Observations in a row, this one included, for which there was no node or no path."""
     trail: ObservationSequence | None = None
     """What was seen on the way here."""
 
@@ -76,7 +76,7 @@ def should_prune(edge: Edge, least_p: float, config: BeliefConfig) -> bool:
 def novel_node(
     graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher, method: Method
 ) -> tuple[GraphDelta, ...]:
-    """Return the deltas that make an image nobody recognised a node; none if it merges or touches nothing.
+    """Return the deltas that make an image nobody recognised a node; none if it merges or no edge joins it to the map.
 
     D_c is looser and D_m smaller than in building. What must not be where the robot is, after all that it saw on its
     way, is not tied to it either.
@@ -96,5 +96,5 @@ def novel_node(
         chosen = chosen.take(
             connectable(chosen, thresholds) & trail_fit_mask(matcher, unrecognised.trail, chosen, method.localising)
         )
-    # A node without an edge could never be used, so it waits until it touches something.
+    # A node without an edge could never be used, so it waits until an edge joins it to the map.
     return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()

@@ -40,8 +40,13 @@ class Matches:
         """Return the chosen ones: a mask (N,) or indices."""
         kept = np.arange(len(self))[chosen]
         nodes = tuple(self.nodes[k] for k in kept)
-        numbers = self.reachability[kept], self.waypoints[kept], self.distances[kept]
-        return Matches(nodes, *numbers, self.ahead[kept])
+        return Matches(
+            nodes=nodes,
+            reachability=self.reachability[kept],
+            waypoints=self.waypoints[kept],
+            distances=self.distances[kept],
+            ahead=self.ahead[kept],
+        )
 
     def with_reachability(self, reachability: NDArray[np.float64]) -> "Matches":
         """Return the same matches, trusted differently."""
@@ -98,7 +103,7 @@ class Matcher:
     def with_mutual_support(self, matches: Matches, frame: FrameId) -> Matches:
         """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.
 
-        A false match between look-alike places rarely survives a step to either side, a true one does.
+        A false match between perceptual aliases rarely survives a step to either side, a true one does.
         """
         own = self._keyframes.temporal_neighbours(frame, self._config.support_gap)
         return self._with_support(matches, self._keyframes.features([frame]), own)

@@ -1,8 +1,8 @@
 """A navigation system as the paper's Table I takes it apart: five strategies that can be exchanged one by one.
 
-Owns the interfaces alone. The paper's own strategies are put together in `graph.ltvn`, its rivals' in `graph.rivals`;
-the navigator drives whatever `NavigationSystem` it is given. The other systems of the table fit by replacing, in
-`ltvn(method)`:
+Owns the interfaces alone. The paper's own strategies are put together in `graph.ltvn`, its baselines' in
+`ltvn_core.systems`; the navigator drives whatever `NavigationSystem` it is given. The other systems of the table fit by
+replacing, in `ltvn(method)`:
 
 | system | build | edge_weight | subgoal | localise | maintenance |
 |---|---|---|---|---|---|
@@ -71,7 +71,7 @@ class SubgoalStrategy(Protocol):
     def __call__(self, path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
         """Return an index of `path`, at least 1; the path has two nodes or more and begins where the robot is.
 
-        `reachability` says how reachable a node looks from here; each node asked costs a comparison.
+        `reachability` says how reachable a node is from here; each node asked costs a comparison.
         """
         ...
 
@@ -86,7 +86,7 @@ class MaintenanceStrategy(Protocol):
     def no_path(
         self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
     ) -> Deltas:
-        """Look for a way where the map has none; asked once per source and query."""
+        """Search a path where the map has none; asked once per source and query."""
         ...
 
     def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
@@ -113,7 +113,7 @@ class NoMaintenance:
 
 
 def choose_first_node(path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
-    """Choose the node that comes first on the path, as the paper and most of its rivals do."""
+    """Choose the node that comes first on the path, as the paper and most baselines do."""
     return 1
 
 

@@ -1,6 +1,6 @@
 """What odometry knows of two images of one trajectory: how far apart they can be at most, allowing for its drift.
 
-Owns the allowance. It is evidence against false edges between look-alike places, and saves comparing what cannot be
+Owns the allowance. It is evidence against false edges between perceptual aliases, and saves comparing what cannot be
 near; it never places a node. Where odometry jumps, as after a restart, it knows nothing.
 """
 

@@ -1,7 +1,7 @@
 """The paper's two operators, isMergeable and isConnectable, and the deltas that tie an image into the map.
 
 Owns the decisions about one image against the nodes; building, driving and maintenance all use these, with their own
-thresholds. Touches no graph.
+thresholds. Changes no graph.
 """
 
 from collections.abc import Iterable

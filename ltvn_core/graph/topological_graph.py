@@ -1,8 +1,8 @@
 """The map: nodes, directed edges with beliefs, and the reserve T'. Changed only by `apply`.
 
 Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node or in the
-reserve but never both, and a name belongs to one node. Does not own images or features (`graph.views`) nor decisions
-(`graph.builder`, `graph.maintenance`).
+reserve but never both, and a name belongs to one node. Does not own images or features (`graph.keyframes`) nor
+decisions (`graph.builder`, `graph.maintenance`).
 """
 
 import math
@@ -75,11 +75,11 @@ class TopologicalGraph:
         return self._version
 
     def successors(self, node: NodeId) -> KeysView[NodeId]:
-        """Nodes that an edge leads to from `node`; empty for a stranger."""
+        """Nodes that an edge leads to from `node`; empty for a node that is not in the map."""
         return self._successors.get(node, {}).keys()
 
     def predecessors(self, node: NodeId) -> KeysView[NodeId]:
-        """Nodes from which an edge leads to `node`; empty for a stranger."""
+        """Nodes from which an edge leads to `node`; empty for a node that is not in the map."""
         return self._predecessors.get(node, {}).keys()
 
     def apply(self, delta: GraphDelta) -> None:

@@ -1,6 +1,6 @@
-"""One leg: drive to a waypoint, looking again on the way, and say why it ended.
+"""One attempt: drive to a waypoint, predict it anew on the way, and say why it ended.
 
-Owns the loop between two control steps. Does not judge whether the leg reached its node.
+Owns the loop between two control steps. Does not judge whether it reached its node.
 """
 
 from collections.abc import Generator
@@ -23,7 +23,7 @@ from ltvn_core.types import NodeId, Pose, Twist, Waypoint
 _MAX_WAYPOINT_M = 2.5
 """No waypoint is believed beyond the range in which the network learned."""
 _DETOUR_TOLERANCE_M = 0.04
-"""Where a way is narrow enough to need a bend, the bend must be where it was meant to be."""
+"""Where a way is narrow enough to need a detour, the robot must pass its via point closely."""
 _FRAMES_AROUND_NODE = 8
 """So many images of the drive before and after a node tell what stands around it."""
 _FINAL_APPROACH_M = 0.3
@@ -32,7 +32,7 @@ _FINAL_APPROACH_M = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttemptResult:
-    """How a leg ended."""
+    """How an attempt ended."""
 
     end: AttemptEnd
     steps: int
@@ -41,7 +41,7 @@ class AttemptResult:
 
 
 class AttemptDriver:
-    """Drives one leg."""
+    """Drives one attempt."""
 
     def __init__(self, motion: MotionExecutor, perception: Perception, config: DrivingConfig, spec: RobotSpec) -> None:
         """Drive with `motion`, looking through `perception`."""
@@ -84,7 +84,7 @@ class AttemptDriver:
         return bool(every and step and step % every == 0 and np.hypot(left[0], left[1]) > _FINAL_APPROACH_M)
 
     def _reset(self, target: NodeId, waypoint: Waypoint) -> None:
-        """Forget how the last leg went."""
+        """Forget how the last attempt went."""
         behind = drives_backwards(waypoint)
         self._turned_round = behind and self._is_narrow(target, waypoint)
         self._backwards = behind and not self._turned_round
@@ -101,7 +101,7 @@ class AttemptDriver:
         return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m
 
     def _next(self, goal: Pose) -> Twist | AttemptEnd:
-        """Return the next command, or how the leg ends here."""
+        """Return the next command, or how the attempt ends here."""
         while True:
             aim, config = (goal, self._config) if self._detour is None else (self._detour, self._detour_config)
             error = relative(self._motion.odometry, aim)
@@ -118,7 +118,7 @@ class AttemptDriver:
                 return AttemptEnd.BLOCKED
 
     def _try_another_way(self, goal: Pose) -> bool:
-        """Turn round where backing up is blocked, for the camera looks ahead; else look for a bend, a few times."""
+        """Turn round where backing up is blocked, for the camera faces ahead; else search a detour, a few times."""
         if not self._detours_left:
             return False
         if self._backwards:

@@ -37,7 +37,7 @@ class NavigationContext:
     planner: Planner
     loop_closures: LoopClosureVerifier
     attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
-    """Numbers the legs."""
+    """Numbers the attempts."""
 
     @property
     def method(self) -> Method:

@@ -47,7 +47,7 @@ def _drive_to(error: Waypoint, away_m: float, config: DrivingConfig, *, backward
     turn = _limited(_BEARING_GAIN_1_S * bearing, config.turn_rad_s)
     if abs(bearing) > _TURN_FIRST_RAD:
         return Twist(0.0, turn)
-    # The fourth power keeps the robot from cutting corners: it hardly moves before it looks where it goes.
+    # The fourth power keeps the robot from cutting corners: it hardly moves before it faces its way.
     speed = config.speed_m_s * np.cos(bearing) ** 4 * min(1.0, away_m / _SLOW_DOWN_M + 0.2)
     return Twist(float(-speed if backwards else speed), turn)
 

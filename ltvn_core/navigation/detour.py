@@ -1,7 +1,7 @@
-"""One bend: where the straight way to a waypoint is blocked, a place from which the rest is straight. Pure functions.
+"""Detours: a via point where the straight way to a waypoint is blocked. Pure functions.
 
-Owns the search among a few such places, as through a door that lies aslant. What stands around is `nav.obstacle`, and
-the moment ahead is `nav.swerve`; nothing here remembers anything.
+Owns the search among a few such places, as through a door that lies aslant. Obstacles are in
+`navigation.obstacle_memory`, and the next moment is `navigation.obstacle_avoidance`; nothing here remembers anything.
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ _CLEARANCE_COST = 20.0
 def find_detour(
     goal: NDArray[np.float64], points: NDArray[np.float64], *, radius_m: float
 ) -> NDArray[np.float64] | None:
-    """Return where (2,) to turn towards a waypoint (2,), None if no single bend leads there.
+    """Return where (2,) to turn towards a waypoint (2,), None if no single via point leads there.
 
     All in the robot's frame; `points` (M, 2) are solid.
     """
@@ -59,7 +59,7 @@ def path_clearance_m(goal: NDArray[np.float64], points: NDArray[np.float64]) -> 
 
 
 def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (C, 2) places to bend at, and (C, 2) where the way ends then."""
+    """Return (C, 2) via points, and (C, 2) where the way ends then."""
     away_m, bearing = (
         part.ravel() for part in np.meshgrid(_DETOUR_RANGES_M, np.arctan2(goal[1], goal[0]) + _DETOUR_BEARINGS_RAD)
     )

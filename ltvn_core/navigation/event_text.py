@@ -16,7 +16,7 @@ from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
 
 _MAX_NODES = 8
-"""A longer path is told by its first and last nodes."""
+"""A longer path is described by its first and last nodes."""
 
 
 @dataclass(frozen=True, slots=True)

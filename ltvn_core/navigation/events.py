@@ -30,11 +30,11 @@ class AttemptEnd(StrEnum):
     REACHED = "reached"
     """The controller's waypoint was reached."""
     COLLISION = "collision"
-    """The bumper touched something."""
+    """The bumper hit something."""
     BLOCKED = "blocked"
     """The depth image showed an obstacle in the way."""
     TIMEOUT = "timeout"
-    """The leg used up its steps."""
+    """The attempt used up its steps."""
     LOST = "lost"
     """The subgoal stopped looking reachable on the way."""
     CANCELLED = "cancelled"
@@ -66,7 +66,7 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class QueryStarted:
-    """A navigation task began."""
+    """A query began: the robot is to go to a node."""
 
     query: int
     goal: NodeId
@@ -106,7 +106,7 @@ class AttemptStarted:
 
     query: int
     attempt: int
-    """Counts legs within the recording."""
+    """Counts attempts within the recording."""
     source: NodeId | None
     """The node it starts from; None when it only approaches the localised node."""
     target: NodeId
@@ -138,11 +138,11 @@ class AttemptEnded:
 
 @dataclass(frozen=True, slots=True)
 class Collided:
-    """The bumper touched something; once per touch."""
+    """The bumper hit something; once per collision."""
 
     query: int
     count: int
-    """Touches in this query so far."""
+    """Collisions in this query so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,7 @@ class GraphChanged:
 
 @dataclass(frozen=True, slots=True)
 class QueryEnded:
-    """A navigation task ended."""
+    """A query ended."""
 
     query: int
     goal: NodeId

@@ -1,6 +1,6 @@
-"""Is this the goal? What looks like it must look so from aside too, and fit to what was seen on the way there.
+"""Goal check: what resembles the goal must do so from a second pose too, and fit what was seen on the way there.
 
-Owns the order of these questions. The rules are `nav.judgement` and `graph.loop_closures`.
+Owns the order of these questions. The rules are in `navigation.judgement` and `graph.loop_closures`.
 """
 
 from ltvn_core.graph.localiser import fits_trail
@@ -14,7 +14,7 @@ from ltvn_core.types import NodeId
 
 _RECHECK_TURN_RAD = 0.26
 _MAX_REJECTIONS = 4
-"""So often a second look may disagree in one query; a goal seen so often is taken for what it looks like."""
+"""After so many disagreeing second observations in one query, the first one is believed."""
 
 
 class GoalCheck:
@@ -33,7 +33,7 @@ class GoalCheck:
         self._motion, self._perception, self._goal, self._memory = motion, perception, goal, memory
 
     def check(self) -> EventGenerator[bool]:
-        """Tell whether this is the goal; the robust method looks twice, and asks how it came here."""
+        """Tell whether this is the goal; the robust method observes twice, and checks the way here."""
         first = self._perception.node_match(self._goal)
         if not is_at_goal(first.reachability, first.waypoint, self._judging):
             return False
@@ -54,7 +54,7 @@ class GoalCheck:
         )
 
     def _confirm_from_aside(self, first: NodeMatch) -> EventGenerator[bool]:
-        # The next time it looks to the other side, where there may be more to see.
+        # The next time it turns to the other side, where there may be more to see.
         aside, odometry = _RECHECK_TURN_RAD * (-1) ** self._memory.goal_rejections, self._motion.odometry
         yield from self._turn(aside)
         second = self._perception.node_match(self._goal)

@@ -32,7 +32,7 @@ def judge_attempt(
     hindered: bool = False,
     driven_too_often: bool = False,
 ) -> AttemptVerdict:
-    """Judge a leg by its target seen from the arrival image, and by where odometry puts the waypoint (3,).
+    """Judge an attempt by its target seen from the arrival image, and by where odometry puts the waypoint (3,).
 
     `fits_trail`: the target may be there after all that was seen on the way. `hindered`: something stood in the way.
     `driven_too_often`: the robot drove here too often to be getting anywhere.
@@ -70,7 +70,7 @@ def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -
 
 
 def goal_estimates_agree(first: Waypoint, first_odometry: Pose, second: Waypoint, second_odometry: Pose) -> bool:
-    """Tell whether two looks from two odometry poses (3,) put the goal at one place."""
+    """Tell whether two observations from two odometry poses (3,) put the goal at one place."""
     # The goal seen from the first place, as it must look from the second.
     moved = relative(first_odometry, second_odometry)
     gap = relative(relative(moved, first), second)

@@ -1,6 +1,6 @@
 """Query after query with one map: random goals, and what became of the map.
 
-Owns the choice of goals and the counts. Time and verdicts come from the caller, as in `nav.episode`.
+Owns the choice of goals and the counts. Time and verdicts come from the caller, as in `navigation.episode`.
 """
 
 from collections import Counter

@@ -1,4 +1,4 @@
-"""The robot during one query: moves one control step at a time and counts steps, metres and touches.
+"""The robot during one query: moves one control step at a time and counts steps, metres and collisions.
 
 Owns the counts and their limits. Every step hands control back to the caller with a `Tick`.
 """
@@ -48,11 +48,11 @@ class MotionExecutor:
 
     @property
     def in_collision(self) -> bool:
-        """The bumper touches something."""
+        """The bumper is in contact."""
         return self._state.bumper_pressed
 
     def observe(self) -> Observation:
-        """Take a picture now."""
+        """Take an observation now."""
         return self._robot.observe()
 
     def stop(self) -> None:
@@ -84,7 +84,7 @@ class MotionExecutor:
             yield from self.move(Twist(0.0, float(sign * min(rate_rad_s, max(0.2, left / CONTROL_STEP_S)))))
 
     def drive_straight(self, length_m: float, speed_m_s: float) -> Iterator[Event | Tick]:
-        """Drive straight by a length, backwards if negative, until something is touched."""
+        """Drive straight by a length, backwards if negative, until a collision."""
         start = self.path_m
         for _ in range(2 + int(2 * abs(length_m) / (speed_m_s * CONTROL_STEP_S))):
             if self.path_m - start >= abs(length_m):

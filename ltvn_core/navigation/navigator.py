@@ -1,8 +1,8 @@
 """The navigator: from a goal node to a stream of events and ticks.
 
 Owns the beginning and the end of a query, and that the robot stands still afterwards whatever happened. What comes in
-between is `nav.task`. A query is a generator: it yields events, and a `Tick` whenever the caller should let one control
-step of 0.1 s pass.
+between is `navigation.query_runner`. A query is a generator: it yields events, and a `Tick` whenever the caller should
+let one control step of 0.1 s pass.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ from ltvn_core.types import NodeId, Observation, Predictor
 
 
 class Navigator:
-    """Drives a robot from picture to picture through a map, and keeps the map true."""
+    """Drives a robot to goal nodes of a map, and maintains the map from what it learns."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Navigator:
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None
-        """The picture it looked at last. Events name it by its step, so whoever records events records it too."""
+        """The observation it used last. Events name it by its step, so whoever records events records it too."""
 
     def query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Drive to a node: yield events, and ticks at which the caller lets time pass.

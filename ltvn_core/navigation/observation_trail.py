@@ -1,6 +1,6 @@
-"""What the robot saw on its way: the last few looks of a query, with the odometry of each.
+"""Observation trail: the last few observations of a query, with the odometry of each.
 
-Owns which looks are kept. Odometry drifts, so only the last metres say anything about where the robot is now.
+Owns which observations are kept. Odometry drifts, so only the last metres say anything about where the robot is now.
 """
 
 from collections import deque
@@ -12,22 +12,22 @@ from ltvn_core.graph.loop_closures import ObservationSequence
 from ltvn_core.types import Features, Pose
 
 _MAX_OBSERVATIONS = 24
-"""Looks."""
+"""Observations kept."""
 _MIN_SPACING = 0.2
-"""A look nearer than this d to the last one shows nothing new."""
+"""An observation nearer than this d to the last one adds nothing."""
 _SAME_PLACE_DISTANCE = 0.2
-"""A look nearer than this d to where the robot is now was taken here, not on the way."""
+"""An observation nearer than this d to the robot was taken here, not on the way."""
 
 
 class ObservationTrail:
-    """The looks of one query."""
+    """The observations of one query."""
 
     def __init__(self) -> None:
         """Begin without any."""
         self._observations: deque[tuple[Pose, Features]] = deque(maxlen=_MAX_OBSERVATIONS)
 
     def add(self, odometry: Pose, features: Features) -> None:
-        """Remember a look (1, F) from an odometry pose (3,), unless it was taken where the last one was."""
+        """Keep features (1, F) taken at an odometry pose (3,), unless they were taken where the last ones were."""
         if not self._observations or distance(relative(self._observations[-1][0], odometry)) > _MIN_SPACING:
             self._observations.append((odometry.copy(), features))
 
@@ -36,7 +36,7 @@ class ObservationTrail:
         self._observations.clear()
 
     def relative_to(self, odometry: Pose) -> ObservationSequence | None:
-        """Return the looks as they lie from an odometry pose (3,), without those taken there; None without any."""
+        """Return the observations relative to an odometry pose (3,), without those taken there; None without any."""
         poses = relative(odometry, np.array([pose for pose, _ in self._observations]).reshape(-1, 3))
         elsewhere = np.flatnonzero(distance(poses) > _SAME_PLACE_DISTANCE)
         if not len(elsewhere):

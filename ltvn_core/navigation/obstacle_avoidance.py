@@ -1,4 +1,4 @@
-"""The veto: a command that would end in contact is bent until it does not, or refused. Pure functions.
+"""Obstacle avoidance: a command that would end in contact is steered aside, or refused. Pure functions.
 
 Owns the little arcs the robot could drive in the next moment. Plans nothing beyond that.
 """
@@ -23,16 +23,16 @@ _NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.01
 def collision_free_command(
     twist: Twist, points: NDArray[np.float64], length_m: float, config: DrivingConfig, *, radius_m: float
 ) -> Twist | None:
-    """Return the command nearest to `twist` that touches none of the points (M, 2) within `length_m`.
+    """Return the command nearest to `twist` that hits none of the points (M, 2) within `length_m`.
 
-    Points are in the robot's frame. Returns None if every bend ends in contact; a turn on the spot never does.
+    Points are in the robot's frame. Returns None if every arc ends in contact; a turn on the spot never does.
     """
     if not twist.linear_m_s or len(points) <= MAX_NOISE_POINTS:
         return twist
     reach_m = min(length_m, abs(twist.linear_m_s) * _HORIZON_S)
     for turn_offset in _TURN_OFFSETS_RAD_S if config.swerve else _TURN_OFFSETS_RAD_S[:1]:
         turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
-        # A bend costs speed, so that there is time to see what comes into view.
+        # Steering aside costs speed, so that there is time to see what comes into view.
         adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
         if _is_free(adjusted, points, reach_m, radius_m + config.veto_margin_m):
             return adjusted

@@ -1,7 +1,7 @@
 """What stands in the robot's way, as far as its depth images showed it in the last moments.
 
-Owns the points and for how long they are remembered: a door frame leaves the picture before the robot has passed it.
-Sees nothing that no image showed, and nothing low close by. Decides nothing: `nav.swerve` does.
+Owns the points and for how long they are remembered: a door frame leaves the image before the robot has passed it.
+Sees nothing that no image showed, and nothing low close by. Decides nothing: `navigation.obstacle_avoidance` does.
 """
 
 from collections import deque
@@ -25,15 +25,15 @@ _UPDATE_AFTER_RAD = 0.08
 """An image shows what is ahead for longer than a control step; each costs as much as the rest of the step."""
 _EVERY_PIXEL = 2
 _COLLISION_MEMORY_STEPS = 100
-"""A touch is forgotten after so many control steps, because its place is a guess that may close a door."""
+"""A collision is forgotten after so many control steps, because its place is a guess that may close a door."""
 _BUMPER_MARGIN_M = 0.02
-"""What was touched lies so far outside the robot."""
+"""What was hit is assumed this far outside the robot."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
 
 
 def obstacle_points(depth: Depth | None, camera: CameraModel) -> NDArray[np.float64]:
-    """Return (M, 2) x forward, y left of what a robot could touch nearby, from every second pixel.
+    """Return (M, 2) x forward, y left of what a robot could hit nearby, from every second pixel.
 
     Without depth that is nothing: only the bumper then knows of obstacles.
     """
@@ -72,7 +72,7 @@ class ObstacleMemory:
         self._last_pose: Pose | None = None
 
     def is_outdated(self, odometry: Pose) -> bool:
-        """Tell whether a robot at `odometry` (3,) has moved so far since the last image that it should look again."""
+        """Tell whether a robot at `odometry` (3,) has moved so far since the last image that a new image is needed."""
         if self._last_pose is None:
             return True
         gap = relative(self._last_pose, odometry)
@@ -90,10 +90,10 @@ class ObstacleMemory:
         self._seen.append(transform_points(here, pose))
 
     def bump(self, odometry: Pose, *, backwards: bool) -> None:
-        """Remember that the bumper touched something before, or behind, a robot at `odometry` (3,).
+        """Remember a collision before, or behind, a robot at `odometry` (3,).
 
         No image need have shown it. Where on the bumper it was is unknown, so a narrow piece in the middle is believed;
-        what is wider is felt out touch by touch.
+        what is wider is found collision by collision.
         """
         yaw = float(odometry[2]) + (np.pi if backwards else 0.0)
         directions = yaw + _COLLISION_BEARINGS_RAD
@@ -103,7 +103,7 @@ class ObstacleMemory:
     def nearby_points(self, odometry: Pose, *, backwards: bool = False) -> NDArray[np.float64]:
         """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby.
 
-        What was touched while backing up counts only for backing up; for the way ahead the camera knows better.
+        What was hit while backing up counts only for backing up; for the way ahead the camera knows better.
         """
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
         if not self._seen and not collision_points:

@@ -1,6 +1,6 @@
-"""What the robot sees now: one picture per control step, encoded at most once, compared with nodes on demand.
+"""Perception: one observation per control step, encoded at most once, compared with nodes on demand.
 
-Owns the current picture. Draws no conclusion.
+Owns the current observation. Decides nothing.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,23 +24,23 @@ class NodeMatch(NamedTuple):
     """(3,): the node in the robot's frame."""
 
     def with_waypoint(self, waypoint: Waypoint) -> "NodeMatch":
-        """Return the same sight with a better waypoint."""
+        """Return the same match with a better waypoint."""
         return self._replace(waypoint=waypoint, distance=float(distance(waypoint)))
 
 
 class Perception:
-    """Looks through the robot's camera."""
+    """Takes observations and compares them with nodes."""
 
     def __init__(
         self, motion: MotionExecutor, predictor: Predictor, matcher: Matcher, on_look: Callable[[Observation], None]
     ) -> None:
-        """Look from `motion`; every new picture goes to `on_look`."""
+        """Observe through `motion`; every new observation goes to `on_look`."""
         self._motion = motion
         self._predictor = predictor
         self._matcher = matcher
         self._on_look = on_look
         self.trail = ObservationTrail()
-        """What was looked at on the way, as far as it was encoded."""
+        """The observations on the way that were encoded."""
         self._at_step = -1
         self._observation: Observation | None = None
         self._features: Features | None = None
@@ -48,7 +48,7 @@ class Perception:
 
     @property
     def observation(self) -> Observation:
-        """The current picture, a new one if the robot has moved since the last."""
+        """The current observation, a new one if the robot has moved since the last."""
         if self._observation is None or self._at_step != self._motion.steps:
             self._observation, self._at_step = self._motion.observe(), self._motion.steps
             self._features, self._node_matches = None, {}
@@ -57,7 +57,7 @@ class Perception:
 
     @property
     def features(self) -> Features:
-        """(1, F) of the current picture."""
+        """(1, F) features of the current observation."""
         seen = self.observation
         if self._features is None:
             self._features = self._predictor.encode([seen])
@@ -70,8 +70,8 @@ class Perception:
         return self.trail.relative_to(self._motion.odometry)
 
     def node_match(self, node: NodeId) -> NodeMatch:
-        """Compare the current picture with a node."""
-        image = self.features  # First, because a new picture forgets what the last one showed.
+        """Compare the current observation with a node."""
+        image = self.features  # First, because a new observation clears what was compared with the last one.
         if node not in self._node_matches:
             found = self._matcher.match(image, (node,))
             self._node_matches[node] = NodeMatch(
@@ -88,7 +88,7 @@ class Perception:
             yield image, relative(odometry, image.odometry)
 
     def with_node_support(self, node: NodeId) -> NodeMatch:
-        """Compare the current picture with a node, trusting r only as far as the node's neighbours in time agree."""
+        """Compare the current observation with a node; r counts only as far as its temporal neighbours agree."""
         found = self._matcher.match(self.features, (node,))
         return self.node_match(node)._replace(
             reachability=float(self._matcher.with_node_support(found, self.features).reachability[0])

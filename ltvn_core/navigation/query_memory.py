@@ -1,7 +1,7 @@
 """What the navigator remembers of one query and forgets afterwards: which edges it drove and which failed.
 
-Owns the rules against running in circles: penalties, repeats, and the node it is held to be at after a leg without a
-step. Beliefs that outlive the query are the map's.
+Owns the rules against running in circles: penalties, repeats, and the node it is held to be at after an attempt without
+a step. Beliefs that outlive the query are the map's.
 """
 
 from collections import Counter
@@ -27,20 +27,20 @@ class QueryMemory:
         self.plan: tuple[NodeId, ...] = ()
         """The last plan; the robot is looked for around it first."""
         self.assumed_node: NodeId | None = None
-        """Where the robot is held to be, because a leg to there took no step; used once."""
+        """Where the robot is held to be, because an attempt to reach it took no step; used once."""
         self.consecutive_failures = 0
-        """Looks in a row without a node or without a path."""
+        """Observations in a row without a node or without a path."""
         self.give_up_outcome = Outcome.LOST
         """What the query ends with if it is given up: no path counts for more than being lost on the way."""
         self.goal_rejections = 0
-        """How often a second look at the goal disagreed with the first."""
+        """How often a second observation of the goal disagreed with the first."""
         self.approached: NodeId | None = None
         """The node that was approached last instead of its successor."""
         self.doubted: set[NodeId] = set()
         """Nodes the robot does not believe to be at any more."""
 
     def count_drive(self, edge: EdgeKey) -> bool:
-        """Count one more leg along an edge; tell whether that is so often that it must have failed."""
+        """Count one more attempt along an edge; tell whether that is so often that it must have failed."""
         self._driven[edge] += 1
         return 0 < self._config.repeat_limit < self._driven[edge]
 
@@ -61,7 +61,7 @@ class QueryMemory:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
 
     def record_failure_from(self, node: NodeId) -> None:
-        """Remember that a leg from a node failed; where that happens often, the robot is somewhere else."""
+        """Remember that an attempt from a node failed; where that happens often, the robot is somewhere else."""
         self._failed_from[node] += 1
         if 0 < self._patience <= self._failed_from[node]:
             self.doubted.add(node)
@@ -72,7 +72,7 @@ class QueryMemory:
         self._failed_from.clear()
 
     def record_localisation_failure(self, why: Outcome) -> None:
-        """Count a look without a node or without a path."""
+        """Count an observation without a node or without a path."""
         if self.consecutive_failures == 0 or why is Outcome.NO_PATH:
             self.give_up_outcome = why
         self.consecutive_failures += 1

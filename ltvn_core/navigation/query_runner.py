@@ -1,7 +1,7 @@
 """One query under way: the loop of the paper, in the order in which it happens.
 
-Owns that order and the events that tell about it. The decisions are elsewhere: in the strategies of `graph.system`, in
-`graph.planner`, `nav.legs` and `nav.judgement`.
+Owns that order and the events that tell about it. The decisions are elsewhere: in the strategies of
+`graph.navigation_system`, in `graph.planner`, `navigation.attempt_driver` and `navigation.judgement`.
 """
 
 import itertools
@@ -38,7 +38,7 @@ from ltvn_core.types import NodeId, Twist
 _AT_NODE_DISTANCE = 0.3
 """A node nearer than this d need not be approached once more."""
 _INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
-"""A leg that ended so tells of what stands around, not of the edge."""
+"""An attempt that ended so says something about the surroundings, not about the edge."""
 
 
 class QueryRunner:
@@ -57,7 +57,7 @@ class QueryRunner:
         self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
-        """Localise, plan, drive, judge, update, until the goal is reached or hope is lost."""
+        """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
         while True:
             if (yield from self._goal_check.check()):
                 return Outcome.ARRIVED
@@ -88,14 +88,16 @@ class QueryRunner:
             prior = LocalisationPrior(self._memory.plan, self._perception.trail_from_here, self._memory.doubted)
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
         frame = self._perception.observation.step
-        numbers = (
-            localisation.distance,
-            localisation.reachability,
-            localisation.runner_up,
-            localisation.margin,
-            localisation.scope,
+        yield Localised(
+            query=self._query,
+            frame=frame,
+            node=localisation.node,
+            distance=localisation.distance,
+            reachability=localisation.reachability,
+            runner_up=localisation.runner_up,
+            margin=localisation.margin,
+            scope=localisation.scope,
         )
-        yield Localised(self._query, frame, localisation.node, *numbers)
         return localisation
 
     def _plan(self, start: NodeId) -> EventGenerator[GraphPath]:
@@ -128,7 +130,7 @@ class QueryRunner:
             # From the same place it would be blocked again, so the robot looks for another way from aside.
             yield from self._turn(self._method.recovering.turn_rad)
             return False
-        # A leg of no step would be planned again for ever, so the robot is held to have arrived.
+        # An attempt of no step would be planned again for ever, so the robot is held to have arrived.
         self._memory.assumed_node = target
         return source is None and target == self._goal
 
@@ -155,7 +157,7 @@ class QueryRunner:
         return node_match.with_waypoint(aim)
 
     def _drive(self, segment: tuple[NodeId, ...], node_match: NodeMatch) -> EventGenerator[AttemptResult]:
-        """Drive one leg and learn from it."""
+        """Make one attempt and learn from it."""
         source, target = _ends(segment)
         yield from self._enter(NavigatorState.DRIVING)
         attempt, frame = next(self._context.attempt_numbers), self._perception.observation.step
@@ -204,8 +206,14 @@ class QueryRunner:
             for edge in edges:  # Nobody knows which of them is to blame.
                 self._memory.record_failure(edge)
             self._memory.record_failure_from(segment[0])
-        told = verdict.succeeded, failed_before, verdict.hindered
-        evidence = AttemptEvidence(segment[0], segment[-1], node_match.distance, *told)
+        evidence = AttemptEvidence(
+            source=segment[0],
+            target=segment[-1],
+            distance=node_match.distance,
+            succeeded=verdict.succeeded,
+            failed_before=failed_before,
+            hindered=verdict.hindered,
+        )
         yield from context.apply_deltas(
             context.system.maintenance.after_attempt(context.graph, evidence), self._query, attempt
         )
@@ -214,8 +222,18 @@ class QueryRunner:
         self, attempt: int, source: NodeId | None, target: NodeId, end: AttemptEnd, verdict: AttemptVerdict
     ) -> AttemptEnded:
         seen, frame = self._perception.node_match(target), self._perception.observation.step
-        numbers = seen.distance, seen.reachability, verdict.succeeded, verdict.reason
-        return AttemptEnded(self._query, attempt, source, target, frame, end, *numbers)
+        return AttemptEnded(
+            query=self._query,
+            attempt=attempt,
+            source=source,
+            target=target,
+            frame=frame,
+            end=end,
+            distance=seen.distance,
+            reachability=seen.reachability,
+            succeeded=verdict.succeeded,
+            reason=verdict.reason,
+        )
 
     def _recover(self, why: Outcome) -> EventGenerator[None]:
         """Turn on the spot to look again; after a full turn move on a little; in the end give up."""
@@ -257,6 +275,6 @@ class QueryRunner:
 
 
 def _ends(segment: tuple[NodeId, ...]) -> tuple[NodeId | None, NodeId]:
-    """Return where a leg begins and ends; to a single node the robot only makes its approach."""
+    """Return where an attempt begins and ends; to a single node the robot only makes its approach."""
     source = None if len(segment) == 1 else segment[0]
     return source, segment[-1]

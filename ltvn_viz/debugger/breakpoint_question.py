@@ -66,7 +66,7 @@ class BreakpointQuestion(Question[BreakpointRequest]):
 
     name = QuestionName.BREAK
     word = QuestionName.BREAK.word
-    about = "The task or the replay stops where something you name happens. Click an offer or type your own."
+    about = "The query or the replay stops where something you name happens. Click an offer or type your own."
 
     def __init__(self, breakpoint_monitor: BreakpointMonitor) -> None:
         """Set the breakpoints of `breakpoint_monitor`."""

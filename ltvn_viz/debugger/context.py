@@ -1,4 +1,4 @@
-"""What a tool may look at: everything that happened, with the pictures and the network.
+"""What a tool may look at: everything that happened, with the images and the network.
 
 Owns how the live run and an open recording are made to look the same. Computes nothing but what it keeps.
 """

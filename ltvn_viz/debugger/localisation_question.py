@@ -1,4 +1,4 @@
-"""Where the robot might be: the current view against every node, how sure that was over time, and look-alike places."""
+"""Where the robot might be: the view against every node, how sure that was over time, and perceptual aliases."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ _SHOWN_LOCALIZATIONS = 200
 _SMALLEST = 5
 _PAIRS = 8
 _CANDIDATES = 8
-"""Nodes with the most similar pictures that each node is compared with; more takes longer."""
+"""Nodes with the most similar images that each node is compared with; more takes longer."""
 _SMALL = 0.3
 
 
@@ -144,7 +144,7 @@ class LocalisationQuestion(Question[FindAliases]):
             return ()
         keyframes, missing = self._node_images.load(context)
         if missing:
-            builder.add_text("Look-alike places are searched as soon as all images are read.")
+            builder.add_text("Perceptual aliases are searched as soon as all images are read.")
             return ()
         found = context.in_background(
             self._asked, _alias_search(context.graph, keyframes, context.predictor, context.method)
@@ -211,7 +211,9 @@ def _alias_search(
 
 
 def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: AnswerBuilder) -> tuple[Stroke, ...]:
-    builder.add_text(f"{len(found)} look-alike pairs:" if found else "No two places look alike.")
+    builder.add_text(
+        f"{len(found)} pairs of perceptual aliases:" if found else "No perceptual aliases: no two places look alike."
+    )
     for pair in found[:_PAIRS]:
         link = builder.link(f"{pair.first} ↔ {pair.second}", PointAt(pair.first, pair.second))
         builder.add_html(f"<div>{link}: {escape(pair.sentence)}</div>")

@@ -59,7 +59,7 @@ class AnswerBuilder:
         if selection.edge is None:
             return {}
         source, target = selection.edge
-        more = self.link("its pictures and attempts", ChooseQuestion(QuestionName.EDGE))
+        more = self.link("its images and attempts", ChooseQuestion(QuestionName.EDGE))
         self.add_html(f"<div>Edge <b>{source} → {target}</b>: {more}</div>")
         return {source: palette.SOURCE, target: palette.TARGET}
 

@@ -166,7 +166,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         counted = context.in_background(question, count_rebuilt_nodes(context, changed))
         if counted is None:
             builder.add_pending(
-                "Building two maps to compare, without using either, which takes tens of seconds while tasks wait"
+                "Building two maps to compare, without using either, which takes tens of seconds while queries wait"
             )
         else:
             builder.add_html(f"<div>Rebuilt so: <b>{escape(counted)}</b></div>")

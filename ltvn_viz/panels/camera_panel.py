@@ -1,4 +1,4 @@
-"""What the robot sees: the picture and its depth beside it."""
+"""What the robot sees: the image and its depth beside it."""
 
 import time
 from collections.abc import Callable
@@ -19,7 +19,7 @@ FARTHEST_M = 6.0
 
 
 class CameraPanel:
-    """One image with both pictures, so that they always belong together."""
+    """One image with both, so that they always belong together."""
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty image to the container that is open."""
@@ -29,7 +29,7 @@ class CameraPanel:
         self._due = float("-inf")
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the newest picture, at most 15 times a second."""
+        """Show the newest image, at most 15 times a second."""
         if snapshot.camera is self.shown or self._clock() < self._due:
             return
         self.shown, self._due = snapshot.camera, self._clock() + SHOW_EVERY_S
@@ -37,7 +37,7 @@ class CameraPanel:
 
 
 def colour_beside_depth(view: CameraImage | None) -> Rgb:
-    """Return colour and depth, each 320 x 240, as one picture."""
+    """Return colour and depth, each 320 x 240, as one image."""
     canvas = np.full((HEIGHT, 2 * WIDTH + GAP, 3), palette.BACKGROUND, np.uint8)
     if view is not None:
         canvas[:, :WIDTH] = cv2.resize(view.rgb, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)

@@ -43,7 +43,7 @@ def _counts(snapshot: Snapshot) -> str:
         (f"{len(moment.graph.ids):,}", "nodes"),
         (f"{len(moment.graph.p):,}", "edges"),
         (f"{progress.collisions}", "collisions"),
-        (f"{progress.queries}", "tasks"),
+        (f"{progress.queries}", "queries"),
         (f"{progress.reached}", "arrived"),
         (f"{progress.added}", "edges added"),
         (f"{progress.pruned}", "pruned"),

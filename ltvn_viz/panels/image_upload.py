@@ -1,4 +1,4 @@
-"""Pictures that a person uploads: decoded with care, because anything may come."""
+"""Images that a person uploads: decoded with care, because anything may come."""
 
 import io
 import warnings
@@ -15,7 +15,7 @@ FORMATS = ("JPEG", "PNG", "WEBP", "BMP")
 
 
 def decode_upload(name: str, content: bytes) -> Rgb:
-    """Decode an uploaded file into a picture of the method's size (72, 96, 3); raises ImageError."""
+    """Decode an uploaded file into an image of the method's size (72, 96, 3); raises ImageError."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -24,5 +24,5 @@ def decode_upload(name: str, content: bytes) -> Rgb:
             raise ImageError(f"{name}: {image.width} x {image.height} pixels are too many; scale it down first.")
         upright = ImageOps.exif_transpose(image).convert("RGB")
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ImageError(f"{name}: this is no whole picture. Upload a JPEG, PNG, WebP or BMP file.") from error
+        raise ImageError(f"{name}: this is no whole image. Upload a JPEG, PNG, WebP or BMP file.") from error
     return preprocessing.preprocess_image(np.asarray(upright), name)

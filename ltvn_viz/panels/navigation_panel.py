@@ -1,4 +1,4 @@
-"""The “Go” tab: goals by picture, and the task under way."""
+"""The “Go” tab: goals by image, and the query under way."""
 
 import asyncio
 from collections.abc import Callable
@@ -17,14 +17,14 @@ from ltvn_viz.session.snapshot import Snapshot
 
 
 class NavigationPanel:
-    """Pictures to go to, and how it goes."""
+    """Images to go to, and how it goes."""
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         """Add the controls to the tab that is open; `send` takes commands and returns at once."""
-        HtmlBlock(gui, note("Click a picture, or a node in the scene, and the robot drives there by what it sees."))
+        HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there by what it sees."))
         self.task, self.state, self.gallery = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
         self._upload = gui.add_upload_button(
-            "Go to an uploaded picture",
+            "Go to an uploaded image",
             icon=viser.Icon.PHOTO_UP,
             color=(73, 80, 87),
             mime_type="image/*",
@@ -41,11 +41,11 @@ class NavigationPanel:
                 send(ReportError(str(error)))
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the goals on offer and the task."""
+        """Show the goals on offer and the query."""
         self.task.show(_task(snapshot))
         self.state.show(_state(snapshot))
         self.gallery.show(
-            _goal_images(snapshot.gallery, snapshot, "Drive a little: goal pictures appear as the map grows.")
+            _goal_images(snapshot.gallery, snapshot, "Drive a little: goal images appear as the map grows.")
         )
         self._matching_nodes.show(_goal_images(snapshot.similar_nodes, snapshot, ""))
 
@@ -58,8 +58,8 @@ def _task(snapshot: Snapshot) -> str:
         ActionButton(Action.GOAL, "Navigate", "G", "go to the chosen goal", is_main=True, is_enabled=ready),
         pause,
         ActionButton(Action.STEP, "Step", ".", "one control step, then pause", is_enabled=busy),
-        ActionButton(Action.CANCEL, "Cancel", "Esc", "end the task", is_enabled=busy),
-        ActionButton(Action.CANCEL, "Take over", "W A S D", "end the task and drive yourself", is_enabled=busy),
+        ActionButton(Action.CANCEL, "Cancel", "Esc", "end the query", is_enabled=busy),
+        ActionButton(Action.CANCEL, "Take over", "W A S D", "end the query and drive yourself", is_enabled=busy),
     )
 
 
@@ -81,17 +81,17 @@ def _state(snapshot: Snapshot) -> str:
 def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
     judged = snapshot.moment.progress.judged
     truth = "" if judged is None else f", in truth {judged.position_error_m:.2f} m from the goal"
-    return f"Last task: {outcome}{truth}."
+    return f"Last query: {outcome}{truth}."
 
 
 def _goal_images(nodes: tuple[NodeId, ...], snapshot: Snapshot, instead: str) -> str:
     if not nodes:
         return note(instead) if instead else ""
-    # While a task runs a click only chooses the next goal.
+    # While a query runs a click only chooses the next goal.
     action = Action.GOAL if snapshot.mode is Mode.TELEOP else Action.SELECT
     images = "".join(
         f'<img src="/thumb/{node}.jpg" data-ltvn-action="{action}" data-id="{node}" alt="goal {node}" '
         f'title="go to node {node}" class="{"lt-chosen" if node == snapshot.selected else ""}">'
         for node in map(int, nodes)
     )
-    return f'<div class="lt"><div class="lt-gallery" role="group" aria-label="goal pictures">{images}</div></div>'
+    return f'<div class="lt"><div class="lt-gallery" role="group" aria-label="goal images">{images}</div></div>'

@@ -45,7 +45,7 @@ class Action(StrEnum):
     QUERY_AFTER = "query_after"
     HELP = "help"
     SELECT = "select"
-    """A click on a picture: look at it. Carries the picture's id."""
+    """A click on an image: look at it. Carries the image's id."""
     FOLLOW = "follow"
     """A click on a link in what a tool shows. Carries the link's number."""
 
@@ -95,7 +95,7 @@ KEYS = (
     KeyBinding(("Backspace",), Action.DISCARD, "discard the recording"),
     KeyBinding(("KeyB",), Action.BUILD, "build a map"),
     KeyBinding(("KeyG",), Action.GOAL, "go to the selected goal"),
-    KeyBinding(("Escape",), Action.CANCEL, "cancel the task"),
+    KeyBinding(("Escape",), Action.CANCEL, "cancel the query"),
     KeyBinding(("KeyP",), Action.PAUSE, "pause, or go on"),
     KeyBinding(("Period",), Action.STEP, "one step, then pause"),
     KeyBinding(("BracketLeft",), Action.SEEK_BACK, "replay: back one second"),

@@ -132,13 +132,13 @@ class AppState:
             self.message = Message(text, severity, self.message.number + 1 if self.message is not None else 1)
 
     def cancel(self, notice: str) -> None:
-        """Leave a task before its end, and say so."""
+        """Leave a query before its end, and say so."""
         if isinstance(self.activity, Navigation | MapBuilding):
             self.activity.cancel()
             self.say(notice)
 
     def fail(self, text: str) -> None:
-        """After an error: the robot stands, a task is dropped, the page says why."""
+        """After an error: the robot stands, a query is dropped, the page says why."""
         self.live.robot.stop()
         self.work = None
         if isinstance(self.activity, Navigation | MapBuilding):

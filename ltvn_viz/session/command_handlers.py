@@ -43,7 +43,7 @@ def _carry_out(state: AppState, command: c.Command) -> None:
         case c.Cancel():
             state.cancel("Cancelled.")
         case c.TakeOver():
-            state.cancel("You took over; the task was cancelled.")
+            state.cancel("You took over; the query was cancelled.")
         case c.BuildMap():
             state.activity = MapBuilding(state.live, state.worker, state.live_map.rebuild)
         case c.FineTune(minutes):
@@ -79,11 +79,11 @@ def _carry_out(state: AppState, command: c.Command) -> None:
 def _stop(state: AppState) -> None:
     state.live.robot.stop()
     if isinstance(state.activity, Navigation):
-        state.cancel("Stopped; the task was cancelled.")
+        state.cancel("Stopped; the query was cancelled.")
 
 
 def _play(state: AppState, command: c.PlaybackCommand) -> None:
-    """Commands that mean something to a task or a replay under way."""
+    """Commands that mean something to a query or a replay under way."""
     match command, state.activity:
         case c.Pause(), Playback() as replay:
             replay.play(playing=not replay.playing)
@@ -148,7 +148,7 @@ def _pick(state: AppState, node: NodeId) -> None:
 def _navigate(state: AppState, node: NodeId | None) -> None:
     goal = state.goals.selected if node is None else node
     if goal is None:
-        raise OptionError("Choose a goal first: click a node in the scene or a picture under “Go”.")
+        raise OptionError("Choose a goal first: click a node in the scene or an image under “Go”.")
     state.live.robot.stop()
     state.goals.selected = goal
     state.queries += 1
@@ -164,7 +164,7 @@ def _find_and_go(state: AppState, rgb: Rgb) -> None:
     def go(found: tuple[Sequence[NodeId], Sequence[tuple[FrameId, Rgb]]]) -> None:
         state.goals.offer_similar_nodes(*found)
         if state.activity is state.teleop:
-            state.say("Going to the place that looks most like your picture. Others that look like it are shown below.")
+            state.say("Going to the place that looks most like your image. Others that look like it are shown below.")
             _navigate(state, found[0][0])
 
     state.worker.submit(find, go)
@@ -190,7 +190,7 @@ def _open(state: AppState, asked: c.OpenRecording) -> None:
     def show(replay: Playback) -> None:
         state.work = None
         if isinstance(state.activity, Navigation | MapBuilding):
-            state.say(f"{asked.name} was not opened, because a task began meanwhile. Open it when that is over.")
+            state.say(f"{asked.name} was not opened, because a query began meanwhile. Open it when that is over.")
             return
         replay.breakpoint_monitor = state.live.breakpoint_monitor
         replay.seek(asked.at_s)

@@ -110,36 +110,36 @@ class NavigateTo(LabelledCommand):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NavigateToImage(LabelledCommand):
-    """Drive to the node that looks most like a picture (H, W, 3)."""
+    """Drive to the node that looks most like an image (H, W, 3)."""
 
-    label: ClassVar[str] = "upload a goal picture"
+    label: ClassVar[str] = "upload a goal image"
     rgb: Rgb
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pause(LabelledCommand):
-    """Hold the navigation task or the replay, or go on with it."""
+    """Hold the query or the replay, or go on with it."""
 
     label: ClassVar[str] = "pause"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepOnce(LabelledCommand):
-    """Let one control step of the navigation task happen, then hold it."""
+    """Let one control step of the query happen, then hold it."""
 
     label: ClassVar[str] = "step"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cancel(LabelledCommand):
-    """Give up the navigation task or the building of a map."""
+    """Give up the query or the building of a map."""
 
     label: ClassVar[str] = "cancel"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TakeOver(LabelledCommand):
-    """Give up the navigation task, because a person drives."""
+    """Give up the query, because a person drives."""
 
     label: ClassVar[str] = "take over"
 

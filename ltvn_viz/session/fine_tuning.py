@@ -105,7 +105,7 @@ class FineTuning:
         self._told = share, doing
 
     def _run(self, tune: Callable[[], FineTunedWeights | None]) -> FineTunedWeights | str | None:
-        """Return a failure as a sentence: the robot and its task have nothing to do with it and go on."""
+        """Return a failure as a sentence: the robot and its query have nothing to do with it and go on."""
         try:
             return tune()
         except LtvnError as error:

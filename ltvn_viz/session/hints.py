@@ -36,7 +36,7 @@ def _driving(snapshot: Snapshot) -> str:
         return "The map is growing. Drive on through the doors; places seen from both sides connect best."
     ended = moment.progress.ended
     if ended is None:
-        return "Pick a goal: click a node in the scene or a picture under “Go”. Or hold W A S D and drive yourself."
+        return "Pick a goal: click a node in the scene or an image under “Go”. Or hold W A S D and drive yourself."
     if ended.outcome is Outcome.ARRIVED:
         return "Arrived. Pick the next goal, or press R to record what happens from now on and replay it later."
     if ended.outcome is Outcome.CANCELLED:

@@ -18,7 +18,7 @@ class Mode(StrEnum):
     NAVIGATING = "navigating"
     """The robot drives by itself."""
     PAUSED = "paused"
-    """A navigation task waits; the robot stands still."""
+    """A query waits; the robot stands still."""
     REPLAY = "replay"
     """The page shows a recording; the robot stands still."""
 

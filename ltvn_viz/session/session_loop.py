@@ -161,7 +161,7 @@ class Session:
 
 
 def _handle_breakpoint(state: AppState) -> None:
-    """Hold the task if a breakpoint was met since this was asked last."""
+    """Hold the query if a breakpoint was met since this was asked last."""
     stop = state.live.breakpoint_monitor.take_latest()
     if stop is None:
         return

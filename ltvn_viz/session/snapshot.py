@@ -122,7 +122,7 @@ class Snapshot:
     gallery: tuple[NodeId, ...] = ()
     """Nodes offered as goals by their pictures."""
     similar_nodes: tuple[NodeId, ...] = ()
-    """Nodes that look like the uploaded picture, best first."""
+    """Nodes that look like the uploaded image, best first."""
     message: Message | None = None
     work: JobProgress | None = None
     fine_tuning: FineTuningStatus = FineTuningStatus()

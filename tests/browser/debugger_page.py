@@ -109,7 +109,7 @@ class DebuggerPage:
         self.compare_with(other)
         self.says("believed differently")
         self.answer.locator("table").nth(1).locator("a").first.click()
-        self.says("its pictures and attempts")
+        self.says("its images and attempts")
         self.ask(QuestionName.HAND)
         self.follow(re.compile("^cut "))
         self.says("undo")
@@ -119,7 +119,7 @@ class DebuggerPage:
         before = self.shown
         field = self.page.locator("input:not([readonly]):visible, textarea:visible").last
         field.fill(text)
-        self.page.get_by_role("button", name="Tell", exact=True).click()
+        self.page.get_by_role("button", name="Ask", exact=True).click()
         self.until(lambda: self.shown is not before)
         self.settled()
 

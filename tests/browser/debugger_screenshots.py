@@ -85,9 +85,9 @@ def where(debugger: DebuggerPage) -> None:
     failure(debugger, 2)
     debugger.ask(QuestionName.WHERE)
     debugger.says("nodes near enough")
-    if "look-alike pairs" not in debugger.shown.html:
+    if "pairs of perceptual aliases" not in debugger.shown.html:
         debugger.follow(re.compile("^search for places"))
-    debugger.says("look-alike pairs")
+    debugger.says("pairs of perceptual aliases")
 
 
 def breaks(debugger: DebuggerPage) -> None:

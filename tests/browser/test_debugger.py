@@ -100,7 +100,7 @@ def test_a_wrong_arrival_leads_to_the_pair_of_perceptual_aliases(fault: Debugger
     fault.ask(QuestionName.WHERE)
     fault.says("nodes near enough")
     fault.follow(re.compile("^search for places"))
-    told = fault.says("look-alike pairs", "an edge joins them")
+    told = fault.says("pairs of perceptual aliases", "an edge joins them")
     assert f"{min(edge)} ↔ {max(edge)}" in told
     fault.follow(f"{min(edge)} ↔ {max(edge)}")
     assert fault.shown.selection.edge == (min(edge), max(edge))

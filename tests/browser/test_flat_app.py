@@ -96,7 +96,7 @@ def test_a_gallery_image_sends_the_robot_there(app: FlatApp, page: Page) -> None
     now = until_shown(app, lambda now: now.mode is Mode.TELEOP)
     assert now.moment.progress.ended is not None
     assert now.moment.progress.ended.goal == goal
-    expect(page.get_by_text("Last task: arrived")).to_be_visible()
+    expect(page.get_by_text("Last query: arrived")).to_be_visible()
 
 
 def test_clicking_a_node_in_the_scene_sends_the_robot_there(app: FlatApp, page: Page) -> None:
@@ -122,7 +122,7 @@ def test_pause_step_and_cancel_do_what_they_say(app: FlatApp, page: Page) -> Non
     until_shown(app, lambda now: now.mode is Mode.PAUSED and app.harness.robot.step == where + 1)
     page.get_by_role("button", name=re.compile("^Cancel")).click()
     until_shown(app, lambda now: now.mode is Mode.TELEOP)
-    expect(page.get_by_text("Last task: cancelled")).to_be_visible()
+    expect(page.get_by_text("Last query: cancelled")).to_be_visible()
 
 
 def test_driving_keys_take_over_from_navigation(app: FlatApp, page: Page) -> None:
@@ -168,7 +168,7 @@ def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: P
     picture = tmp_path / "goal.jpg"
     picture.write_bytes(app.harness.thumbnails.get(node) or b"")
     with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Go to an uploaded picture").click()
+        page.get_by_role("button", name="Go to an uploaded image").click()
     chooser.value.set_files(picture)
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     assert app.harness.now.similar_nodes
@@ -179,7 +179,7 @@ def test_an_upload_that_is_no_image_is_a_clear_error(app: FlatApp, page: Page, t
     evil = tmp_path / "<b>evil.jpg"
     evil.write_bytes(b"not a picture")
     with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Go to an uploaded picture").click()
+        page.get_by_role("button", name="Go to an uploaded image").click()
     chooser.value.set_files(evil)
     expect(page.get_by_role("alert").filter(has_text="<b>evil.jpg").first).to_be_visible()
     assert app.session.mode is Mode.TELEOP

@@ -15,7 +15,7 @@ from ltvn_viz.session.worker import Worker
 
 
 class Navigation:
-    """One navigation task."""
+    """One query."""
 
     def __init__(
         self, live: LiveRun, worker: Worker, goal: NodeId, query: Iterator[Event | Tick], cancel: Callable[[], None]
@@ -30,7 +30,7 @@ class Navigation:
         self.is_stopping = False
         """It was given up, and its last events are still to come."""
         self.over = False
-        """The task has come to its end and the robot is free."""
+        """The query has come to its end and the robot is free."""
 
     @property
     def mode(self) -> Mode:
@@ -50,7 +50,7 @@ class Navigation:
         self._steps_left = 1
 
     def cancel(self) -> None:
-        """Stop the robot and end the task as cancelled, as soon as the navigator has finished its thought."""
+        """Stop the robot and end the query as cancelled, as soon as the navigator has finished its thought."""
         self.is_stopping = True
         self._live.robot.stop()
 

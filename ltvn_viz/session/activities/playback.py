@@ -1,6 +1,6 @@
 """A recording in the page: the same moments as live, at any time one likes.
 
-Owns the place in time and the pictures on show. Never writes, and keeps no pictures but the one on show.
+Owns the place in time and the image on show. Never writes, and keeps no image but the one on show.
 """
 
 from typing import Protocol
@@ -91,7 +91,7 @@ class Playback:
         return moment_of(self.timeline, self.stamp)
 
     def camera(self, frame: FrameId | None) -> CameraImage | None:
-        """Return the picture of a frame; None when it cannot be read."""
+        """Return the image of a frame; None when it cannot be read."""
         if frame != self._shown[0]:
             self._shown = frame, self._read(frame)
         return self._shown[1]

@@ -79,7 +79,7 @@ class Teleop:
     def _mapped(self, observation: Observation, deltas: Sequence[GraphDelta]) -> None:
         self._mapping_ended()
         if deltas:
-            # A recording that began while this image waited must hold it too, or its map would lack a picture.
+            # A recording that began while this image waited must hold it too, or its map would lack an image.
             self._live.recorder.write_frame(observation)
         for delta in deltas:
             self._live.emit(GraphChanged(delta))

@@ -57,7 +57,7 @@ def test_after_a_drive_the_margin_over_time_leads_to_the_least_sure_look(harness
 def test_perceptual_aliases_are_searched_on_demand_alone(harness: SessionHarness) -> None:
     shown = follow(harness, harness.wait(3), "look alike")
 
-    assert "look-alike pairs" in shown.inspection.html or "No two places look alike" in shown.inspection.html
+    assert "perceptual aliases" in shown.inspection.html or "No two places look alike" in shown.inspection.html
 
 
 def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:

@@ -63,9 +63,8 @@ class BeliefCurves:
 
 
 def _changed_edge(event: ev.Event) -> tuple[NodeId, NodeId] | None:
-    match event:
-        case ev.GraphChanged(delta=BeliefUpdated(source=source, target=target) | EdgePruned(source, target)):
-            return source, target
+    if isinstance(event, ev.GraphChanged) and isinstance(event.delta, BeliefUpdated | EdgePruned):
+        return event.delta.source, event.delta.target
     return None
 
 

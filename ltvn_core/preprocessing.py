@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.cameras.original_images import OriginalSize, compress_original
+from ltvn_core.cameras.original_images import OriginalSize, compress_original, decompress_original
 from ltvn_core.cameras.rectification import have_same_rays, rectification
 from ltvn_core.errors import ImageError
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -152,6 +152,26 @@ def rectify_observation(
         depth=None if observation.depth is None else way.rectify_depth(observation.depth),
         original=original,
     )
+
+
+def recorded_observation(observation: Observation, camera: CameraModel, target: CameraModel) -> Observation:
+    """Return a recorded observation for a predictor with another camera than the one it was recorded for.
+
+    Colours come from the original picture where it was kept, so that a predictor may take larger images than the method
+    used then; depth comes from what the method used.
+
+    Args:
+        observation: As `Recording.observation` returns it.
+        camera: The camera of its image: `Recording.meta.camera`.
+        target: The camera of the result: `Predictor.camera`.
+    """
+    rectified = rectify_observation(observation, camera, target)
+    if observation.original is None or rectified is observation:
+        return rectified
+    rgb, taken_by = decompress_original(observation.original), observation.original.camera
+    if not have_same_rays(taken_by, target):
+        rgb = rectification(taken_by, target).rectify_rgb(rgb)
+    return replace(rectified, rgb=rgb)
 
 
 def preprocess_image(

@@ -54,9 +54,10 @@ class Rectification:
 
         n = self._samples
         fine = cv2.remap(np.ascontiguousarray(rgb), self._fine[..., 0], self._fine[..., 1], cv2.INTER_LINEAR)
-        blocks = fine.reshape(self.target.height, n, self.target.width, n, 3)
-        mean = np.rint(blocks.mean(axis=(1, 3))) if n > 1 else fine
-        return np.where(self.seen[..., None], mean, 0).astype(np.uint8)
+        size = (self.target.width, self.target.height)
+        image = np.asarray(fine if n == 1 else cv2.resize(fine, size, interpolation=cv2.INTER_AREA), np.uint8)
+        image[~self.seen] = 0
+        return image
 
     def rectify_depth(self, depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return metres (H, W) along the target's axis from metres along the source's; 0 where it sees nothing.

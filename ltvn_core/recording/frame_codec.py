@@ -6,10 +6,12 @@ Owns compressing, decompressing and the checksum. Does not know where frames are
 import json
 import zlib
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from ltvn_core import preprocessing
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.recording import image_codec
 from ltvn_core.types import FrameId, Observation, OriginalImage, Pose
 
@@ -51,8 +53,14 @@ class EncodedFrame:
         """CRC-32 over the original picture, its camera and its step; 0 where there is none."""
         if self.original is None:
             return 0
-        camera = json.dumps(self.original.camera.to_json(), sort_keys=True).encode()
+        camera = camera_text(self.original.camera).encode()
         return zlib.crc32(self.original.jpeg + camera, zlib.crc32(np.int64(self.step).tobytes()))
+
+
+@lru_cache(maxsize=8)
+def camera_text(camera: CameraModel) -> str:
+    """Return a camera as JSON; all originals of a recording have the same."""
+    return json.dumps(camera.to_json(), sort_keys=True)
 
 
 def encode_frame(observation: Observation) -> EncodedFrame:

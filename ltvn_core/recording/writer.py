@@ -4,7 +4,6 @@ Owns which row goes where and how often the map is drawn. The file and its safet
 and `event_drawing`.
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,7 +23,7 @@ from ltvn_core.recording.blueprint import blueprint
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, DurableStream
 from ltvn_core.recording.event_codec import EncodedEvent
-from ltvn_core.recording.frame_codec import EncodedFrame, encode_frame
+from ltvn_core.recording.frame_codec import EncodedFrame, camera_text, encode_frame
 from ltvn_core.recording.map_drawing import DrawnEntity
 from ltvn_core.recording.metadata import RecordingMetadata, metadata_row, package_versions
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -218,7 +217,7 @@ def _depth_row(frame: EncodedFrame) -> tuple[rr.AsComponents, ...]:
 
 def _original_row(frame: EncodedFrame, original: OriginalImage) -> tuple[rr.AsComponents, ...]:
     columns = {
-        "camera": text_column(json.dumps(original.camera.to_json(), sort_keys=True)),
+        "camera": text_column(camera_text(original.camera)),
         "crc32": integer_column(frame.original_checksum),
     }
     picture = rr.EncodedImage(contents=original.jpeg, media_type="image/jpeg")

@@ -9,7 +9,7 @@ from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.original_images import OriginalSize, decompress_original
 from ltvn_core.cameras.rectification import rectification, rectified_camera
 from ltvn_core.errors import ImageError
-from ltvn_core.preprocessing import preprocess_observation, rectify_observation
+from ltvn_core.preprocessing import preprocess_observation, recorded_observation, rectify_observation
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene_registry import load_scene
@@ -133,3 +133,19 @@ def test_no_original_is_kept_twice_and_none_where_none_is_wished(renderer: Embre
     own = observation(*renderer.render(pose, NOMINAL))
     assert rectify_observation(own, NOMINAL, NOMINAL, original_size=OriginalSize()).original is None
     assert rectify_observation(observation(np.zeros((480, 640, 3), np.uint8), None), WIDE, NOMINAL).original is None
+
+
+def test_another_predictor_sees_old_drives_through_their_original_pictures(
+    renderer: EmbreeRenderer, pose: np.ndarray
+) -> None:
+    recorded = rectify_observation(
+        observation(*renderer.render(pose, WIDE)), WIDE, NOMINAL, original_size=OriginalSize()
+    )
+    larger = CameraModel.from_fov(160, 120, NOMINAL.horizontal_fov_rad, height_m=NOMINAL.height_m)
+    expected, _ = renderer.render(pose, larger)
+    seen = recorded_observation(recorded, NOMINAL, larger)
+    without = recorded_observation(replace(recorded, original=None), NOMINAL, larger)
+    assert seen.rgb.shape == without.rgb.shape == (120, 160, 3)
+    assert seen.require_depth("the test").shape == (120, 160)
+    sharp, blurred = (np.abs(each.rgb.astype(int) - expected).mean() for each in (seen, without))
+    assert sharp < 0.9 * blurred

@@ -7,12 +7,13 @@ of its own: verbs are classes in the entry-point group `ltvn.verbs` (`ltvn_core.
 import logging
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, version
 from pathlib import Path
 
 import tyro
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.extras import naming_the_extra
 from ltvn_core.verbs.discovery import GROUP, find_verbs, load_verb, load_verbs
 from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
 
@@ -22,6 +23,9 @@ DESCRIPTION = "See what a robot's topological map believes: collect, build, navi
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if given == ["--version"]:
+        print(f"ltvn {version('ltvn')}")
+        return 0
     verbs = find_verbs()
     if not verbs:
         print(f"ltvn: no package offers {GROUP}; install the toolkit: pip install ltvn (or -e .)", file=sys.stderr)
@@ -58,7 +62,8 @@ def run_verb(program: str, verb: type[Verb], arguments: Sequence[str] | None = N
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     chosen = tyro.cli(verb, prog=program, args=arguments)
     try:
-        report(chosen)
+        with naming_the_extra():
+            report(chosen)
     except LtvnError as error:
         return _say(error)
     except KeyboardInterrupt:

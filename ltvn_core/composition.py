@@ -13,6 +13,7 @@ import numpy as np
 
 from ltvn_core.config import Likelihoods, Method, preset
 from ltvn_core.errors import OptionError, SceneError
+from ltvn_core.extras import missing_text, naming_the_extra
 from ltvn_core.graph.baselines.sptm import sptm_system
 from ltvn_core.graph.baselines.ving import ving_system
 from ltvn_core.graph.ltvn import ltvn_system
@@ -61,10 +62,7 @@ def open_simulation(
     try:
         from ltvn_core.simulation.simulated_robot import SimulatedRobot
     except ModuleNotFoundError as missing:
-        raise SceneError(
-            f"The simulator needs {missing.name}, which has wheels for Linux x86-64 and CPython 3.11 only. Use that "
-            "Python to drive; replay, maps and analysis work here."
-        ) from missing
+        raise SceneError(f"There is no simulator here. {missing_text(missing.name or 'pybullet')}") from missing
     from ltvn_core.simulation.rendering.renderer_selection import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
@@ -86,14 +84,16 @@ def open_simulation(
 def open_predictor(name: PredictorName, scene_name: str, weights: Path | None = None) -> Predictor:
     """Return the predictor of that name; `weights` replaces the shipped ones, the scene matters to the oracle alone.
 
-    Raises WeightsError, and SceneError when the oracle is asked about a scene that is not simulated.
+    Raises WeightsError, MissingLibraryError without PyTorch, and SceneError when the oracle is asked about a scene
+    that is not simulated.
     """
     if name == "oracle":
         from ltvn_core.simulation.oracle_predictor import OraclePredictor
         from ltvn_core.simulation.scene_registry import load_scene
 
         return OraclePredictor(load_scene(scene_name).clearance, LOCOBOT.camera)
-    from ltvn_core.network.predictor import load_predictor
+    with naming_the_extra():
+        from ltvn_core.network.predictor import load_predictor
 
     return load_predictor(weights)
 

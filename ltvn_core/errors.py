@@ -47,3 +47,7 @@ class ServerError(LtvnError):
 
 class PluginError(LtvnError):
     """What another package adds to the toolkit cannot be used."""
+
+
+class MissingLibraryError(LtvnError):
+    """A library that only some jobs need is not installed; the message names the extra that installs it."""

@@ -16,6 +16,7 @@ from ltvn_core.composition import open_method
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Predictor
@@ -37,8 +38,6 @@ from ltvn_viz.session.rerun_viewers import RerunViewers
 from ltvn_viz.session.worker import Worker
 
 logger = logging.getLogger(__name__)
-
-DEMO_MAP = "demo-map.rrd"
 
 
 def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailStore) -> AppState:
@@ -97,8 +96,8 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
     """Return the demo scene's map, None elsewhere and where other weights are in use."""
     if options.scene != DEMO_SCENE or options.replay is not None:
         return None
-    shipped = Path(__file__).parents[1] / "recordings" / DEMO_MAP
-    place = next((place for place in (options.recordings / DEMO_MAP, shipped) if place.exists()), None)
+    own = options.recordings / DEMO_MAP
+    place = own if own.exists() else demo_file(DEMO_MAP)
     if place is None:
         return None
     known = load_map(place)

@@ -1,4 +1,7 @@
-"""Weights on disk: a safetensors file with a model card beside it. Nothing is unpickled."""
+"""Weights on disk: a safetensors file with a model card beside it. Nothing is unpickled.
+
+PyTorch is imported only where weights are read or written, so that cards can be read without it.
+"""
 
 import hashlib
 import json
@@ -7,32 +10,29 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-
-import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
+from typing import TYPE_CHECKING, Any
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import AnyArchitecture
-from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.network_families import build_network, read_architecture
+
+if TYPE_CHECKING:
+    from ltvn_core.network.base_network import AnyNetwork
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "ltvn.safetensors"
-"""The weights that come with the package,"""
-
-SHIPPED_STACKED_WEIGHTS = SHIPPED_WEIGHTS.with_name("stacked.safetensors")
-"""and those of the plain network, for comparison only."""
+"""The weights that come with the package."""
 
 SHIPPED_BASELINE_WEIGHTS = {name: SHIPPED_WEIGHTS.with_name(f"{name}.safetensors") for name in ("sptm", "ving")}
-"""Weights that learned the labels of the baselines SPTM and ViNG, see `ltvn baseline`."""
+"""Weights that learned the labels of the baselines SPTM and ViNG, see `ltvn baseline`; a wheel leaves them out."""
 
 SCHEMA = "ltvn-weights-1"
 """Name of the file format; files of another format are refused."""
 
 
-def save_weights(network: AnyNetwork, path: Path, card: Mapping[str, Any] | None = None) -> str:
+def save_weights(network: "AnyNetwork", path: Path, card: Mapping[str, Any] | None = None) -> str:
     """Write weights, and their card where there is one, and return the fingerprint; an old file stays until then."""
+    from safetensors import SafetensorError
+    from safetensors.torch import save_file
+
     partial = path.with_suffix(".partial")
     # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
     metadata = {"ltvn": json.dumps({"schema": SCHEMA, **asdict(network.size)})}
@@ -52,10 +52,16 @@ def save_weights(network: AnyNetwork, path: Path, card: Mapping[str, Any] | None
     return fingerprint
 
 
-def load_weights(path: Path) -> AnyNetwork:
+def load_weights(path: Path) -> "AnyNetwork":
     """Load a network. Raises WeightsError for a file that is missing, truncated, or of another format or family."""
+    import torch
+    from safetensors import SafetensorError, safe_open
+    from safetensors.torch import load_file
+
+    from ltvn_core.network.network_families import build_network
+
     if not path.is_file():
-        raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
+        raise WeightsError(_no_weights(path))
     try:
         with safe_open(path, framework="pt") as file:
             size = _architecture(file.metadata() or {}, path)
@@ -74,8 +80,19 @@ def load_weights(path: Path) -> AnyNetwork:
     return network.eval()
 
 
+def _no_weights(path: Path) -> str:
+    if path in SHIPPED_BASELINE_WEIGHTS.values():
+        return (
+            f"{path}: an installed package leaves the weights of the baselines out, for their size. Use a checkout of "
+            f"the repository, or make them with `ltvn baseline {path.stem}` and name them with --weights."
+        )
+    return f"{path}: there are no weights; train some with `ltvn train` or name another file."
+
+
 def weights_fingerprint(path: Path) -> str:
-    """Return the first 12 hexadecimal digits of the file's SHA-256."""
+    """Return the first 12 hexadecimal digits of the file's SHA-256. Raises WeightsError where there is no file."""
+    if not path.is_file():
+        raise WeightsError(_no_weights(path))
     return hashlib.sha256(path.read_bytes()).hexdigest()[:12]
 
 
@@ -106,7 +123,7 @@ def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
     Raises WeightsError if there are no weights, if the card belongs to other ones, or if it cannot be written.
     """
     if not path.is_file():
-        raise WeightsError(f"{path}: there are no weights; train some with `ltvn train` or name another file.")
+        raise WeightsError(_no_weights(path))
     card = read_card(path)
     fingerprint = weights_fingerprint(path)
     target = card_path(path)
@@ -124,6 +141,8 @@ def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
 
 
 def _architecture(metadata: Mapping[str, str], path: Path) -> AnyArchitecture:
+    from ltvn_core.network.network_families import read_architecture
+
     try:
         found = json.loads(metadata["ltvn"])
     except (KeyError, ValueError):

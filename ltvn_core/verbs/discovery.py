@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 
-from ltvn_core.errors import PluginError
+from ltvn_core.errors import LtvnError, MissingLibraryError, PluginError
+from ltvn_core.extras import naming_the_extra
 from ltvn_core.verbs.verb import Verb
 
 GROUP = "ltvn.verbs"
@@ -71,9 +72,13 @@ def load_verb(entry: EntryPoint) -> type[Verb]:
 
     Raises:
         PluginError: The module cannot be imported or does not hold a verb.
+        MissingLibraryError: It needs a library that an extra installs.
     """
     try:
-        verb = entry.load()
+        with naming_the_extra():
+            verb = entry.load()
+    except MissingLibraryError:
+        raise
     except Exception as error:  # Another package's module may raise anything while it is imported.
         raise PluginError(
             f"The verb {entry.name} of the package {package_of(entry)} cannot be loaded "
@@ -94,7 +99,7 @@ def load_verbs(entries: Mapping[str, EntryPoint]) -> LoadedVerbs:
     for name, entry in entries.items():
         try:
             classes[name] = load_verb(entry)
-        except PluginError as error:
+        except LtvnError as error:
             broken.append(str(error))
     return LoadedVerbs(classes, broken)
 

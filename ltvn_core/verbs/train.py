@@ -45,7 +45,7 @@ class NetworkEvaluationSummary(NetworkMetrics):
     """Figures of weights, and of the paper's plain network beside them."""
 
     stacked: NetworkMetrics | None
-    """None where other weights than the shipped ones were asked for."""
+    """None unless --stacked names some."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,9 @@ class TrainVerb(Verb):
     evaluate: bool = False
     """Train nothing: measure weights that are there."""
     weights: Path | None = None
-    """With --evaluate: the weights to measure instead of the shipped ones."""
+    """With --evaluate: the weights to measure instead of the shipped ones,"""
+    stacked: Path | None = None
+    """and weights of a plain network to measure beside them, made with --architecture stacked."""
     scenes: tuple[str, ...] = TEST_SCENES
     """The scenes to measure on, by name or by the path of a mesh,"""
     clusters: int = CLUSTERS_PER_SCENE
@@ -114,13 +116,13 @@ class TrainVerb(Verb):
         return replace(plan, minutes=None, steps=self.steps, validations=looks, minings=2 * looks)
 
     def _evaluate(self) -> NetworkEvaluationSummary:
-        from ltvn_core.network.weights_file import SHIPPED_STACKED_WEIGHTS, SHIPPED_WEIGHTS
+        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS
 
         def judge(weights: Path) -> NetworkMetrics:
             return figures(weights, self._measure(weights))
 
         found = judge(self.weights or SHIPPED_WEIGHTS)
-        stacked = judge(SHIPPED_STACKED_WEIGHTS) if self.weights is None else None
+        stacked = None if self.stacked is None else judge(self.stacked)
         return NetworkEvaluationSummary(**vars(found), stacked=stacked)
 
     def _measure(self, weights: Path) -> "HeldOutMetrics":

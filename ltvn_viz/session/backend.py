@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.composition import START_CLEARANCE_M, Simulation, open_predictor, open_simulation
-from ltvn_core.errors import SceneError, WeightsError
+from ltvn_core.errors import MissingLibraryError, SceneError, WeightsError
 from ltvn_core.recording.map_file import LoadedMap
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
@@ -36,7 +36,7 @@ def predictor_for(options: AppOptions) -> Predictor:
     """Open the predictor; when a recording is only to be watched, a missing one is replaced. Raises LtvnError."""
     try:
         return open_predictor(options.predictor, options.scene, options.weights)
-    except (SceneError, WeightsError) as missing:
+    except (SceneError, WeightsError, MissingLibraryError) as missing:
         if options.replay is None:
             raise
         return AbsentPredictor(missing)

@@ -1,6 +1,7 @@
 """`ltvn app | replay`: the page in the browser."""
 
 import logging
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -8,6 +9,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import RecordingError
+from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -65,11 +67,26 @@ class ReplayVerb(Verb):
         """Serve the page until interrupted; raises LtvnError."""
         from ltvn_core.recording.info import read_info
 
-        if not self.recording.exists():
+        recording = self._find()
+        scene = read_info(recording).scene
+        app = AppVerb(port=self.port, scene=scene, recordings=recording.parent)
+        return _serve(app, replay=recording.name, at_s=self.at)
+
+    def _find(self) -> Path:
+        """Return the recording; a demo file that is meant by its name alone is copied into `recordings` first."""
+        from ltvn_core.recording.demo_files import demo_file
+
+        if self.recording.exists():
+            return self.recording
+        shipped = demo_file(self.recording.name)
+        if shipped is None or self.recording.parent not in (Path(), Path("recordings")):
             raise RecordingError(f"{self.recording} does not exist; give the path of a .rrd recording.")
-        scene = read_info(self.recording).scene
-        app = AppVerb(port=self.port, scene=scene, recordings=self.recording.parent)
-        return _serve(app, replay=self.recording.name, at_s=self.at)
+        copy = Path("recordings") / shipped.name
+        if not copy.exists():
+            with atomic_output(copy) as part:
+                shutil.copyfile(shipped, part)
+            _LOG.info("Copied the demo recording to %s.", copy)
+        return copy
 
 
 def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummary:

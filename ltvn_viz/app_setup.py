@@ -62,6 +62,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     recorder = Recorder(library, lambda path: _new_recording(path, backend, live_map, options.stream))
     live = LiveRun(backend.robot, recorder, Timeline())
     if known is not None:
+        logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
         _take_map(live, live_map, known)
     teleop = AbsentTeleop if backend.simulation is None else Teleop
     return AppState(

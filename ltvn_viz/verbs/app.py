@@ -90,6 +90,8 @@ class ReplayVerb(Verb):
 
 
 def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummary:
+    import viser  # noqa: F401  (first, so that an error names the extra of the page)
+
     from ltvn_viz.app import AppOptions, run_app
 
     run_app(

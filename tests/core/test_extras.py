@@ -1,0 +1,83 @@
+"""A plain installation records, replays into maps and analyses; what needs more says what to install."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.errors import MissingLibraryError
+from ltvn_core.extras import EXTRAS, naming_the_extra
+
+ROOT = Path(__file__).parents[2]
+
+WITHOUT_EXTRAS = """
+import sys
+
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {libraries}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Refuse())
+"""
+
+PLAIN_JOBS = """
+import importlib, pkgutil
+import ltvn_core.analysis, ltvn_core.graph, ltvn_core.navigation, ltvn_core.recording
+for package in (ltvn_core.analysis, ltvn_core.graph, ltvn_core.navigation, ltvn_core.recording):
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        importlib.import_module(module.name)
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.recording.map_file import load_map
+from ltvn_core.recording.reader import Recording
+recording = Recording.open("recordings/demo-fault.rrd")
+assert len(Timeline.of(recording.events).queries) == 4
+assert len(load_map("recordings/demo-map.rrd").graph.nodes) == 327
+"""
+
+
+def _python(code: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    program = WITHOUT_EXTRAS.format(libraries=sorted(EXTRAS)) + code
+    return subprocess.run([sys.executable, "-c", program, *arguments], cwd=ROOT, capture_output=True, text=True)
+
+
+def test_recordings_maps_and_analysis_need_no_extra() -> None:
+    done = _python(PLAIN_JOBS)
+
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "extra"),
+    [
+        (("build", "recordings/demo-drive.rrd", "--output", "never.rrd"), "network"),
+        (("replay", "recordings/demo-drive.rrd", "--port", "0"), "app"),
+        (("collect", "--scene", "demo", "--output", "never.rrd"), "sim"),
+    ],
+)
+def test_a_verb_that_needs_an_extra_names_it(arguments: tuple[str, ...], extra: str) -> None:
+    done = _python("from ltvn_core.cli import main; sys.exit(main())", *arguments)
+
+    assert done.returncode == 1
+    assert f"pip install 'ltvn[{extra}]'" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (ROOT / "never.rrd").exists()
+
+
+def test_a_module_of_no_extra_is_reported_as_it_is() -> None:
+    with pytest.raises(ModuleNotFoundError, match="no_such_library"), naming_the_extra():
+        import no_such_library  # pyright: ignore[reportMissingImports]  # noqa: F401
+
+
+def test_the_extras_that_errors_name_exist() -> None:
+    import tomllib
+
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for library, extra in EXTRAS.items():
+        assert any(each.startswith(library) for each in declared[extra])
+
+
+def test_a_missing_library_is_an_error_of_the_toolkit() -> None:
+    with pytest.raises(MissingLibraryError, match=r"ltvn\[network\]"), naming_the_extra():
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")

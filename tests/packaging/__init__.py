@@ -1,0 +1,1 @@
+"""What is built from the repository: the wheel and the documentation site."""

@@ -1,0 +1,147 @@
+"""From a wheel, in an empty folder, the toolkit opens on its demo map."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import venv
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.client import HTTPResponse
+from pathlib import Path
+from urllib.request import HTTPCookieProcessor, build_opener
+from zipfile import ZipFile
+
+import pytest
+
+from ltvn_core.recording.demo_files import DEMO_MAP, DEMO_RECORDING
+
+ROOT = Path(__file__).parents[2]
+MAX_WHEEL_BYTES = 8_000_000
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of what git tracks here, built beside the checkout so that no leftovers of older builds get in."""
+    source, folder = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
+    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True).stdout
+    wanted = [name for name in tracked.decode().split("\0") if name and not name.startswith(("docs/", "tests/"))]
+    for name in wanted:
+        if (ROOT / name).is_file():
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / name, source / name)
+    build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*build, "--wheel-dir", str(folder), str(source)], check=True)
+    return next(folder.glob("ltvn-*.whl"))
+
+
+@pytest.fixture(scope="module")
+def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`ltvn`, installed from the wheel into an environment of its own that borrows only the libraries of this one."""
+    folder = tmp_path_factory.mktemp("installed") / "venv"
+    venv.create(folder, with_pip=False)
+    packages = Path(sysconfig.get_path("purelib", vars={"base": str(folder)}))
+    (packages / "borrowed.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    pip = [sys.executable, "-m", "pip", "--python", str(folder), "install", "--quiet", "--ignore-installed"]
+    subprocess.run([*pip, "--no-deps", "--no-index", str(wheel)], check=True)
+    return folder / "bin" / "ltvn"
+
+
+@pytest.fixture
+def empty_folder(tmp_path: Path) -> Path:
+    """Where a person begins."""
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    return folder
+
+
+def test_the_wheel_is_small_and_holds_the_demo_files(wheel: Path) -> None:
+    names = set(ZipFile(wheel).namelist())
+
+    assert wheel.stat().st_size <= MAX_WHEEL_BYTES
+    assert {f"ltvn_core/recording/demo/{name}" for name in (DEMO_MAP, DEMO_RECORDING)} <= names
+    assert {name.split("/")[0] for name in names} <= {"ltvn_core", "ltvn_viz", _metadata_folder(names)}
+
+
+def test_the_program_says_its_version_and_its_verbs(program: Path, empty_folder: Path) -> None:
+    assert re.fullmatch(r"ltvn \d+\.\d+\.\d+\S*\n", _run(program, "--version", folder=empty_folder))
+    assert "navigate" in _run(program, "--help", folder=empty_folder)
+
+
+def test_the_demo_map_comes_with_the_package(program: Path, empty_folder: Path) -> None:
+    ask = f"from ltvn_core.recording.demo_files import demo_file; print(demo_file({DEMO_MAP!r}))"
+    path = _run(program.with_name("python"), "-c", ask, folder=empty_folder).strip()
+
+    assert Path(path).is_relative_to(program.parents[1])
+    assert '"nodes": 327' in _run(program, "info", path, "--json", "-", folder=empty_folder)
+
+
+def test_the_app_opens_on_the_demo_map(program: Path, empty_folder: Path) -> None:
+    with _started(program, "app", "--port", "0", folder=empty_folder) as app:
+        said, link = _until_the_link(app)
+        assert any("327 nodes" in line for line in said)
+        with _browse(link) as page:
+            assert page.status == 200
+            assert b"<html" in page.read().lower()
+
+
+def test_the_demo_recording_opens_by_its_name(program: Path, empty_folder: Path) -> None:
+    with _started(program, "replay", DEMO_RECORDING, "--port", "0", folder=empty_folder) as app:
+        _, link = _until_the_link(app)
+        with _browse(link) as page:
+            assert page.status == 200
+    assert (empty_folder / "recordings" / DEMO_RECORDING).is_file()
+
+
+@contextmanager
+def _started(program: Path, *arguments: str, folder: Path) -> "Iterator[subprocess.Popen[str]]":
+    """A program that runs until the block ends."""
+    process = subprocess.Popen(
+        [str(program), *arguments],
+        cwd=folder,
+        env=_environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+
+
+def _until_the_link(app: "subprocess.Popen[str]") -> tuple[list[str], str]:
+    said: list[str] = []
+    assert app.stderr is not None
+    for line in app.stderr:
+        said.append(line)
+        if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
+            return said, found[0]
+    raise AssertionError("The app ended without a link:\n" + "".join(said))
+
+
+def _browse(link: str) -> HTTPResponse:
+    """Open a link as a browser does, which keeps the cookie that the token is exchanged for."""
+    return build_opener(HTTPCookieProcessor()).open(link, timeout=60)
+
+
+def _run(program: Path, *arguments: str, folder: Path) -> str:
+    command = [str(program), *arguments]
+    done = subprocess.run(command, cwd=folder, env=_environment(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def _environment() -> dict[str, str]:
+    """Nothing of the checkout may be found by chance."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+
+
+def _metadata_folder(names: set[str]) -> str:
+    return next(name.split("/")[0] for name in names if ".dist-info/" in name)

@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 PROCESSES ?= 2
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
 
-.PHONY: help demo test test-fast coverage format lint type check bench clean
+.PHONY: help demo test test-fast coverage format lint type check bench docs clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -44,6 +44,9 @@ check: lint type test  ## Everything that must be clean before a commit.
 
 bench: $(STAMP)  ## Measure the budgets of docs/architecture.md; prints JSON.
 	$(BIN)/python -m benchmarks --json -
+
+docs: $(STAMP)  ## Build the documentation site into site/; it fetches nothing.
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 clean:  ## Remove the environment.
 	rm -rf $(VENV)

@@ -1,0 +1,50 @@
+"""The documentation site builds without a warning, and a reader's browser fetches nothing from elsewhere."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_every_page_of_the_site_is_there(site: Path) -> None:
+    for page in ("index", "tutorial", "how-to/own-images", "how-to/own-robot", "how-to/extend", "how-to/evaluate"):
+        assert (site / f"{page}.html").is_file()
+    for page in ("architecture", "network", "results", "debugging", "recordings"):
+        assert (site / f"{page}.html").is_file()
+
+
+def test_the_reference_names_what_a_programmer_needs(site: Path) -> None:
+    text = (site / "reference.html").read_text()
+
+    for name in ("Recording", "RecordingWriter", "TopologicalGraph", "Navigator", "Predictor"):
+        assert name in text
+
+
+def test_a_page_loads_nothing_from_another_machine(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        loaded = re.findall(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=[\"']?([^\"' >]+)", page.read_text())
+        assert [each for each in loaded if each.startswith(("http:", "https:", "//"))] == []
+
+
+def test_the_tutorial_names_commands_that_exist() -> None:
+    from ltvn_core.verbs.discovery import find_verbs
+
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    named = {verb for page in pages for verb in re.findall(r"(?:^|`) *ltvn ([a-z]+)", page.read_text(), re.MULTILINE)}
+
+    assert named <= set(find_verbs()) | {"figures"}

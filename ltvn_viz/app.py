@@ -8,7 +8,11 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
+import numpy as np
+
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.locobot_model import locobot_glb
+from ltvn_core.types import Pose
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.layers.lights_and_camera import set_initial_camera
 from ltvn_viz.layers.scene_assets import floor_bounds, scene_glb
@@ -26,6 +30,10 @@ from ltvn_viz.session.socket_handlers import drive_listener
 from ltvn_viz.session.viewpoint import latest_viewpoint
 
 __all__ = ["AppOptions", "RunningApp", "open_app", "run_app"]
+
+
+UNKNOWN_FLOOR_M = 4.0
+"""So much to each side of the robot is shown first where nobody knows the place."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +61,16 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
         state = open_app_state(options, stack, thumbnails)
         server = stack.enter_context(GuardedServer(port=options.port, seat=seat))
         server.add_route("/thumb/", thumbnails.get)
-        if (floor := floor_bounds(state.scene)) is not None:
-            set_initial_camera(server.viser, *floor)
+        robot = state.live.robot
+        set_initial_camera(server.viser, *(floor_bounds(state.scene) or _floor_around(robot.drawn_pose)))
         state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
         screen = _Screen()
         session = Session(state, server.seat, screen.publish)
-        parts = build_layout(server.viser, session.send, PageAssets(scene_glb, locobot_glb()))
+        parts = build_layout(
+            server.viser,
+            session.send,
+            PageAssets(scene_glb, locobot_glb() if robot.spec.name == LOCOBOT.name else None, robot.spec),
+        )
         screen.painter = Painter(parts, server.viser.atomic)
         screen.painter.start()
         stack.callback(screen.painter.close)
@@ -66,6 +78,12 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
         if options.replay is not None:
             session.send(OpenRecording(options.replay, options.replay_at_s))
         yield RunningApp(server, session)
+
+
+def _floor_around(pose: Pose) -> tuple[Pose, Pose]:
+    """Return two corners (x_m, y_m) of a floor of which nothing is known but that a robot at `pose` (3,) is on it."""
+    middle = np.nan_to_num(pose[:2])
+    return middle - UNKNOWN_FLOOR_M, middle + UNKNOWN_FLOOR_M
 
 
 class _Screen:

@@ -14,11 +14,13 @@ import numpy as np
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.composition import open_method
 from ltvn_core.config import Method
-from ltvn_core.errors import LtvnError, SceneError
+from ltvn_core.errors import LtvnError, OptionError, SceneError
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
@@ -26,10 +28,11 @@ from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.activities.teleop import AbsentTeleop, Teleop
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.backend import Backend, open_backend, predictor_for
+from ltvn_viz.session.backend import Backend, live_robot, open_backend, open_feed, predictor_for
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.options import DEMO_SCENE, AppOptions
 from ltvn_viz.session.recorder import Recorder
@@ -48,6 +51,8 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     library = RecordingLibrary(options.recordings)
     if options.replay is not None:
         library.path(options.replay)
+    own_robot = _open_own_robot(options, stack)
+    options = replace(options, scene=options.scene or (DEMO_SCENE if own_robot is None else own_robot.spec.name))
     method = open_method(options.preset, options.predictor, options.weights)
     chosen = None if options.map is None else load_map(options.map)
     if chosen is not None:
@@ -56,15 +61,16 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     if chosen is not None:
         check_fingerprint(chosen.meta, predictor.fingerprint)
     known = chosen or _ready_made(options, predictor)
-    backend = open_backend(options, known, stack)
+    backend = open_backend(options, known, stack) if own_robot is None else Backend(robot=own_robot)
     live_map = LiveMap(predictor, method, np.random.default_rng(options.seed))
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
-    recorder = Recorder(library, lambda path: _new_recording(path, backend, live_map, options.stream))
-    live = LiveRun(backend.robot, recorder, Timeline())
+    robot = live_robot(backend, predictor, known)
+    recorder = Recorder(library, lambda path: _new_recording(path, options, backend, robot, live_map))
+    live = LiveRun(robot, recorder, Timeline())
     if known is not None:
         logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
         _take_map(live, live_map, known)
-    teleop = AbsentTeleop if backend.simulation is None else Teleop
+    teleop = AbsentTeleop if backend.robot is None else Teleop
     return AppState(
         scene=options.scene,
         live=live,
@@ -72,7 +78,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         worker=worker,
         library=library,
         open_replay=lambda name: open_replay(library, name),
-        feed=backend.feed,
+        feed=open_feed(backend, live, stack),
         goals=Goals(live_map, worker, thumbnails),
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
@@ -80,6 +86,17 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         debugger=Inspector(all_questions(live.breakpoint_monitor), worker),
         rerun=RerunViewers(stack).address,
     )
+
+
+def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
+    """Make the robot that was asked for, to be stopped and closed by `stack`. Raises PluginError, OptionError."""
+    if options.robot is None:
+        return None
+    if options.predictor == "oracle":
+        raise OptionError("The oracle knows simulated scenes alone; drive a robot of your own with the network.")
+    robot = open_robot(options.robot)
+    stack.callback(getattr(robot, "close", robot.stop))
+    return robot
 
 
 def _open_learning(options: AppOptions) -> FineTuning:
@@ -95,7 +112,7 @@ def _other_mind(options: AppOptions, weights: Path) -> tuple[Predictor, Method]:
 
 def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
     """Return the demo scene's map, None elsewhere and where other weights are in use."""
-    if options.scene != DEMO_SCENE or options.replay is not None:
+    if options.scene != DEMO_SCENE or options.replay is not None or options.robot is not None:
         return None
     own = options.recordings / DEMO_MAP
     place = own if own.exists() else demo_file(DEMO_MAP)
@@ -108,17 +125,21 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
     return known
 
 
-def _new_recording(path: Path, backend: Backend, live_map: LiveMap, live_port: int | None) -> RecordingWriter:
+def _new_recording(
+    path: Path, options: AppOptions, backend: Backend, robot: LiveRobot, live_map: LiveMap
+) -> RecordingWriter:
     """Begin a recording that holds the map as it is, so that it needs no other file."""
-    if backend.simulation is None:
+    if backend.robot is None:
         raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
+    scene = backend.scene
     writer = RecordingWriter(
         path,
-        scene=backend.simulation.scene.address,
+        scene=options.scene if scene is None else scene.address,
         config={"verb": "app", "system": "ltvn", "method": asdict(live_map.method)},
         fingerprint=live_map.fingerprint,
-        scene_glb=backend.simulation.scene.glb(with_ceiling=False),
-        live_port=live_port,
+        camera=robot.spec.camera,
+        scene_glb=None if scene is None else scene.glb(with_ceiling=False),
+        live_port=options.stream,
     )
     try:
         if live_map.graph.nodes:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import viser
 
 from ltvn_core import palette
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
@@ -41,7 +42,9 @@ class PageAssets:
 
     scene_glb: Callable[[str], bytes]
     """Loads the scene of a name, ceiling cut away; raises SceneError."""
-    robot_glb: bytes
+    robot_glb: bytes | None
+    """The robot's body; None draws a plain one of its size."""
+    robot: RobotSpec = LOCOBOT
 
 
 def build_layout(server: viser.ViserServer, send: Callable[[Command], None], assets: PageAssets) -> Sequence[PagePart]:
@@ -81,12 +84,12 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
 def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: PageAssets) -> list[PagePart]:
     add_lights(scene)
     return [
-        RobotLayer(scene, assets.robot_glb),
+        RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb),
         NodesLayer(scene, on_pick=lambda node: send(PickNode(node))),
         PlanLayer(scene),
         GoalLayer(scene),
-        GhostLayer(scene),
+        GhostLayer(scene, assets.robot),
         ChangesLayer(scene),
         TrajectoryLayer(scene),
         EdgesLayer(scene),

@@ -82,7 +82,7 @@ class Robot(Protocol):
         ...
 
     def state(self) -> RobotState:
-        """Return odometry, clock and bumper without taking an image."""
+        """Return odometry, clock and bumper without taking an image; may be asked from any thread."""
         ...
 
     def drive(self, twist: Twist) -> None:

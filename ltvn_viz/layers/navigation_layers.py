@@ -5,7 +5,7 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.analysis.graph_history import GraphArrays
-from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import PLAN_Z
 from ltvn_viz.layers.line_segments import LineSegments
@@ -72,12 +72,12 @@ class GoalLayer:
 class GhostLayer:
     """A see-through robot base where the network predicts the subgoal."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
-        """Add the hidden ghost."""
+    def __init__(self, scene: viser.SceneApi, spec: RobotSpec) -> None:
+        """Add the hidden ghost of a robot of that size."""
         self.ghost = scene.add_frame("/ghost", show_axes=False, visible=False)
         scene.add_cylinder(
             "/ghost/base",
-            radius=LOCOBOT.clear_radius_m,
+            radius=spec.clear_radius_m,
             height=0.12,
             color=palette.PREDICTED_POSE,
             opacity=0.45,

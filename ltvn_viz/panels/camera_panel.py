@@ -9,7 +9,7 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.types import Depth, Rgb
-from ltvn_viz.session.snapshot import CameraImage, Snapshot
+from ltvn_viz.session.snapshot import CameraImage, ImageSource, Snapshot
 
 WIDTH, HEIGHT = 320, 240
 GAP = 6
@@ -24,6 +24,7 @@ class CameraPanel:
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty image to the container that is open."""
         self._handle = gui.add_image(colour_beside_depth(None), format="jpeg", jpeg_quality=85)
+        self._caption = gui.add_html("")
         self._clock = clock
         self.shown: CameraImage | None = None
         self._due = float("-inf")
@@ -34,6 +35,21 @@ class CameraPanel:
             return
         self.shown, self._due = snapshot.camera, self._clock() + SHOW_EVERY_S
         self._handle.image = colour_beside_depth(snapshot.camera)
+        if (text := caption(snapshot.camera)) != self._caption.content:
+            self._caption.content = text
+
+
+def caption(view: CameraImage | None) -> str:
+    """Say which image is on show."""
+    if view is None:
+        return ""
+    match view.source:
+        case ImageSource.OBSERVATION:
+            height, width = view.rgb.shape[:2]
+            text = f"What the method sees: {width} x {height} pixels" + (", no depth" if view.depth is None else "")
+        case ImageSource.RENDERED:
+            text = "Rendered larger for you; the method sees a smaller image"
+    return f'<div class="lt-caption">{text}</div>'
 
 
 def colour_beside_depth(view: CameraImage | None) -> Rgb:

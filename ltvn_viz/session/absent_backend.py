@@ -11,15 +11,13 @@ import numpy as np
 from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import Features, FrameId, Observation, Pose, Prediction, RobotState, Twist
+from ltvn_core.types import Features, Observation, Pose, Prediction, RobotState, Twist
 from ltvn_viz.session.camera_feed import FeedImage
 
 
 class AbsentRobot:
-    """A robot that stands for ever. Implements `ltvn_viz.session.live_run.LiveRobot`."""
+    """A robot that stands for ever. Implements `ltvn_core.robots.robot.Robot`."""
 
-    step: FrameId = 0
-    stamp: float = 0.0
     spec = LOCOBOT
     clock = WallClock()
 
@@ -27,18 +25,13 @@ class AbsentRobot:
         """Remember why there is no robot."""
         self._why = why
 
-    @property
-    def exact_pose(self) -> Pose:
-        """Nowhere: (3,) NaN, which is not drawn."""
-        return np.full(3, np.nan)
-
     def observe(self) -> Observation:
         """Raise SceneError."""
         raise SceneError(f"There is no robot to drive: {self._why}")
 
     def state(self) -> RobotState:
-        """Stand."""
-        return RobotState(np.zeros(3), self.stamp, self.step, bumper_pressed=False)
+        """Stand nowhere: at NaN, which is not drawn."""
+        return RobotState(np.full(3, np.nan), stamp=0.0, step=0, bumper_pressed=False)
 
     def drive(self, twist: Twist) -> None:
         """Raise SceneError."""
@@ -46,9 +39,6 @@ class AbsentRobot:
 
     def stop(self) -> None:
         """Stand."""
-
-    def advance(self, duration_s: float) -> None:
-        """Let nothing happen."""
 
 
 class AbsentPredictor:

@@ -1,35 +1,49 @@
-"""Who plays: a simulated robot and what it compares images with, or stand-ins where one only watches a recording."""
+"""What the session drives: a robot, and what a simulator knows beside it; or what is missing.
 
+Owns where a simulated robot starts. A robot of one's own has no renderer, no scene and no ground truth; where one only
+watches a recording there may be no robot either.
+"""
+
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
 
-from ltvn_core.composition import START_CLEARANCE_M, Simulation, open_predictor, open_simulation
-from ltvn_core.errors import MissingLibraryError, SceneError, WeightsError
+from ltvn_core.composition import START_CLEARANCE_M, open_predictor, open_simulation
+from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
 from ltvn_core.recording.map_file import LoadedMap
+from ltvn_core.robots.rectified_robot import fit_camera
+from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.types import Pose, Predictor
+from ltvn_core.types import CONTROL_STEP_S, Pose, Predictor, Renderer
 from ltvn_viz.session.absent_backend import AbsentFeed, AbsentPredictor, AbsentRobot
-from ltvn_viz.session.camera_feed import CameraFeed, ImageFeed
-from ltvn_viz.session.live_run import LiveRobot
+from ltvn_viz.session.camera_feed import CameraFeed, ImageFeed, ObservationFeed
+from ltvn_viz.session.live_robot import LiveRobot
+from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.options import AppOptions
 
-DISPLAY_CAMERA = LOCOBOT.camera.scaled(320, 240)
+DISPLAY_SIZE = (320, 240)
 START_CANDIDATES = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Backend:
-    """The robot and what it sees with."""
+    """The robot, and what is known of where it is."""
 
-    robot: LiveRobot
-    feed: ImageFeed
-    simulation: Simulation | None
-    """None when the robot is a stand-in."""
+    robot: Robot | None
+    """None where one only watches recordings."""
+    renderer: Renderer | None = None
+    """Draws larger images for people, in simulation only."""
+    scene: Scene | None = None
+    """Where it drives, if anybody has a model of that."""
+    ground_truth: Callable[[], Pose] | None = None
+    """Where it really is, (3,), in simulation only."""
+    missing: LtvnError | None = None
+    """Why there is no robot."""
 
 
 def predictor_for(options: AppOptions) -> Predictor:
@@ -43,7 +57,10 @@ def predictor_for(options: AppOptions) -> Predictor:
 
 
 def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack) -> Backend:
-    """Open scene, robot and camera, to be closed by `stack`; replaced likewise where missing. Raises SceneError."""
+    """Open the simulator, to be closed by `stack`; where only a recording is watched it may be missing.
+
+    Raises SceneError.
+    """
     try:
         scene = load_scene(options.scene)
         renderer = EmbreeRenderer(scene.surfaces, supersampling=1)
@@ -53,11 +70,42 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
     except SceneError as missing:
         if options.replay is None:
             raise
-        return Backend(AbsentRobot(missing), AbsentFeed(), None)
-    stack.callback(simulation.robot.close)
-    feed = CameraFeed(lambda pose: renderer.render(pose, DISPLAY_CAMERA))
+        return Backend(robot=None, missing=missing)
+    robot = simulation.robot
+    stack.callback(robot.close)
+    return Backend(robot=robot, renderer=renderer, scene=scene, ground_truth=lambda: robot.exact_pose)
+
+
+def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) -> LiveRobot:
+    """Return the robot for the session, seen through the predictor's camera; a stand-in where there is none.
+
+    Its images and stamps go on from those of a `known` map.
+    """
+    if backend.robot is None:
+        return LiveRobot(AbsentRobot(backend.missing or SceneError("None was opened.")))
+    seen = () if known is None else known.observations.values()
+    return LiveRobot(
+        fit_camera(backend.robot, predictor.camera),
+        first_step=max((each.step + 1 for each in seen), default=0),
+        # A simulator counts its own time on from the map's.
+        first_stamp=0.0
+        if backend.robot.clock.is_simulated
+        else max((each.stamp + CONTROL_STEP_S for each in seen), default=0.0),
+        ground_truth=backend.ground_truth,
+    )
+
+
+def open_feed(backend: Backend, live: LiveRun, stack: ExitStack) -> ImageFeed:
+    """Open the camera view for people, to be closed by `stack`: rendered where that is possible, else as observed."""
+    if backend.robot is None:
+        return AbsentFeed()
+    renderer = backend.renderer
+    if renderer is None:
+        return ObservationFeed(lambda: live.view, live.robot.clock)
+    camera = backend.robot.spec.camera.scaled(*DISPLAY_SIZE)
+    feed = CameraFeed(lambda pose: renderer.render(pose, camera))
     stack.callback(feed.close)
-    return Backend(simulation.robot, feed, simulation)
+    return feed
 
 
 def _start(scene: Scene, renderer: EmbreeRenderer, known: LoadedMap | None, rng: np.random.Generator) -> Pose:

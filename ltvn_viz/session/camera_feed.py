@@ -12,8 +12,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ltvn_core.types import Depth, Pose, Rgb
-from ltvn_viz.session.snapshot import CameraImage
+from ltvn_core.robots.robot import Clock
+from ltvn_core.types import Depth, Observation, Pose, Rgb
+from ltvn_viz.session.snapshot import CameraImage, ImageSource
 
 logger = logging.getLogger(__name__)
 
@@ -35,6 +36,24 @@ class ImageFeed(Protocol):
     def latest_image(self, pose: Pose) -> FeedImage:
         """Ask for a picture from `pose` (3,) and return the newest."""
         ...
+
+
+class ObservationFeed:
+    """The robot's own images, as the method works with them, where nobody can render others."""
+
+    def __init__(self, newest: Callable[[], Observation | None], clock: Clock) -> None:
+        """Show what `newest` returns; `clock` is the robot's."""
+        self._newest, self._clock = newest, clock
+        self._shown: tuple[Observation, CameraImage] | None = None
+
+    def latest_image(self, pose: Pose) -> FeedImage:
+        """Return the newest image; `pose` does not matter."""
+        seen = self._newest()
+        if seen is None:
+            return FeedImage(None, 0.0, 0)
+        if self._shown is None or self._shown[0] is not seen:
+            self._shown = seen, CameraImage(seen.rgb, seen.depth)
+        return FeedImage(self._shown[1], max(0.0, self._clock.now() - seen.stamp), 0)
 
 
 class _RenderRequest(NamedTuple):
@@ -84,7 +103,7 @@ class CameraFeed:
     def _draw_forever(self) -> None:
         while (wish := self._next()) is not None:
             try:
-                image = CameraImage(*self._render(wish.pose))
+                image = CameraImage(*self._render(wish.pose), ImageSource.RENDERED)
             except Exception:
                 logger.exception("the camera view could not be drawn")
                 return

@@ -19,7 +19,7 @@ from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Rgb
-from ltvn_viz.session.live_run import LiveRobot
+from ltvn_viz.session.live_robot import LiveRobot
 
 IMAGES_AT_ONCE = 64
 
@@ -118,8 +118,9 @@ class LiveMap:
             yield event
             if isinstance(event, QueryEnded) and event.outcome is not Outcome.CANCELLED:
                 truth = self.keyframes.observation(goal).exact_pose
-                if truth is not None:
-                    yield judge_goal_reached(event.query, robot.exact_pose, truth)
+                exact = robot.exact_pose
+                if truth is not None and exact is not None:
+                    yield judge_goal_reached(event.query, exact, truth)
 
     def map_observations(self) -> Sequence[Observation]:
         """Return the pictures that make up the map: of its nodes and its reserve."""

@@ -15,8 +15,10 @@ class AppOptions:
 
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
-    scene: str = DEMO_SCENE
-    """Scene to drive in; a map brings its own."""
+    scene: str = ""
+    """Scene to drive in; a map brings its own. Empty: the demo apartment, or for a robot of one's own its name."""
+    robot: str | None = None
+    """A robot of one's own instead of the simulated one: an installed name, or path/to/file.py:factory."""
     map: Path | None = None
     """Map to begin with; None takes the ready-made one in the demo scene, else an empty one."""
     recordings: Path = Path("recordings")

@@ -141,7 +141,8 @@ class Session:
             state.activity = state.teleop
         if state.worker.pending == 0:
             # Nobody changes the map now, so the recording may draw it.
-            state.live.recorder.draw_graph(state.live_map.graph, state.live.robot.step, state.live.robot.stamp)
+            now = state.live.robot.state()
+            state.live.recorder.draw_graph(state.live_map.graph, now.step, now.stamp)
 
     def _show(self) -> None:
         self._publish(self._snapshot_builder.build(self._state))

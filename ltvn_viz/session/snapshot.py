@@ -14,6 +14,15 @@ from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import RunMoment
 
 
+class ImageSource(StrEnum):
+    """Which image of the robot's surroundings is on show."""
+
+    OBSERVATION = "observation"
+    """The one that the method works with."""
+    RENDERED = "rendered"
+    """One that the simulator draws larger, for people alone."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraImage:
     """What the camera sees: for the person, of any size."""
@@ -22,6 +31,7 @@ class CameraImage:
     """(H, W, 3)."""
     depth: Depth | None
     """(H, W) metres; None where the robot has no depth camera."""
+    source: ImageSource = ImageSource.OBSERVATION
 
 
 @dataclass(frozen=True, slots=True)

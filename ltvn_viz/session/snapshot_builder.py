@@ -90,8 +90,8 @@ def _learning(state: AppState) -> FineTuningStatus:
 
 def _live(state: AppState) -> Snapshot:
     robot = state.live.robot
-    shown = robot.stamp if state.shown_stamp is None else state.shown_stamp
-    moment, pose = moment_of(state.live.timeline, shown), robot.exact_pose
+    shown = robot.state().stamp if state.shown_stamp is None else state.shown_stamp
+    moment, pose = moment_of(state.live.timeline, shown), robot.drawn_pose
     moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     state.goals.refresh(moment.graph)
     feed_image = state.feed.latest_image(pose)

@@ -30,8 +30,11 @@ class AppVerb(Verb):
 
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
-    scene: str = "demo"
-    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
+    scene: str = ""
+    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder; by default the
+    demo apartment. With --robot: what recordings call the place, by default the robot's name."""
+    robot: str | None = None
+    """Drive a robot of your own instead of the simulated one: an installed robot's name, or path/to/file.py:factory."""
     map: Path | None = None
     """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
     recordings: Path = Path("recordings")
@@ -93,11 +96,13 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummar
     import viser  # noqa: F401  (first, so that an error names the extra of the page)
 
     from ltvn_viz.app import AppOptions, run_app
+    from ltvn_viz.session.options import DEMO_SCENE
 
     run_app(
         AppOptions(
             port=options.port,
             scene=options.scene,
+            robot=options.robot,
             map=options.map,
             recordings=options.recordings,
             predictor=options.predictor,
@@ -110,4 +115,4 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummar
         ),
         say=_LOG.info,
     )
-    return AppSummary(options.scene, options.port)
+    return AppSummary(options.scene or options.robot or DEMO_SCENE, options.port)

@@ -20,7 +20,7 @@ from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Twist
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.server.thumbnails import ThumbnailStore
@@ -32,6 +32,7 @@ from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.recording_library import RecordingLibrary
@@ -67,14 +68,14 @@ class LiveFlatRobot(FlatRobot):
         super().__init__(world, pose, first_step=first_step)
         self.broken: Exception | None = None
         self._owed_s = 0.0
-
-    @property
-    def exact_pose(self) -> Pose:
-        return self.pose
+        self.clock = _PortionClock(self)
 
     @property
     def stamp(self) -> float:
         return self.step * CONTROL_STEP_S + self._owed_s
+
+    def state(self) -> RobotState:
+        return super().state()._replace(stamp=self.stamp)
 
     def advance(self, duration_s: float = CONTROL_STEP_S) -> None:
         if self.broken is not None:
@@ -83,6 +84,21 @@ class LiveFlatRobot(FlatRobot):
         while self._owed_s >= CONTROL_STEP_S - 1e-9:
             self._owed_s = max(0.0, self._owed_s - CONTROL_STEP_S)
             super().advance()
+
+
+class _PortionClock:
+    """The clock of a `LiveFlatRobot`."""
+
+    is_simulated = True
+
+    def __init__(self, robot: LiveFlatRobot) -> None:
+        self._robot = robot
+
+    def now(self) -> float:
+        return self._robot.stamp
+
+    def advance(self, duration_s: float) -> None:
+        self._robot.advance(duration_s)
 
 
 @dataclass
@@ -146,7 +162,8 @@ class SessionHarness:
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
         worker = Worker(executor or InlineExecutor())
         live_map = LiveMap(FlatPredictor(self.world), ROBUST, np.random.default_rng(0))
-        live = LiveRun(self.robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
+        robot = LiveRobot(self.robot, ground_truth=lambda: self.robot.pose)
+        live = LiveRun(robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(live_map, worker, self.thumbnails)
         teleop = Teleop(live, worker, live_map.offer)
         self.inspector = Inspector(all_questions(live.breakpoint_monitor), worker)

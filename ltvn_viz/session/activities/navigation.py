@@ -1,7 +1,8 @@
 """The robot drives by itself: pulls the navigator along, one control step at a time.
 
-The navigator thinks in the worker's thread and borrows the robot for that long; the session moves the robot's time
-only in between. So thinking never holds up a command, and the robot never moves while it thinks.
+The navigator thinks in the worker's thread and borrows the robot for that long; the session lets the robot's time pass
+only in between. So thinking never holds up a command, and the robot does not move while it thinks: a simulator's time
+stands still, and a robot on the wall's clock is held as soon as a thought takes longer than a tick.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,6 +27,7 @@ class Navigation:
         self._events: SimpleQueue[Event] = SimpleQueue()
         self._thinking = False
         self._owed_s = 0.0
+        self._step_ends_s = 0.0
         self._steps_left: int | None = None
         self.is_stopping = False
         """It was given up, and its last events are still to come."""
@@ -57,18 +59,27 @@ class Navigation:
     def tick(self) -> None:
         """Let a tick of robot time pass, or let the navigator think at the end of a control step."""
         self._drain()
+        if self._thinking:
+            self._live.robot.hold()
         if self._thinking or self.over:
             return
         if self._owed_s > 0 and not self.is_stopping:
             self._move()
         if self.is_stopping or (self._owed_s <= 0 and self._steps_left != 0):
             self._think()
+        elif self._owed_s <= 0:
+            self._live.robot.hold()
 
     def _move(self) -> None:
-        # The last tick takes all that is left, so that rounding never leaves a sliver of a control step.
-        duration = TICK_S if self._owed_s > 1.5 * TICK_S else self._owed_s
-        self._live.robot.advance(duration)
-        self._owed_s -= duration
+        clock = self._live.robot.clock
+        if clock.is_simulated:
+            # The last tick takes all that is left, so that rounding never leaves a sliver of a control step.
+            duration = TICK_S if self._owed_s > 1.5 * TICK_S else self._owed_s
+            clock.advance(duration)
+            self._owed_s -= duration
+        else:
+            self._live.robot.renew()
+            self._owed_s = self._step_ends_s - clock.now()
         if self._owed_s <= 0:
             self._live.capture()
 
@@ -95,6 +106,7 @@ class Navigation:
         if self.is_stopping or not goes_on:
             self._live.robot.stop()
         self._owed_s, self.over = CONTROL_STEP_S, not goes_on
+        self._step_ends_s = self._live.robot.clock.now() + CONTROL_STEP_S
 
     def _drain(self) -> None:
         while not self._events.empty():

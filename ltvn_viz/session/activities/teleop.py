@@ -11,7 +11,7 @@ import numpy as np
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import GraphChanged
-from ltvn_core.types import Observation, Pose, Twist
+from ltvn_core.types import FrameId, Observation, Pose, Twist
 from ltvn_viz.session.live_run import TICK_S, LiveRun
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.worker import Worker
@@ -31,6 +31,7 @@ class Teleop:
         """Drive the live robot; `offer` gives an image to the map in the worker's thread and returns what changed."""
         self._live, self._worker, self._offer = live, worker, offer
         self._moving = False
+        self._step: FrameId | None = None
         self._waiting: deque[Observation] = deque(maxlen=LAG_LIMIT)
         self._mapping = False
         self._captured: Pose | None = None
@@ -46,17 +47,20 @@ class Teleop:
 
     def tick(self) -> None:
         """Let time pass; at a new control step look, if anything moved."""
-        robot = self._live.robot
-        before = robot.step
-        robot.advance(TICK_S)
-        if self._live.observation is None or robot.step != before:
+        self._live.let_pass(TICK_S)
+        step = self._live.robot.state().step
+        if step != self._step:
+            self._step = step
             self._look()
         self._map()
 
     def _look(self) -> None:
         pose = self._live.robot.state().odometry
         if self._captured is not None and np.array_equal(pose, self._captured):
-            return  # A standing robot sees nothing new.
+            # A standing robot sees nothing new for the map, but people walk past a camera that is not simulated.
+            if not self._live.robot.clock.is_simulated:
+                self._live.glance()
+            return
         self._captured = pose
         observation = self._live.capture()
         if self._keyframe is None or _moved(self._keyframe, pose):

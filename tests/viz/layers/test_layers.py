@@ -16,6 +16,7 @@ import viser
 from ltvn_core import palette
 from ltvn_core.analysis.graph_history import FadingEdges, GraphArrays
 from ltvn_core.errors import SceneError
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_viz.layers.changes_layer import ChangesLayer
@@ -94,7 +95,7 @@ def big_graph(nodes: int, edges: int, seed: int = 0) -> GraphArrays:
 def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wire: Wire, snapshot: Snapshot) -> None:
     clock = Clock()
     layers = [
-        RobotLayer(server.scene, b"glTF"),
+        RobotLayer(server.scene, LOCOBOT, b"glTF"),
         SceneLayer(server.scene, lambda _: b"glTF"),
         NodesLayer(server.scene, lambda _: None),
         EdgesLayer(server.scene, clock),
@@ -102,7 +103,7 @@ def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wi
         ChangesLayer(server.scene),
         PlanLayer(server.scene),
         GoalLayer(server.scene),
-        GhostLayer(server.scene),
+        GhostLayer(server.scene, LOCOBOT),
     ]
     still = replace(snapshot, moment=replace(snapshot.moment, added_edges=RunMoment().added_edges))
     for layer in layers:
@@ -116,7 +117,7 @@ def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wi
 
 
 def test_a_moving_robot_costs_two_small_messages(server: viser.ViserServer, wire: Wire, snapshot: Snapshot) -> None:
-    layer = RobotLayer(server.scene, b"glTF")
+    layer = RobotLayer(server.scene, LOCOBOT, b"glTF")
     layer.show(snapshot)
     wire.taken()
     layer.show(replace(snapshot, moment=replace(snapshot.moment, robot=np.array([2.0, 1.0, 0.3]))))
@@ -184,7 +185,7 @@ def test_the_pin_stands_at_the_goal_and_is_hidden_without_one(server: viser.Vise
 
 def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, tmp_path: Path) -> None:
     harness = SessionHarness(tmp_path)
-    predicted_subgoal, plan = GhostLayer(server.scene), PlanLayer(server.scene)
+    predicted_subgoal, plan = GhostLayer(server.scene, LOCOBOT), PlanLayer(server.scene)
     harness.do(c.NavigateTo(int(harness.wait().moment.graph.ids[-1])))
     shown = harness.until(lambda now: now.moment.predicted_subgoal is not None and len(now.moment.progress.plan) > 2)
     predicted_subgoal.show(shown)

@@ -1,0 +1,118 @@
+"""Robots of other people: found by name among installed packages, or in a Python file.
+
+A package offers one in the entry-point group `ltvn.robots`; an entry is `name = "package.module:factory"`, and the
+factory returns a `ltvn_core.robots.robot.Robot` when it is called without arguments. A file is named as
+`path/to/file.py:factory`. Owns the check that what comes in can be driven. Drives nothing.
+"""
+
+import math
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+from ltvn_core.errors import LtvnError, PluginError
+from ltvn_core.preprocessing import admit_observation
+from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_spec import RobotSpec
+
+GROUP = "ltvn.robots"
+"""Name of the entry-point group."""
+
+METHODS = ("observe", "state", "drive", "stop")
+HOW_TO = "`--robot NAME` takes an installed robot, `--robot path/to/file.py:factory` one in a file"
+
+
+def find_robots(entries: Iterable[EntryPoint] | None = None) -> dict[str, EntryPoint]:
+    """Return the installed robots by name; nothing is imported. `entries` says where to look instead."""
+    offered = entry_points(group=GROUP) if entries is None else entries
+    return {entry.name: entry for entry in sorted(offered, key=lambda entry: entry.name, reverse=True)}
+
+
+def open_robot(wanted: str, installed: Mapping[str, EntryPoint] | None = None) -> Robot:
+    """Make the robot of that name, or of `path/to/file.py:factory`, and check it.
+
+    One image is taken; nothing is driven. Raises PluginError when there is no such robot, when its factory fails, or
+    when it lacks a part.
+    """
+    factory = _factory_in_file(wanted) if ".py" in wanted else _installed_factory(wanted, installed)
+    try:
+        robot = factory()
+    except LtvnError:
+        raise
+    except Exception as error:  # Another person's code may raise anything.
+        raise PluginError(f"The robot {wanted} could not be made ({type(error).__name__}: {error}).") from error
+    check_robot(robot, wanted)
+    return robot
+
+
+def check_robot(robot: object, name: str) -> None:
+    """Raise PluginError where a robot lacks a part, or where its first image is not what its camera takes."""
+    spec, clock = getattr(robot, "spec", None), getattr(robot, "clock", None)
+    if not isinstance(spec, RobotSpec):
+        raise PluginError(f"The robot {name} has no `spec`; give it a ltvn_core.RobotSpec, got {spec!r}.")
+    if not (isinstance(getattr(clock, "is_simulated", None), bool) and callable(getattr(clock, "now", None))):
+        raise PluginError(f"The robot {name} has no `clock`; give it a ltvn_core.WallClock(), got {clock!r}.")
+    missing = [method for method in METHODS if not callable(getattr(robot, method, None))]
+    if missing:
+        raise PluginError(
+            f"The robot {name} lacks {', '.join(missing)}; a robot has spec, clock, {', '.join(METHODS)}, see "
+            "ltvn_core.Robot and examples/05_drive_your_own_robot.py."
+        )
+    _check_first_image(robot, spec, name)  # type: ignore[arg-type]  # Its methods were counted above.
+
+
+def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
+    try:
+        admit_observation(robot.observe(), spec.camera, spec.camera, source=name)
+        state = robot.state()
+        sound = len(state.odometry) == 3 and all(map(math.isfinite, state.odometry)) and math.isfinite(state.stamp)
+    except LtvnError as error:
+        raise PluginError(f"The robot {name} takes images that cannot be used: {error}") from error
+    except Exception as error:
+        raise PluginError(f"The robot {name} takes no image ({type(error).__name__}: {error}).") from error
+    if not sound:
+        raise PluginError(f"The robot {name}: its state must hold x, y, yaw and seconds, all finite, got {state}.")
+
+
+def _installed_factory(name: str, installed: Mapping[str, EntryPoint] | None) -> Callable[[], object]:
+    robots = find_robots() if installed is None else installed
+    if name not in robots:
+        names = ", ".join(sorted(robots)) or "none"
+        raise PluginError(f"No robot is called {name!r}. Installed robots: {names}. {HOW_TO}.")
+    try:
+        factory = robots[name].load()
+    except Exception as error:
+        raise PluginError(
+            f"The robot {name} cannot be loaded ({type(error).__name__}: {error}); update or uninstall its package."
+        ) from error
+    return _callable(factory, name)
+
+
+def _factory_in_file(wanted: str) -> Callable[[], object]:
+    place, _, name = wanted.rpartition(":")
+    path = Path(place)
+    if not place.endswith(".py") or not name.isidentifier():
+        raise PluginError(f"{wanted} names no robot; write the file and the function, as in my_robot.py:make_robot.")
+    if not path.is_file():
+        raise PluginError(f"{path} does not exist. {HOW_TO}.")
+    spec = spec_from_file_location(f"ltvn_robot_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"{path} is no Python file. {HOW_TO}.")
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module  # Dataclasses look their module up while it is run.
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise PluginError(f"{path} could not be run ({type(error).__name__}: {error}).") from error
+    offered = sorted(key for key, value in vars(module).items() if callable(value) and not key.startswith("_"))
+    if not hasattr(module, name):
+        raise PluginError(f"{path} has no function {name!r}. It has: {', '.join(offered) or 'none'}.")
+    return _callable(getattr(module, name), wanted)
+
+
+def _callable(factory: object, name: str) -> Callable[[], object]:
+    if not callable(factory):
+        raise PluginError(f"The robot {name} is {factory!r}, which cannot be called; name a function that makes it.")
+    return factory

@@ -54,16 +54,13 @@ class FiguresVerb(Verb):
         from figures.baseline_tables import baseline_blocks
         from figures.network_comparisons import comparison_tables
         from figures.network_tables import network_blocks
-        from ltvn_core.network.weights_file import (
-            SHIPPED_BASELINE_WEIGHTS,
-            SHIPPED_WEIGHTS,
-            read_card,
-            weights_fingerprint,
-        )
+        from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+        from ltvn_core.network.weights_file import read_card, weights_fingerprint
         from ltvn_core.reports.page_blocks import fill_blocks
+        from ltvn_core.systems.registry import baseline_systems
 
         weights = self.weights or SHIPPED_WEIGHTS
-        rivals = {name: read_card(path) for name, path in SHIPPED_BASELINE_WEIGHTS.items()}
+        rivals = {entry.name: read_card(entry.weights) for entry in baseline_systems()}
         tables = {**network_blocks(read_card(weights)), **baseline_blocks(rivals)}
         pictures, pairs = ((), 0) if self.tables_only else self._draw(weights)
         if self.page is not None:

@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from ltvn_core.config import Likelihoods, Method, preset
-from ltvn_core.errors import OptionError, SceneError
+from ltvn_core.errors import SceneError
 from ltvn_core.extras import missing_text, naming_the_extra
-from ltvn_core.graph.baselines.sptm import sptm_system
-from ltvn_core.graph.baselines.ving import ving_system
-from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.systems.registry import system_entry
 from ltvn_core.types import FrameId, Pose, Predictor
 
 if TYPE_CHECKING:
@@ -27,9 +26,6 @@ if TYPE_CHECKING:
     from ltvn_core.simulation.wheel_odometry import OdometryNoise
 
 log = logging.getLogger(__name__)
-
-SystemName: TypeAlias = Literal["ltvn", "sptm", "ving"]
-"""The paper's navigation system, or one of its rivals."""
 
 PredictorName: TypeAlias = Literal["network", "oracle"]
 """The trained network, or the simulator's own geometry."""
@@ -116,12 +112,9 @@ def open_method(
     return replace(method, believing=replace(method.believing, **asdict(constants)))
 
 
-def open_system(name: SystemName, method: Method) -> NavigationSystem:
+def open_system(name: str, method: Method) -> NavigationSystem:
     """Return the navigation system of that name with the thresholds of `method`; raise OptionError if there is none."""
-    systems = {"ltvn": ltvn_system, "sptm": sptm_system, "ving": ving_system}
-    if name not in systems:
-        raise OptionError(f"No navigation system is called {name!r}; choose one of: {', '.join(systems)}.")
-    return systems[name](method)
+    return system_entry(name).factory(method)
 
 
 def _measured_likelihoods(predictor: PredictorName, weights: Path | None) -> Likelihoods | None:
@@ -130,7 +123,7 @@ def _measured_likelihoods(predictor: PredictorName, weights: Path | None) -> Lik
 
         return LIKELIHOODS
     from ltvn_core.network.cards.driving_calibration import likelihoods, read_driving
-    from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, matching_card
+    from ltvn_core.network.weights_file import matching_card
 
     measured = read_driving(matching_card(weights or SHIPPED_WEIGHTS))
     return None if measured is None else likelihoods(measured)

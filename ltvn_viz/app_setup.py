@@ -12,15 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.composition import open_method
-from ltvn_core.config import Method
+from ltvn_core.composition import open_method, open_system
 from ltvn_core.errors import LtvnError, OptionError, SceneError
+from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_plugins import open_robot
+from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
@@ -53,16 +54,16 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         library.path(options.replay)
     own_robot = _open_own_robot(options, stack)
     options = replace(options, scene=options.scene or (DEMO_SCENE if own_robot is None else own_robot.spec.name))
-    method = open_method(options.preset, options.predictor, options.weights)
     chosen = None if options.map is None else load_map(options.map)
     if chosen is not None:
-        options = replace(options, scene=chosen.meta.scene)
+        options = replace(options, scene=chosen.meta.scene, system=recorded_system(chosen.meta.config).name)
+    system = _open_system(options)
     predictor = predictor_for(options)
     if chosen is not None:
         check_fingerprint(chosen.meta, predictor.fingerprint)
     known = chosen or _ready_made(options, predictor)
     backend = open_backend(options, known, stack) if own_robot is None else Backend(robot=own_robot)
-    live_map = LiveMap(predictor, method, np.random.default_rng(options.seed))
+    live_map = LiveMap(predictor, system, np.random.default_rng(options.seed))
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
     robot = live_robot(backend, predictor, known)
     recorder = Recorder(library, lambda path: _new_recording(path, options, backend, robot, live_map))
@@ -82,7 +83,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         goals=Goals(live_map, worker, thumbnails),
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
-        predictor_for=lambda weights: _other_mind(options, weights),
+        predictor_for=lambda weights: _reopen_with(options, weights),
         debugger=Inspector(all_questions(live.breakpoint_monitor), worker),
         rerun=RerunViewers(stack).address,
     )
@@ -101,13 +102,19 @@ def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
 
 def _open_learning(options: AppOptions) -> FineTuning:
     tuner = options.tuner if options.predictor == "network" else None
-    return FineTuning(tuner, options.weights, ThreadPoolExecutor(1, "learning"))
+    return FineTuning(tuner, options.start_weights, ThreadPoolExecutor(1, "learning"))
 
 
-def _other_mind(options: AppOptions, weights: Path) -> tuple[Predictor, Method]:
+def _open_system(options: AppOptions) -> NavigationSystem:
+    """Return the navigation system with the constants measured for the weights. Raises OptionError, WeightsError."""
+    method = open_method(options.preset, options.predictor, options.start_weights)
+    return open_system(options.system, method)
+
+
+def _reopen_with(options: AppOptions, weights: Path) -> tuple[Predictor, NavigationSystem]:
     """Open other weights just as a new start of the app with them would."""
-    mind = replace(options, weights=weights, replay=None)
-    return predictor_for(mind), open_method(options.preset, options.predictor, weights)
+    changed = replace(options, weights=weights, replay=None)
+    return predictor_for(changed), _open_system(changed)
 
 
 def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
@@ -135,7 +142,7 @@ def _new_recording(
     writer = RecordingWriter(
         path,
         scene=options.scene if scene is None else scene.address,
-        config={"verb": "app", "system": "ltvn", "method": asdict(live_map.method)},
+        config={"verb": "app", "system": live_map.system.name, "method": asdict(live_map.system.method)},
         fingerprint=live_map.fingerprint,
         camera=robot.spec.camera,
         scene_glb=None if scene is None else scene.glb(with_ceiling=False),

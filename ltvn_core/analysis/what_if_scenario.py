@@ -93,6 +93,14 @@ def _apply_change(scenario: WhatIfScenario, change: WhatIfChange) -> None:
             assert_never(change)
 
 
+def _weighs_belief(edge_weight_of: EdgeWeightFactory, method: Method) -> bool:
+    """Tell whether a system's edge weights depend on the weight of the belief at all."""
+    doubtful = Belief(p=0.5, mu=1.0, sigma2=0.0)
+    planning = (replace(method.planning, belief_weight=weight) for weight in (1.0, 2.0))
+    less, more = (edge_weight_of(replace(method, planning=each))(doubtful) for each in planning)
+    return less != more
+
+
 def _force(scenario: WhatIfScenario, key: EdgeKey, belief: Belief | None) -> None:
     graph = scenario.graph
     if key in graph.edges:
@@ -130,7 +138,7 @@ def _set_threshold(scenario: WhatIfScenario, threshold: WhatIfThreshold, value: 
     match threshold:
         case WhatIfThreshold.BELIEF_WEIGHT:
             scenario.method = replace(scenario.method, planning=replace(planning, belief_weight=value))
-            if scenario.edge_weight_of is not ltvn_edge_weight:
+            if not _weighs_belief(scenario.edge_weight_of, scenario.method):
                 scenario.notes.append("The system that planned here weighs edges without it, so nothing changes.")
         case WhatIfThreshold.FAILURE_PENALTY:
             scenario.method = replace(scenario.method, planning=replace(planning, failure_penalty=value))

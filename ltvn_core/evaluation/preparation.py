@@ -12,7 +12,7 @@ import numpy as np
 from ltvn_core.composition import open_predictor, open_simulation
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system, shipped_weights
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import pose_row
@@ -54,7 +54,7 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
 
 def finetuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation] = ()) -> Path:
     """Return the weights of a plan, fine-tuned on its drive at the first call."""
-    start = plan.weights or shipped_weights(plan.system)
+    start = plan.start_weights
     if not plan.finetuned:
         return start
     if not files.weights.exists():

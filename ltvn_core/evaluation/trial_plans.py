@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ltvn_core.composition import PredictorName, SystemName, open_method
+from ltvn_core.composition import PredictorName, open_method
 from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ablation import PARTS, without_parts
@@ -19,6 +19,7 @@ from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.recording.atomic_files import write_text_atomically
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 
 _FINE_TUNING = "fine-tuning"
 
@@ -31,7 +32,7 @@ class TrialPlan:
     """A name, or the path of a mesh."""
     seed: int
     """Draws the drive, the map, the goals and the episodes."""
-    system: SystemName = "ltvn"
+    system: str = DEFAULT_SYSTEM
     preset: str = "robust"
     """Of the navigator, which is the same for all systems."""
     parts_off: tuple[str, ...] = ()
@@ -57,6 +58,11 @@ class TrialPlan:
         return bool(self.finetune_steps) and self.predictor == "network" and _FINE_TUNING not in self.parts_off
 
     @property
+    def start_weights(self) -> Path:
+        """Weights that the system begins with."""
+        return self.weights or system_entry(self.system).weights
+
+    @property
     def label(self) -> str:
         """Name the method in file names."""
         words = [self.system]
@@ -68,13 +74,6 @@ class TrialPlan:
 def method_parts() -> tuple[str, ...]:
     """Return the names of the parts that can be switched off."""
     return (*PARTS, _FINE_TUNING)
-
-
-def shipped_weights(system: SystemName) -> Path:
-    """Return the weights that come with the program for a system."""
-    from ltvn_core.network.weights_file import SHIPPED_BASELINE_WEIGHTS, SHIPPED_WEIGHTS
-
-    return SHIPPED_BASELINE_WEIGHTS.get(system, SHIPPED_WEIGHTS)
 
 
 def open_planned_system(plan: TrialPlan, weights: Path, scene: Scene, *, maintain: bool) -> NavigationSystem:
@@ -92,7 +91,8 @@ class TrialFiles:
     folder: Path
     """Of the scene and the seed."""
     label: str
-    system: SystemName
+    system: str = ""
+    """Whose weights they are; empty where only files of the drive and of single episodes are asked for."""
 
     @classmethod
     def of(cls, plan: TrialPlan, folder: Path) -> "TrialFiles":
@@ -151,7 +151,7 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     """
     from ltvn_core.network.weights_file import weights_fingerprint
 
-    weights = weights_fingerprint(plan.weights or shipped_weights(plan.system))
+    weights = weights_fingerprint(plan.start_weights)
     steps = plan.finetune_steps if plan.finetuned else 0
     protocol = asdict(plan.protocol)
     del protocol["episodes"]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from ltvn_core.composition import SystemName, open_predictor
+from ltvn_core.composition import open_predictor
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
 from ltvn_core.evaluation.map_drawings import save_drawing
@@ -113,9 +113,7 @@ def prepare_all(
     jobs = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
     for plan, files in jobs:
         claim_files(plan, files)
-    without_data: set[SystemName] = {
-        plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()
-    }
+    without_data: set[str] = {plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()}
     for system in without_data:
         render_training_scenes(system)  # Once for all processes.
     for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):

@@ -15,6 +15,7 @@ from ltvn_core.graph.localiser import Localisation, LocalisationPrior, Localiser
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
+from ltvn_core.graph.online_builder import OnlineBuilder
 from ltvn_core.graph.planner import edge_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, NodeId
@@ -30,6 +31,7 @@ def ltvn_system(method: Method) -> NavigationSystem:
         localise=partial(_localise, config=method.localising),
         subgoal=choose_first_node,
         maintenance=LifelongMaintenance(method) if method.maintain else NoMaintenance(),
+        online=partial(OnlineBuilder, method=method),
     )
 
 

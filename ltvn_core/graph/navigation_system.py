@@ -55,6 +55,22 @@ class BuildStrategy(Protocol):
         ...
 
 
+class OnlineStrategy(Protocol):
+    """How a map grows while somebody drives."""
+
+    def offer(self, observation: Observation) -> Deltas:
+        """Return what one more image changes; apply the deltas before offering the next."""
+        ...
+
+
+class OnlineStrategyFactory(Protocol):
+    """Begins to let one map grow."""
+
+    def __call__(self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor) -> OnlineStrategy:
+        """Return what lets `graph` grow, whose images `keyframes` holds."""
+        ...
+
+
 class LocalisationStrategy(Protocol):
     """Which node the robot is at."""
 
@@ -130,3 +146,5 @@ class NavigationSystem:
     localise: LocalisationStrategy
     subgoal: SubgoalStrategy
     maintenance: MaintenanceStrategy
+    online: OnlineStrategyFactory | None = None
+    """Lets a map grow image by image; None where a system only builds whole maps."""

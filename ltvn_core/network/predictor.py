@@ -20,7 +20,8 @@ from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.device import CPU, device_of, to_tensor
 from ltvn_core.network.image_features import pack as pack_features
 from ltvn_core.network.prefilter import PrefilterScores
-from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, load_weights, weights_fingerprint
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.types import Features, Observation, Prediction
 
 PREFILTER_FROM = 200

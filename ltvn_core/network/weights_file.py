@@ -18,12 +18,6 @@ from ltvn_core.network.architecture import AnyArchitecture
 if TYPE_CHECKING:
     from ltvn_core.network.base_network import AnyNetwork
 
-SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "ltvn.safetensors"
-"""The weights that come with the package."""
-
-SHIPPED_BASELINE_WEIGHTS = {name: SHIPPED_WEIGHTS.with_name(f"{name}.safetensors") for name in ("sptm", "ving")}
-"""Weights that learned the labels of the baselines SPTM and ViNG, see `ltvn baseline`; a wheel leaves them out."""
-
 SCHEMA = "ltvn-weights-1"
 """Name of the file format; files of another format are refused."""
 

@@ -124,7 +124,7 @@ def _length(result: TrialResult | LifelongResult) -> tuple[int, int]:
 
 def _failures(path: Path, trial: TrialResult) -> Iterator[FailureRow]:
     folder, label = _plan(path)
-    files = TrialFiles(folder, label, "ltvn")
+    files = TrialFiles(folder, label)
     for episode in trial.episodes:
         if not episode.reached:
             recording = files.failure(episode.episode)

@@ -13,12 +13,10 @@ import numpy as np
 from ltvn_core.evaluation.confidence_intervals import Estimate
 from ltvn_core.evaluation.metrics import EvaluationMetrics, compute_metrics
 from ltvn_core.evaluation.results import FailureCause, TrialResult
+from ltvn_core.systems.registry import known_system, system_names
 
 ALL_SCENES = "all scenes"
 """Scene name of a row over all scenes."""
-
-_SYSTEM_LABELS = {"ltvn": "LTVN", "sptm": "SPTM", "ving": "ViNG"}
-_SYSTEM_ORDER = ("LTVN", "SPTM", "ViNG")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +24,9 @@ class TrialSetup:
     """What the trials of one row have in common."""
 
     scene: str
+    system: str
+    """Name of the navigation system in the registry."""
+    preset: str
     method: str
     """Label of the method: `LTVN robust`, `SPTM`, `LTVN robust without pruning`."""
     finetuned: bool
@@ -78,8 +79,9 @@ def setup_of(trial: TrialResult) -> TrialSetup:
     """Return what a trial has in common with others of its row."""
     # Whether the network was fine-tuned is a stage of every method and no part of its name.
     without = [part for part in trial.without if not part.replace("-", "").startswith("finetun")]
-    name = _SYSTEM_LABELS.get(trial.method, trial.method)
-    if trial.method == "ltvn":
+    system = known_system(trial.method)
+    name = trial.method if system is None else system.label
+    if system is not None and system.preset_in_label:
         name = f"{name} {trial.preset}"
     elif trial.preset != "robust":
         name = f"{name}, {trial.preset} navigator"
@@ -89,6 +91,8 @@ def setup_of(trial: TrialResult) -> TrialSetup:
         name = f"{name} with the oracle"
     return TrialSetup(
         scene=trial.scene,
+        system=trial.method,
+        preset=trial.preset,
         method=name,
         finetuned=trial.finetuned,
         queries=trial.queries,
@@ -139,7 +143,7 @@ def _gathered(trials: Iterable[TrialResult], key: Callable[[TrialResult], TrialS
 
 
 def _method_order(setup: TrialSetup) -> tuple[object, ...]:
-    first = setup.method.split()[0].rstrip(",")
-    rank = _SYSTEM_ORDER.index(first) if first in _SYSTEM_ORDER else len(_SYSTEM_ORDER)
+    names = system_names()
+    rank = names.index(setup.system) if setup.system in names else len(names)
     # Robust before paper, whole methods before those with parts switched off.
-    return rank, setup.ablated, "paper" in setup.method, setup.method
+    return rank, setup.ablated, setup.preset == "paper", setup.method

@@ -11,7 +11,6 @@ from shutil import rmtree
 from typing import TYPE_CHECKING
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import SystemName
 from ltvn_core.errors import WeightsError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training.fine_tuning_data import (
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def fine_tune_for_system(
-    system: SystemName,
+    system: str,
     observations: Sequence[Observation],
     start: Path,
     plan: "FineTuningPlan",
@@ -68,7 +67,7 @@ def fine_tune_for_system(
     return output
 
 
-def render_training_scenes(system: SystemName, data: Path | None = None) -> None:
+def render_training_scenes(system: str, data: Path | None = None) -> None:
     """Render the simulated scenes that a system sees beside a drive, once for all processes. Raises DatasetError."""
     if system != "ltvn":
         labelled_walks(system, (*REHEARSAL_SCENES, *CALIBRATION_SCENES), _walks_folder(data))
@@ -76,7 +75,7 @@ def render_training_scenes(system: SystemName, data: Path | None = None) -> None
         render_simulation()
 
 
-def _label_rule(system: SystemName) -> "LabelRule":
+def _label_rule(system: str) -> "LabelRule":
     from ltvn_core.training_data.temporal_rules import TEMPORAL_RULES
     from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
 
@@ -84,7 +83,7 @@ def _label_rule(system: SystemName) -> "LabelRule":
 
 
 def _add_training_data(
-    system: SystemName, drive: "TrajectoryPairs", data: Path | None, *, with_validation_drives: bool
+    system: str, drive: "TrajectoryPairs", data: Path | None, *, with_validation_drives: bool
 ) -> "FineTuningData":
     """Add simulated pairs to a drive, labelled as the system does it."""
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
@@ -101,9 +100,7 @@ def _walks_folder(data: Path | None) -> Path:
     return (data or user_cache_path("ltvn")) / "walks"
 
 
-def _run_identity(
-    system: SystemName, lessons: "FineTuningData", start: Path, plan: "FineTuningPlan"
-) -> dict[str, object]:
+def _run_identity(system: str, lessons: "FineTuningData", start: Path, plan: "FineTuningPlan") -> dict[str, object]:
     """Return what tells this run from others."""
     from ltvn_core.network.optimization.fine_tuning_loop import trajectory_fingerprint
     from ltvn_core.network.weights_file import weights_fingerprint

@@ -5,7 +5,7 @@ From the shipped weights it is as good a rival as we can make; from nothing it i
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
@@ -13,6 +13,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
 from ltvn_core.training.labelled_walks import labelled_walks
 from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
+from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class BaselineSummary:
 class BaselineVerb(Verb):
     """Train a rival's network: the shipped weights, or new ones, learn its labels of time on random walks."""
 
-    baseline: Positional[Literal["sptm", "ving"]]
+    baseline: Positional[SystemName]
     """SPTM: close in time or not. ViNG: how long it takes to get there."""
     output: Path
     """The weights to write, with a card beside them; must not exist yet."""
@@ -77,13 +78,20 @@ class BaselineVerb(Verb):
         return BaselineSummary(self.output, fingerprint, *size, card.steps, card.pairs_compared, card.minutes, *figures)
 
     def _check_options(self) -> None:
+        from ltvn_core.training_data.temporal_rules import TEMPORAL_RULES
+
+        if self.baseline not in TEMPORAL_RULES:
+            raise OptionError(
+                f"{self.baseline} learns from poses with `ltvn train`; those that learn by a rule of time are: "
+                f"{', '.join(TEMPORAL_RULES)}."
+            )
         if not (self.minutes > 0 and (self.steps is None or self.steps > 0)):
             raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
         if self.output.suffix != ".safetensors" or self.output.exists():
             raise OptionError(f"--output must be a new file that ends in .safetensors, got {self.output}.")
 
     def _start(self) -> Path | None:
-        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS
+        from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 
         return None if self.fresh else SHIPPED_WEIGHTS
 

@@ -6,6 +6,8 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
 
 
@@ -33,12 +35,13 @@ class BuildVerb(Verb):
     """The map to write; must not exist yet."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
-    system: Literal["ltvn", "sptm", "ving"] = "ltvn"
-    """Whose map: ltvn is the paper's, sptm and ving keep all images."""
+    system: SystemName = DEFAULT_SYSTEM
+    """The navigation system that builds the map and is to drive by it: ltvn is the paper's, sptm and ving keep all
+    images."""
     predictor: Literal["network", "oracle"] = "network"
     """What compares images: the trained network, or the simulator's own geometry."""
     weights: Path | None = None
-    """Weights to use instead of the shipped ones."""
+    """Weights to use instead of those that come with the system."""
     seed: int = 0
     """Draws the order in which images are sampled."""
 
@@ -47,7 +50,7 @@ class BuildVerb(Verb):
         import numpy as np
         from tqdm import tqdm
 
-        from ltvn_core.composition import open_method, open_predictor, open_system
+        from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.connectivity import count_strongly_connected_components
         from ltvn_core.graph.keyframes import KeyframeStore
         from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -58,15 +61,18 @@ class BuildVerb(Verb):
         require_new_path(self.output)
         recording = Recording.open(self.recording)
         observations = [recording.observation(frame) for frame in recording.frames]
-        predictor = open_predictor(self.predictor, recording.meta.scene, self.weights)
-        keyframes, method = KeyframeStore(predictor), open_method(self.preset, self.predictor, self.weights)
+        entry = system_entry(self.system)
+        weights = self.weights or entry.weights
+        predictor = open_predictor(self.predictor, recording.meta.scene, weights)
+        system = entry.factory(open_method(self.preset, self.predictor, weights))
+        keyframes = KeyframeStore(predictor)
+        rng = np.random.default_rng(self.seed)
         with tqdm(total=len(observations), desc="build", unit="image") as bar:
 
             def show(done: int, total: int) -> None:
                 bar.total = total
                 bar.update(done - bar.n)
 
-            system, rng = open_system(self.system, method), np.random.default_rng(self.seed)
             deltas = system.build(observations, keyframes, predictor, rng=rng, progress=show)
         graph = TopologicalGraph(deltas)
         kept = [keyframes.observation(frame) for frame in keyframes.frames]

@@ -10,7 +10,7 @@ from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.config import Method
+    from ltvn_core.graph.navigation_system import NavigationSystem
 
 
 @dataclass(frozen=True)
@@ -76,14 +76,14 @@ class HeadlessDemoVerb(Verb):
             )
         return _run_headless(self)
 
-    def settings(self, method: "Method") -> dict[str, Any]:
+    def settings(self, system: "NavigationSystem") -> dict[str, Any]:
         """Say how the run was made, for the recording."""
         return {
             "verb": "demo",
-            "system": "ltvn",
+            "system": system.name,
             "seed": self.seed,
             "loops": self.loops,
-            "method": asdict(method),
+            "method": asdict(system.method),
         }
 
 
@@ -94,12 +94,13 @@ def _dated_path(name: str) -> Path:
 def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     import numpy as np
 
-    from ltvn_core.composition import open_method, open_predictor, open_simulation
+    from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.recording.atomic_files import require_new_path
     from ltvn_core.recording.map_file import save_map
     from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.systems.registry import DEFAULT_SYSTEM
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     if options.map is not None:
@@ -109,14 +110,15 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     simulation = open_simulation(options.scene, seed=options.seed)
     predictor = open_predictor(options.predictor, options.scene, options.weights)
     method = open_method(options.preset, options.predictor, options.weights)
+    system = open_system(DEFAULT_SYSTEM, method)
     path = options.recording or _dated_path(f"demo-{simulation.scene.name}-{options.seed}")
     about = {
         "scene": simulation.scene.address,
-        "config": options.settings(method),
+        "config": options.settings(system),
         "fingerprint": predictor.fingerprint,
     }
     with RecordingWriter(path, **about, live_port=announce_stream(options.stream)) as writer:
-        runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, method, TopologicalGraph())
+        runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, system, TopologicalGraph())
         observations = runner.collect(rng, options.loops)
         runner.build(observations, rng)
         outcome = runner.run_queries(runner.random_goals(options.queries, rng), rng)

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NoReturn
 
 from ltvn_core.errors import OptionError
+from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -92,7 +94,7 @@ class ProtocolOptions(Verb):
 
         return EvaluationProtocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
 
-    def plans(self, method: Literal["ltvn", "sptm", "ving"], episodes: int) -> "list[TrialPlan]":
+    def plans(self, method: str, episodes: int) -> "list[TrialPlan]":
         """Return a plan for each scene and seed. Raises OptionError."""
         from ltvn_core.evaluation.trial_plans import TrialPlan
 
@@ -125,7 +127,7 @@ class ProtocolOptions(Verb):
 class EvaluateVerb(ProtocolOptions):
     """Test a method as the paper does: map a scene, fine-tune, build, and drive random episodes without maintenance."""
 
-    method: Literal["ltvn", "sptm", "ving"] = "ltvn"
+    method: SystemName = DEFAULT_SYSTEM
     """Ours, or a rival in the same harness."""
     episodes: int = 500
     """Random episodes for each scene and seed."""

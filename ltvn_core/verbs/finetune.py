@@ -100,7 +100,7 @@ class FinetuneVerb(Verb):
 
     @property
     def _start(self) -> Path:
-        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS
+        from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 
         return self.weights or SHIPPED_WEIGHTS
 

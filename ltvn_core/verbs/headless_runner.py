@@ -12,11 +12,10 @@ import numpy as np
 from tqdm import tqdm
 
 from ltvn_core.composition import Simulation
-from ltvn_core.config import Method
 from ltvn_core.errors import MapError
-from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent
@@ -54,13 +53,14 @@ class HeadlessRunner:
         writer: RecordingWriter,
         keyframes: KeyframeStore,
         predictor: Predictor,
-        method: Method,
+        system: NavigationSystem,
         graph: TopologicalGraph,
     ) -> None:
         """Take hold of everything; an empty graph waits for `build`."""
         self.robot, self.scene = simulation.robot, simulation.scene
         self.writer, self.keyframes, self.graph = writer, keyframes, graph
-        self.predictor, self.method = predictor, method
+        self.predictor = predictor
+        self.system = system
 
     def collect(self, rng: np.random.Generator, loops: int) -> list[Observation]:
         """Drive a mapping tour, record it, and return its keyframes."""
@@ -71,13 +71,14 @@ class HeadlessRunner:
         return seen
 
     def build(self, observations: Sequence[Observation], rng: np.random.Generator) -> None:
-        """Build the map by Algorithm 1, with a progress bar."""
+        """Build the map as the navigation system does, with a progress bar."""
         with tqdm(total=len(observations), desc="build", unit="image") as bar:
 
-            def show(done: int, _total: int) -> None:
+            def show(done: int, total: int) -> None:
+                bar.total = total
                 bar.update(done - bar.n)
 
-            self._change(build(observations, self.keyframes, self.predictor, self.method, rng, progress=show))
+            self._change(self.system.build(observations, self.keyframes, self.predictor, rng=rng, progress=show))
 
     def run_queries(
         self,
@@ -88,7 +89,13 @@ class HeadlessRunner:
     ) -> QueriesSummary:
         """Drive to each goal in turn, from where the last query ended or from `starts`, and judge by exact poses."""
         navigator = Navigator(
-            RecordedRobot(self.robot, self.writer), self.graph, self.keyframes, self.predictor, self.method, rng
+            RecordedRobot(self.robot, self.writer),
+            self.graph,
+            self.keyframes,
+            self.predictor,
+            self.system.method,
+            rng,
+            system=self.system,
         )
         lifelong = LifelongRun(self._record)
         before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.evaluate import ProtocolOptions, command, progress_on_bar
 from ltvn_core.verbs.verb import Summary
 
@@ -53,7 +54,7 @@ class LifelongVerb(ProtocolOptions):
         from ltvn_core.evaluation.workers import workers
 
         started, schedule = time.monotonic(), Schedule(self.queries, self.every, self.episodes)
-        plans = self.plans("ltvn", self.episodes)
+        plans = self.plans(DEFAULT_SYSTEM, self.episodes)
         with (
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=schedule.work * len(plans), desc="lifelong", unit="query") as bar,

@@ -111,6 +111,7 @@ class MeasureVerb(Verb):
 
     def _write(self, measured: "DrivingMeasurements") -> Path:
         from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION
-        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, add_to_card
+        from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+        from ltvn_core.network.weights_file import add_to_card
 
         return add_to_card(self.weights or SHIPPED_WEIGHTS, DRIVING_SECTION, asdict(measured))

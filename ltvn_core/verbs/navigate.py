@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from ltvn_core.config import Method
+    from ltvn_core.graph.navigation_system import NavigationSystem
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.recording.map_file import LoadedMap
     from ltvn_core.types import NodeId, Pose
@@ -39,7 +39,7 @@ class NavigateSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class NavigateVerb(Verb):
-    """Drive to one goal or to several by a saved map, which learns from every drive."""
+    """Drive to one goal or to several by a saved map, with the navigation system that built it and as it maintains."""
 
     map: Positional[Path]
     """The map to drive by; it is read, never changed."""
@@ -56,7 +56,7 @@ class NavigateVerb(Verb):
     predictor: Literal["network", "oracle"] = "network"
     """What compares images; must be the one that built the map."""
     weights: Path | None = None
-    """Weights to use instead of the shipped ones."""
+    """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
     """Draws the start, the noise and the goals."""
     stream: int | None = None
@@ -84,41 +84,39 @@ class NavigateVerb(Verb):
         """Go to the one goal, or to random nodes."""
         return runner.random_goals(self.queries, rng) if self.goal is None else [self.goal]
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self, system: "NavigationSystem") -> dict[str, Any]:
         """Say how the run was made, for the recording."""
-        return {"verb": "navigate", "system": "ltvn", "seed": self.seed, "method": asdict(self.method())}
-
-    def method(self) -> "Method":
-        """Return the preset with the constants measured for the predictor."""
-        from ltvn_core.composition import open_method
-
-        return open_method(self.preset, self.predictor, self.weights)
+        return {"verb": "navigate", "system": system.name, "seed": self.seed, "method": asdict(system.method)}
 
 
 def _drive(options: NavigateVerb) -> NavigateSummary:
     """Open everything, run the queries, save the map if asked to."""
     import numpy as np
 
-    from ltvn_core.composition import open_predictor, open_simulation
+    from ltvn_core.composition import open_method, open_predictor, open_simulation
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
     from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     started, rng = time.monotonic(), np.random.default_rng(options.seed)
     loaded = load_map(options.map)
     options.check(loaded.graph)
     scene = loaded.meta.scene
-    predictor = open_predictor(options.predictor, scene, options.weights)
+    entry = recorded_system(loaded.meta.config)
+    weights = options.weights or entry.weights
+    predictor = open_predictor(options.predictor, scene, weights)
     check_fingerprint(loaded.meta, predictor.fingerprint)
+    system = entry.factory(open_method(options.preset, options.predictor, weights))
     first_step = max(loaded.observations) + 1
     simulation = open_simulation(scene, seed=options.seed, first_step=first_step, start=_start(loaded, rng))
     keyframes = KeyframeStore(predictor)
     keyframes.add(list(loaded.observations.values()))
-    about = {"scene": scene, "config": options.settings(), "fingerprint": predictor.fingerprint}
+    about = {"scene": scene, "config": options.settings(system), "fingerprint": predictor.fingerprint}
     with RecordingWriter(options.recording, **about, live_port=announce_stream(options.stream)) as writer:
         writer.write_map(loaded.graph, loaded.observations.values())
-        runner = HeadlessRunner(simulation, writer, keyframes, predictor, options.method(), loaded.graph)
+        runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, loaded.graph)
         outcome = runner.run_queries(options.goals(runner, rng), rng)
     if options.output is not None:
         save_map(options.output, runner.graph, runner.map_observations(), origin=options.map, **about)

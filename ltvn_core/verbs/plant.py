@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ltvn_core.config import Method
     from ltvn_core.evaluation.fault_injection import Fault
     from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.graph.navigation_system import NavigationSystem
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.recording.map_file import LoadedMap
     from ltvn_core.types import Predictor
@@ -54,7 +55,7 @@ class PlantVerb(Verb):
     steps: int = 80
     """Control steps of 0.1 s that end a query."""
     weights: Path | None = None
-    """Weights to use instead of the shipped ones; must be those that built the map."""
+    """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
     """Draws the noise."""
 
@@ -77,36 +78,40 @@ def _drive(options: PlantVerb) -> PlantSummary:
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     started, loaded, rng = time.monotonic(), load_map(options.map), np.random.default_rng(options.seed)
-    predictor, method = open_predictor("network", loaded.meta.scene, options.weights), _method(options)
+    entry = recorded_system(loaded.meta.config)
+    weights = options.weights or entry.weights
+    predictor = open_predictor("network", loaded.meta.scene, weights)
+    system = entry.factory(_method(options, weights))
     check_fingerprint(loaded.meta, predictor.fingerprint)
     keyframes, graph = KeyframeStore(predictor), loaded.graph
     if len(graph.nodes) < 2:
         raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
     keyframes.add([loaded.observations[node] for node in graph.nodes])
-    faults = tuple(_insert_faults(options, loaded, keyframes, predictor, method))
+    faults = tuple(_insert_faults(options, loaded, keyframes, predictor, system.method))
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
     simulation = open_simulation(loaded.meta.scene, seed=options.seed, first_step=first_step, start=start)
     about = {
         "scene": loaded.meta.scene,
-        "config": _settings(options, method, faults),
+        "config": _settings(options, system, faults),
         "fingerprint": predictor.fingerprint,
     }
     with RecordingWriter(options.recording, **about) as writer:
         writer.write_map(graph, [loaded.observations[node] for node in graph.nodes])
-        runner = HeadlessRunner(simulation, writer, keyframes, predictor, method, graph)
+        runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)
         outcome = runner.run_queries([fault.goal for fault in faults], rng, starts=[fault.start for fault in faults])
     wall_s = time.monotonic() - started
     return PlantSummary(options.recording, faults, len(graph.nodes), len(graph.edges), outcome, wall_s)
 
 
-def _method(options: PlantVerb) -> "Method":
+def _method(options: PlantVerb, weights: Path) -> "Method":
     """Return the robust preset, which gives up early."""
     from ltvn_core.composition import open_method
 
-    method = open_method("robust", "network", options.weights)
+    method = open_method("robust", "network", weights)
     short = replace(method.recovering, step_limit=options.steps, give_up_after_looks=12)
     return replace(method, recovering=short)
 
@@ -140,10 +145,16 @@ def _apply_fault(graph: "TopologicalGraph", fault: "Fault") -> None:
         graph.apply(delta)
 
 
-def _settings(options: PlantVerb, method: "Method", faults: "tuple[Fault, ...]") -> dict[str, Any]:
+def _settings(options: PlantVerb, system: "NavigationSystem", faults: "tuple[Fault, ...]") -> dict[str, Any]:
     """Say how the recording was made, and what is to be found in it."""
     said = [
         {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}
         for query, fault in enumerate(faults)
     ]
-    return {"verb": "plant", "system": "ltvn", "seed": options.seed, "method": asdict(method), "faults": said}
+    return {
+        "verb": "plant",
+        "system": system.name,
+        "seed": options.seed,
+        "method": asdict(system.method),
+        "faults": said,
+    }

@@ -116,7 +116,7 @@ class TrainVerb(Verb):
         return replace(plan, minutes=None, steps=self.steps, validations=looks, minings=2 * looks)
 
     def _evaluate(self) -> NetworkEvaluationSummary:
-        from ltvn_core.network.weights_file import SHIPPED_WEIGHTS
+        from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 
         def judge(weights: Path) -> NetworkMetrics:
             return figures(weights, self._measure(weights))

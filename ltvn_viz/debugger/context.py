@@ -49,7 +49,7 @@ class DebugContext:
     weights: str
     """Fingerprint of the network that the run was made with; empty where nobody knows."""
     system: str
-    """Name of the system that planned, as the recording says; empty for the live run and where nobody said."""
+    """Name of the system that planned, as the recording says; empty where it does not say."""
     live_map: LiveMap | None
     """The live map and its images, to be touched within `in_background` alone; None in replay."""
     live: Timeline

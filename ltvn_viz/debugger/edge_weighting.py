@@ -1,9 +1,9 @@
 """What edges cost in the run on show: as the system weighs them that planned in it. Owns what is said about it."""
 
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, ltvn_edge_weight
-from ltvn_core.composition import SystemName, open_system
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, known_system
 from ltvn_viz.debugger.context import DebugContext
 
 
@@ -16,13 +16,10 @@ class EdgeWeighting(NamedTuple):
 
 
 def edge_weighting(context: DebugContext) -> EdgeWeighting:
-    """Return how edges are weighed in a run: as its recording says, else as the paper's own system does."""
-    if context.is_live or context.system == "ltvn":
-        return EdgeWeighting(ltvn_edge_weight, "")
-    name: SystemName | None = next((each for each in get_args(SystemName) if each == context.system), None)
-    if name is not None:
-        return EdgeWeighting(
-            lambda method: open_system(name, method).edge_weight, f"Both plans weigh edges as {name} does."
-        )
+    """Return how edges are weighed in a run: as the system that planned in it does, else as the paper's own does."""
+    entry = known_system(context.system)
+    if entry is not None:
+        note = "" if entry.name == DEFAULT_SYSTEM else f"Both plans weigh edges as {entry.name} does."
+        return EdgeWeighting(lambda method: entry.factory(method).edge_weight, note)
     named = f"names the system “{context.system}”, which is not known here" if context.system else "names no system"
-    return EdgeWeighting(ltvn_edge_weight, f"The recording {named}; both plans weigh edges as ltvn does.")
+    return EdgeWeighting(ltvn_edge_weight, f"The recording {named}; both plans weigh edges as {DEFAULT_SYSTEM} does.")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol, TypeAlias
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.config import Method
+from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import NodeId, Predictor
 from ltvn_viz.session.activities.map_building import MapBuilding
@@ -100,8 +100,8 @@ class AppState:
     goals: Goals
     teleop: Teleop
     fine_tuning: FineTuning
-    predictor_for: Callable[[Path], tuple[Predictor, Method]]
-    """Opens weights and the method that goes with them; runs in the worker's thread."""
+    predictor_for: Callable[[Path], tuple[Predictor, NavigationSystem]]
+    """Opens weights and the navigation system with the constants measured for them; runs in the worker's thread."""
     debugger: Debugger
     last_recording: str | None = None
     """The recording that was kept last."""

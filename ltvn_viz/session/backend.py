@@ -49,7 +49,7 @@ class Backend:
 def predictor_for(options: AppOptions) -> Predictor:
     """Open the predictor; when a recording is only to be watched, a missing one is replaced. Raises LtvnError."""
     try:
-        return open_predictor(options.predictor, options.scene, options.weights)
+        return open_predictor(options.predictor, options.scene, options.start_weights)
     except (SceneError, WeightsError, MissingLibraryError) as missing:
         if options.replay is None:
             raise

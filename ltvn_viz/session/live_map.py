@@ -7,13 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from ltvn_core.config import Method
 from ltvn_core.errors import MapError
-from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta, NodeDropped
 from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.online_builder import OnlineBuilder
+from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
@@ -27,9 +25,11 @@ IMAGES_AT_ONCE = 64
 class LiveMap:
     """A map that grows, is rebuilt, and is navigated by."""
 
-    def __init__(self, predictor: Predictor, method: Method, rng: np.random.Generator) -> None:
+    def __init__(self, predictor: Predictor, system: NavigationSystem, rng: np.random.Generator) -> None:
         """Begin with an empty map."""
-        self._predictor, self.method, self._rng = predictor, method, rng
+        self._predictor = predictor
+        self.system = system
+        self._rng = rng
         self.graph = TopologicalGraph()
         self.keyframes = KeyframeStore(predictor)
         self._online = self._new_online()
@@ -63,7 +63,13 @@ class LiveMap:
         return graph.deltas(Cause.LOAD)
 
     def offer(self, observation: Observation) -> Sequence[GraphDelta]:
-        """Let the map grow by one picture; returns what changed."""
+        """Let the map grow by one image; returns what changed.
+
+        Where the navigation system only builds whole maps, the image is kept for the next `rebuild`.
+        """
+        if self._online is None:
+            self.keyframes.add([observation])
+            return ()
         deltas = self._online.offer(observation)
         for delta in deltas:
             self.graph.apply(delta)
@@ -74,11 +80,11 @@ class LiveMap:
         seen = self.observations()
         if not seen:
             raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
-        built = build(seen, self.keyframes, self._predictor, self.method, self._rng, progress=progress)
+        built = self.system.build(seen, self.keyframes, self._predictor, rng=self._rng, progress=progress)
         return self._replaced(built)
 
     def rebuild_with(
-        self, predictor: Predictor, method: Method, progress: Callable[[int, int], None]
+        self, predictor: Predictor, system: NavigationSystem, progress: Callable[[int, int], None]
     ) -> Sequence[GraphDelta]:
         """Build anew from all pictures at hand with another network, which is used from then on.
 
@@ -88,8 +94,10 @@ class LiveMap:
         for first in range(0, len(seen), IMAGES_AT_ONCE):
             progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
             keyframes.add(seen[first : first + IMAGES_AT_ONCE])
-        built = build(seen, keyframes, predictor, method, self._rng, progress=progress) if seen else ()
-        self._predictor, self.method, self.keyframes = predictor, method, keyframes
+        built = system.build(seen, keyframes, predictor, rng=self._rng, progress=progress) if seen else ()
+        self._predictor = predictor
+        self.system = system
+        self.keyframes = keyframes
         return self._replaced(built)
 
     def observations(self) -> Sequence[Observation]:
@@ -105,7 +113,15 @@ class LiveMap:
     def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
         if self._navigator is None:
-            self._navigator = Navigator(robot, self.graph, self.keyframes, self._predictor, self.method, self._rng)
+            self._navigator = Navigator(
+                robot,
+                self.graph,
+                self.keyframes,
+                self._predictor,
+                self.system.method,
+                self._rng,
+                system=self.system,
+            )
         return self._judged(robot, self._navigator.query(goal, query), goal)
 
     def cancel(self) -> None:
@@ -141,5 +157,6 @@ class LiveMap:
         self._online = self._new_online()
         self._navigator = None
 
-    def _new_online(self) -> OnlineBuilder:
-        return OnlineBuilder(self.graph, self.keyframes, self._predictor, self.method)
+    def _new_online(self) -> OnlineStrategy | None:
+        online = self.system.online
+        return None if online is None else online(self.graph, self.keyframes, self._predictor)

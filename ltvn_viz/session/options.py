@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ltvn_core.composition import PredictorName
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
 
 DEMO_SCENE = "demo"
@@ -25,7 +26,9 @@ class AppOptions:
     """Folder for recordings."""
     predictor: PredictorName = "network"
     weights: Path | None = None
-    """Weights instead of the shipped ones."""
+    """Weights instead of those that come with the system."""
+    system: str = DEFAULT_SYSTEM
+    """Navigation system; a map brings its own."""
     preset: str = "robust"
     """Name of the method's settings."""
     seed: int = 0
@@ -38,3 +41,8 @@ class AppOptions:
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""
     replay_at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
+
+    @property
+    def start_weights(self) -> Path:
+        """Weights to begin with. Raises OptionError for an unknown system."""
+        return self.weights or system_entry(self.system).weights

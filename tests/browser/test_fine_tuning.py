@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, read_card, weights_fingerprint
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.weights_file import read_card, weights_fingerprint
 from ltvn_core.recording.info import read_info
 from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
 from ltvn_viz.app import AppOptions, RunningApp

@@ -14,9 +14,11 @@ from figures.network_curves import error_band, reliability_bins
 from figures.network_tables import network_blocks
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.network.metrics.reachability_metrics import calibration_error
-from ltvn_core.network.weights_file import SHIPPED_BASELINE_WEIGHTS, SHIPPED_WEIGHTS, read_card
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.weights_file import read_card
 from ltvn_core.reports.figure_style import MAX_BYTES
 from ltvn_core.reports.page_blocks import fill_blocks
+from ltvn_core.systems.registry import baseline_systems
 from tests.repository import ROOT
 
 PAGE = ROOT / "docs" / "network.md"
@@ -61,7 +63,7 @@ def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) 
 def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path: Path) -> None:
     page = tmp_path / "network.md"
     page.write_text(PAGE.read_text())
-    rivals = baseline_blocks({name: read_card(path) for name, path in SHIPPED_BASELINE_WEIGHTS.items()})
+    rivals = baseline_blocks({entry.name: read_card(entry.weights) for entry in baseline_systems()})
     fill_blocks(
         page,
         {**network_blocks(read_card(SHIPPED_WEIGHTS)), **rivals, **comparison_tables(PAGE.parent / "measurements")},

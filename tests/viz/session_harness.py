@@ -17,6 +17,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
@@ -161,7 +162,7 @@ class SessionHarness:
         first_step = max((picture.step for picture in seen), default=-1) + 1
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
         worker = Worker(executor or InlineExecutor())
-        live_map = LiveMap(FlatPredictor(self.world), ROBUST, np.random.default_rng(0))
+        live_map = LiveMap(FlatPredictor(self.world), ltvn_system(ROBUST), np.random.default_rng(0))
         robot = LiveRobot(self.robot, ground_truth=lambda: self.robot.pose)
         live = LiveRun(robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(live_map, worker, self.thumbnails)
@@ -178,7 +179,7 @@ class SessionHarness:
             goals=goals,
             teleop=teleop,
             fine_tuning=fine_tuning or FineTuning(None, None, InlineExecutor()),
-            predictor_for=lambda weights: (load_predictor(weights), ROBUST),
+            predictor_for=lambda weights: (load_predictor(weights), ltvn_system(ROBUST)),
             debugger=self.inspector,
         )
         self.session = Session(self.state, self.driver, self.shown.append)
@@ -241,7 +242,7 @@ def mapped_tour(
 ) -> tuple[tuple[Observation, ...], tuple[GraphDelta, ...]]:
     """Return the pictures of a tour and the map that grows from them."""
     world = FlatWorld(np.frombuffer(walls).reshape(-1, 2, 2))
-    seen, live_map = tuple(tour(way)), LiveMap(FlatPredictor(world), ROBUST, np.random.default_rng(0))
+    seen, live_map = tuple(tour(way)), LiveMap(FlatPredictor(world), ltvn_system(ROBUST), np.random.default_rng(0))
     return seen, tuple(delta for picture in seen for delta in live_map.offer(picture))
 
 

@@ -16,7 +16,8 @@ from ltvn_core.graph.beliefs import update_existence
 from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods, read_driving
 from ltvn_core.network.metrics.binned_metrics import calibration_table, error_table
 from ltvn_core.network.metrics.success_rate import SuccessRate
-from ltvn_core.network.weights_file import SHIPPED_WEIGHTS, add_to_card, card_path, read_card
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.weights_file import add_to_card, card_path, read_card
 from ltvn_core.simulation import oracle_predictor
 from ltvn_core.verbs.measure import MeasureVerb
 

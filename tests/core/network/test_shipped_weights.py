@@ -7,7 +7,9 @@ import pytest
 
 from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, encode_images, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
-from ltvn_core.network.weights_file import SHIPPED_BASELINE_WEIGHTS, SHIPPED_WEIGHTS, read_card, weights_fingerprint
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.weights_file import read_card, weights_fingerprint
+from ltvn_core.systems.registry import system_entry
 from ltvn_core.training.held_out_scenes import TEST_SCENES, drives
 
 pytest.importorskip("embreex")
@@ -45,8 +47,9 @@ def test_the_prefilter_keeps_nearly_all_that_full_comparison_ranks_first() -> No
 
 @pytest.mark.parametrize("rival", ["sptm", "ving"])
 def test_a_baselines_card_belongs_to_its_weights_and_names_its_start(rival: str) -> None:
-    card = read_card(SHIPPED_BASELINE_WEIGHTS[rival])
-    assert card["fingerprint"] == weights_fingerprint(SHIPPED_BASELINE_WEIGHTS[rival])
+    weights = system_entry(rival).weights
+    card = read_card(weights)
+    assert card["fingerprint"] == weights_fingerprint(weights)
     assert card["parent"] == weights_fingerprint(SHIPPED_WEIGHTS)
     assert card["after"]["auc"] > card["before"]["auc"]
     assert not [name for name in card["trained_on"]["scenes"] if not name.startswith("train-")]

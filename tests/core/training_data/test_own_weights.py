@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from ltvn_core.composition import SystemName
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
 from ltvn_core.network.optimization.hyperparameters import Hyperparameters
@@ -63,9 +62,7 @@ def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, star
 
 
 @pytest.mark.parametrize("system", ["sptm", "ving"])
-def test_a_baseline_learns_the_same_drive_by_time_alone(
-    tmp_path: Path, start: Path, walks: Path, system: SystemName
-) -> None:
+def test_a_baseline_learns_the_same_drive_by_time_alone(tmp_path: Path, start: Path, walks: Path, system: str) -> None:
     output = tmp_path / f"scene-0-{system}.safetensors"
     fine_tune_for_system(system, observations_at(WAY), start, PLAN, tmp_path / "work", output, data=walks)
     assert weights_fingerprint(output) != weights_fingerprint(start)

@@ -14,13 +14,6 @@ from functools import partial
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.baselines.all_image_map import (
-    EdgeCandidate,
-    all_image_deltas,
-    encode_trajectory,
-    has_no_waypoint,
-    predict_all_pairs,
-)
 from ltvn_core.graph.builder import ProgressCallback, check_trajectory
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -28,6 +21,15 @@ from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, b
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.systems.all_image_map import (
+    EdgeCandidate,
+    all_image_deltas,
+    encode_trajectory,
+    has_no_waypoint,
+    predict_all_pairs,
+)
+from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor
 
 TAU_STEPS = 8.0
@@ -133,3 +135,6 @@ def _close_candidates(k: int, found: Prediction, features: Features, predictor: 
     if following < len(features):
         onward = predictor.predict(features[k : k + 1], features[following : following + 1])
         yield EdgeCandidate(k, following, reachability_of_steps(1.0), onward.waypoints[0])
+
+
+VING = SystemEntry(name="ving", label="ViNG", factory=ving_system, weights=shipped_weights("ving"))

@@ -13,12 +13,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ltvn_core.config import Method
-from ltvn_core.graph.baselines.all_image_map import (
-    EdgeCandidate,
-    all_image_deltas,
-    encode_trajectory,
-    predict_all_pairs,
-)
 from ltvn_core.graph.builder import ProgressCallback, check_trajectory
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -26,6 +20,14 @@ from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationP
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.systems.all_image_map import (
+    EdgeCandidate,
+    all_image_deltas,
+    encode_trajectory,
+    predict_all_pairs,
+)
+from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
 MAX_SHORTCUTS = 2000
@@ -133,3 +135,6 @@ def _both_ways(pairs: Sequence[tuple[int, int]], features: Features, predictor: 
         candidate = there if surer else EdgeCandidate(b, a, back.reachability[k], back.waypoints[k])
         yield candidate
         yield candidate.reversed()
+
+
+SPTM = SystemEntry(name="sptm", label="SPTM", factory=sptm_system, weights=shipped_weights("sptm"))

@@ -10,17 +10,6 @@ import pytest
 from ltvn_core.composition import open_simulation, open_system
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import MapError
-from ltvn_core.graph.baselines import ving as ving_rules
-from ltvn_core.graph.baselines.sptm import (
-    MAX_NODES_AHEAD,
-    MAX_SHORTCUTS,
-    MEDIAN_WINDOW,
-    MIN_STEPS_APART,
-    choose_farthest_close_node,
-    select_shortcuts,
-    sptm_system,
-)
-from ltvn_core.graph.baselines.ving import EDGE_STEPS, reachability_of_steps, temporal_distance, ving_system
 from ltvn_core.graph.expansion import reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, LocalisationPrior
@@ -33,6 +22,17 @@ from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.systems import ving as ving_rules
+from ltvn_core.systems.sptm import (
+    MAX_NODES_AHEAD,
+    MAX_SHORTCUTS,
+    MEDIAN_WINDOW,
+    MIN_STEPS_APART,
+    choose_farthest_close_node,
+    select_shortcuts,
+    sptm_system,
+)
+from ltvn_core.systems.ving import EDGE_STEPS, reachability_of_steps, temporal_distance, ving_system
 from ltvn_core.training_data import temporal_rules
 from ltvn_core.types import Features, Observation, Prediction
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour

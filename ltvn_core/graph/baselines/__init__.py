@@ -1,1 +1,0 @@
-"""Systems to compare the paper's with, in the same navigator."""

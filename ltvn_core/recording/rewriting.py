@@ -1,0 +1,38 @@
+"""Writes a part of a recording to a new file. Owns what the new file takes over from the old one."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+
+
+def open_rewriter(
+    recording: Recording, output: Path, *, recording_id: str, config: Mapping[str, Any] | None = None
+) -> RecordingWriter:
+    """Begin a new file that says of itself what a recording says, with another `config` where one is given.
+
+    Rerun shows two files with one `recording_id` as one. Raises RecordingError.
+    """
+    meta = recording.meta
+    return RecordingWriter(
+        output,
+        scene=meta.scene,
+        config=meta.config if config is None else config,
+        fingerprint=meta.fingerprint,
+        camera=meta.camera,
+        scene_glb=recording.scene_glb(),
+        recording_id=recording_id,
+        started_at=meta.started_at,
+    )
+
+
+def rewrite_event(writer: RecordingWriter, stamped: StampedEvent, graph: TopologicalGraph) -> None:
+    """Write an event, and where it changes the map also change `graph` and draw it."""
+    writer.write_event(stamped)
+    if isinstance(stamped.event, GraphChanged):
+        graph.apply(stamped.event.delta)
+        writer.draw_graph(graph, stamped.step, stamped.stamp)

@@ -1,0 +1,35 @@
+"""A registry entry of a navigation system: all that the rest of the program needs to know about it.
+
+Owns the fields. The table of names is `ltvn_core.systems.registry`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+
+if TYPE_CHECKING:  # The command line reads the names of systems and must not wait for numpy.
+    from ltvn_core.config import Method
+    from ltvn_core.graph.navigation_system import NavigationSystem
+
+
+SystemFactory: TypeAlias = "Callable[[Method], NavigationSystem]"
+"""Makes a system with the thresholds of a method."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SystemEntry:
+    """A navigation system by name: how to make it, what readers call it, and which network it takes."""
+
+    name: str
+    """What the command line, maps, recordings and results call it."""
+    label: str
+    """What tables and figures call it."""
+    factory: SystemFactory
+    """Returns the system with the thresholds of a method."""
+    weights: Path = SHIPPED_WEIGHTS
+    """Weights of its network that are used unless others are named."""
+    preset_in_label: bool = False
+    """Whether readers must know the preset: True where presets change the system itself and not only the navigator."""

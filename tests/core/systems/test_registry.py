@@ -1,0 +1,98 @@
+"""Navigation systems are found by name, those of other packages too, and a broken one says whose it is."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.config import ROBUST
+from ltvn_core.errors import OptionError
+from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.registry import (
+    DEFAULT_SYSTEM,
+    known_system,
+    own_systems,
+    recorded_system,
+    system_entry,
+    system_names,
+)
+
+FOREIGN_MODULE = """
+from dataclasses import replace
+from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.systems.entry import SystemEntry
+
+def cautious_system(method):
+    return replace(ltvn_system(method), name="cautious")
+
+CAUTIOUS = SystemEntry(name="cautious", label="Cautious", factory=cautious_system)
+NOT_A_SYSTEM = 7
+"""
+
+
+def install(folder: Path, monkeypatch: pytest.MonkeyPatch, entry_points: str) -> None:
+    """Put a package beside ours that brings these entry points, as pip would."""
+    (folder / "cautious_robots.py").write_text(FOREIGN_MODULE)
+    metadata = folder / "cautious_robots-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: cautious-robots\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[ltvn.systems]\n{entry_points}\n")
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.delitem(sys.modules, "cautious_robots", raising=False)
+
+
+@pytest.mark.parametrize("entry", [*own_systems()], ids=lambda entry: entry.name)
+def test_each_own_entry_agrees_with_its_system_and_its_weights_are_there(entry: SystemEntry) -> None:
+    assert system_entry(entry.name) is entry
+    assert entry.factory(ROBUST).name == entry.name
+    assert entry.weights.is_file()
+
+
+def test_a_system_of_another_package_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path, monkeypatch, "cautious = cautious_robots:CAUTIOUS")
+    assert system_names() == ("ltvn", "sptm", "ving", "cautious")
+    assert "cautious_robots" not in sys.modules
+    entry = system_entry("cautious")
+    assert (entry.label, entry.factory(ROBUST).name) == ("Cautious", "cautious")
+
+
+def test_a_plain_function_is_a_system_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path, monkeypatch, "cautious = cautious_robots:cautious_system")
+    entry = system_entry("cautious")
+    assert (entry.label, entry.weights) == ("cautious", system_entry(DEFAULT_SYSTEM).weights)
+    assert entry.factory(ROBUST).name == "cautious"
+
+
+def test_no_other_package_takes_the_place_of_an_own_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path, monkeypatch, "ltvn = cautious_robots:CAUTIOUS")
+    assert system_names() == ("ltvn", "sptm", "ving")
+    assert system_entry("ltvn").label == "LTVN"
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("cautious_robots:MISSING", "cannot be loaded .*MISSING.* Repair or uninstall"),
+        ("no_such_module:SYSTEM", "cannot be loaded .*no_such_module.* Repair or uninstall"),
+        ("cautious_robots:NOT_A_SYSTEM", "neither a SystemEntry of that name nor a function"),
+    ],
+)
+def test_a_broken_system_is_refused_with_the_name_of_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str, reason: str
+) -> None:
+    install(tmp_path, monkeypatch, f"cautious = {value}")
+    with pytest.raises(OptionError, match=rf"'cautious' of the package cautious-robots .*{reason}"):
+        system_entry("cautious")
+
+
+def test_an_unknown_name_is_refused_with_those_that_exist() -> None:
+    with pytest.raises(OptionError, match=r"'orb'.*ltvn, sptm, ving"):
+        system_entry("orb")
+    assert known_system("orb") is None
+
+
+def test_maps_name_their_system_and_old_ones_that_do_not_are_the_papers() -> None:
+    assert recorded_system({"system": "ving"}).name == "ving"
+    assert recorded_system({}).name == DEFAULT_SYSTEM
+    with pytest.raises(OptionError, match=r"'orb', which is not installed here.*Install the package"):
+        recorded_system({"system": "orb"})

@@ -1,0 +1,70 @@
+"""A map remembers its navigation system: the right weights build it, and the same system drives by it."""
+
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.network.weights_file import weights_fingerprint
+from ltvn_core.recording.map_file import load_map
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.systems.registry import system_entry
+from ltvn_core.verbs.build import BuildVerb
+from ltvn_core.verbs.navigate import NavigateVerb
+from ltvn_viz.app_setup import open_app_state
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session.options import AppOptions
+
+pytest.importorskip("pybullet")
+DEMO_MAP = Path(__file__).parents[3] / "recordings" / "demo-map.rrd"
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short drive through the demo apartment: the first images of its map."""
+    path = tmp_path_factory.mktemp("drive") / "drive.rrd"
+    demo = Recording.open(DEMO_MAP)
+    with RecordingWriter(path, scene=demo.meta.scene, config={}, fingerprint="") as writer:
+        for frame in demo.frames[:12]:
+            writer.write_frame(demo.observation(frame))
+    return path
+
+
+@pytest.mark.parametrize("system", ["ltvn", "sptm", "ving"])
+def test_a_map_is_built_with_the_weights_of_its_system(drive: Path, tmp_path: Path, system: str) -> None:
+    output = tmp_path / "map.rrd"
+    BuildVerb(recording=drive, output=output, system=system).run()
+    meta = load_map(output).meta
+    assert meta.fingerprint == weights_fingerprint(system_entry(system).weights)
+    assert meta.config["system"] == system
+
+
+def test_a_saved_map_is_driven_by_the_system_that_built_it(drive: Path, tmp_path: Path) -> None:
+    built, trip, after = (tmp_path / name for name in ("map.rrd", "trip.rrd", "after.rrd"))
+    BuildVerb(recording=drive, output=built, system="sptm", predictor="oracle").run()
+    NavigateVerb(map=built, recording=trip, output=after, predictor="oracle", queries=2).run()
+    assert Recording.open(trip).meta.config["system"] == "sptm"
+    assert load_map(after).meta.config["system"] == "sptm"
+    # SPTM does not maintain its map, so no drive leaves a trace in it.
+    assert load_map(after).graph == load_map(built).graph
+
+
+def test_the_app_drives_a_map_with_its_own_system_and_weights_and_records_that(drive: Path, tmp_path: Path) -> None:
+    built = tmp_path / "map.rrd"
+    BuildVerb(recording=drive, output=built, system="ving").run()
+    with ExitStack() as stack:
+        state = open_app_state(AppOptions(map=built, recordings=tmp_path), stack, ThumbnailStore())
+        state.live.begin_recording(state.worker)
+        state.worker.settle()
+        state.worker.collect()
+        recorded = state.live.recorder.keep()
+        nodes = len(state.live_map.graph.nodes)
+        seen = state.live_map.observations()[0]
+        assert state.live_map.offer(replace(seen, step=10**6)) == ()
+        state.live_map.rebuild(lambda _done, _total: None)
+    assert Recording.open(recorded).meta.config["system"] == state.live_map.system.name == "ving"
+    assert state.live_map.fingerprint == weights_fingerprint(system_entry("ving").weights)
+    assert state.fine_tuning.weights == system_entry("ving").weights
+    assert len(state.live_map.graph.nodes) == nodes + 1

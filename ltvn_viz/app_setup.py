@@ -101,7 +101,7 @@ def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
 
 
 def _open_learning(options: AppOptions) -> FineTuning:
-    tuner = options.tuner if options.predictor == "network" else None
+    tuner = replace(options.tuner, system=options.system) if options.predictor == "network" else None
     return FineTuning(tuner, options.start_weights, ThreadPoolExecutor(1, "learning"))
 
 

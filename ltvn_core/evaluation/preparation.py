@@ -21,9 +21,11 @@ from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
+from ltvn_core.systems.registry import system_entry
 from ltvn_core.types import FrameId, Observation
 
 
@@ -48,22 +50,30 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
     drive_truth = _drive(plan, files)
     if not files.map().exists():
         observations = _observations(files.drive)
-        _build(plan, files, observations, drive_truth, finetuned_weights(plan, files, observations))
+        _build(plan, files, observations, drive_truth, _weights(plan, files, observations))
     return drive_truth
 
 
-def finetuned_weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation] = ()) -> Path:
-    """Return the weights of a plan, fine-tuned on its drive at the first call."""
-    start = plan.start_weights
+def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation]) -> Path:
+    """Return the weights of a plan, fine-tuned on its drive if it says so; weights of the same run are made once."""
     if not plan.finetuned:
-        return start
-    if not files.weights.exists():
-        # Only here, because learning takes long to load and a map that is there already needs none.
-        from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
-        from ltvn_core.training.system_fine_tuning import fine_tune_for_system
+        return plan.start_weights
+    # Only here, because learning takes long to load and a map that is there already needs none.
+    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
+    from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
+    from ltvn_core.training.fine_tuning_data import label_drive
 
-        steps = FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)
-        fine_tune_for_system(plan.system, observations, start, steps, files.weights.with_suffix(".part"), files.weights)
+    training = system_entry(plan.system).training
+    name = files.weights.stem
+    fine_tune(
+        label_drive(observations, name, camera=LOCOBOT.camera, rule=training.label_rule()),
+        training.rehearsal(),
+        plan.start_weights,
+        files.weights,
+        training.adapt_plan(FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)),
+        provenance=FineTuningProvenance(recording=files.drive.name, system=plan.system),
+        work_folder=files.weights.with_suffix(".part"),
+    )
     return files.weights
 
 

@@ -143,6 +143,11 @@ class TrialFiles:
         return self.folder / self.label / f"failure-{episode:04d}.rrd"
 
 
+def planned_weights(plan: TrialPlan, files: TrialFiles) -> Path:
+    """Return where the weights of a plan lie once they are made."""
+    return files.weights if plan.finetuned else plan.start_weights
+
+
 def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     """Write the settings of a plan beside its files. Raises OptionError if the files have other settings.
 

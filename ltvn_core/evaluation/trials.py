@@ -19,13 +19,13 @@ from ltvn_core.composition import open_predictor
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
 from ltvn_core.evaluation.map_drawings import save_drawing
-from ltvn_core.evaluation.preparation import finetuned_weights, prepare
+from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.results import EpisodeResult, TrialResult, load_results, save_results
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files, open_planned_system
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files, open_planned_system, planned_weights
 from ltvn_core.evaluation.workers import Workers
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.training.system_fine_tuning import render_training_scenes
+from ltvn_core.systems.registry import system_entry
 
 EPISODES_PER_BATCH = 25
 """Episodes in a batch: few are lost by an interruption, and the map is not loaded too often."""
@@ -52,7 +52,7 @@ class EpisodeBatch:
 def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
     """Load the map after a number of queries, with its scene and network."""
     scene = load_scene(plan.scene)
-    weights = finetuned_weights(plan, files)
+    weights = planned_weights(plan, files)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, weights, scene, maintain=maintain)
     return EpisodeRunner(scene, files.map(queries), predictor, system, plan.protocol)
@@ -115,7 +115,7 @@ def prepare_all(
         claim_files(plan, files)
     without_data: set[str] = {plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()}
     for system in without_data:
-        render_training_scenes(system)  # Once for all processes.
+        system_entry(system).training.rehearsal().prepare()  # Once for all processes.
     for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):
         progress.maps_ready(ready)
     return jobs

@@ -4,11 +4,12 @@ Owns the fields. The table of names is `ltvn_core.systems.registry`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.training.system_training import OdometryTraining, SystemTraining
 
 if TYPE_CHECKING:  # The command line reads the names of systems and must not wait for numpy.
     from ltvn_core.config import Method
@@ -21,7 +22,7 @@ SystemFactory: TypeAlias = "Callable[[Method], NavigationSystem]"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemEntry:
-    """A navigation system by name: how to make it, what readers call it, and which network it takes."""
+    """A navigation system by name: how to make it, what readers call it, and the network that it takes."""
 
     name: str
     """What the command line, maps, recordings and results call it."""
@@ -31,5 +32,7 @@ class SystemEntry:
     """Returns the system with the thresholds of a method."""
     weights: Path = SHIPPED_WEIGHTS
     """Weights of its network that are used unless others are named."""
+    training: SystemTraining = field(default_factory=OdometryTraining)
+    """How its network learns."""
     preset_in_label: bool = False
     """Whether readers must know the preset: True where presets change the system itself and not only the navigator."""

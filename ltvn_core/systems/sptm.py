@@ -28,6 +28,8 @@ from ltvn_core.systems.all_image_map import (
     predict_all_pairs,
 )
 from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.training.system_training import TemporalTraining
+from ltvn_core.training_data.temporal_rules import TemporalClosenessRule
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
 MAX_SHORTCUTS = 2000
@@ -137,4 +139,10 @@ def _both_ways(pairs: Sequence[tuple[int, int]], features: Features, predictor: 
         yield candidate.reversed()
 
 
-SPTM = SystemEntry(name="sptm", label="SPTM", factory=sptm_system, weights=shipped_weights("sptm"))
+SPTM = SystemEntry(
+    name="sptm",
+    label="SPTM",
+    factory=sptm_system,
+    weights=shipped_weights("sptm"),
+    training=TemporalTraining(TemporalClosenessRule()),
+)

@@ -30,10 +30,10 @@ from ltvn_core.systems.all_image_map import (
     predict_all_pairs,
 )
 from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.training.system_training import TemporalTraining
+from ltvn_core.training_data.temporal_rules import TAU_STEPS, TemporalDistanceRule
 from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor
 
-TAU_STEPS = 8.0
-"""The temporal distance at which the network's r has fallen to 1 / e; its labels are drawn with the same."""
 EDGE_STEPS = 8.0
 """Images that seem no farther apart than this are joined, and the robot is at a node no farther away."""
 _MIN_P = 1e-6
@@ -137,4 +137,10 @@ def _close_candidates(k: int, found: Prediction, features: Features, predictor: 
         yield EdgeCandidate(k, following, reachability_of_steps(1.0), onward.waypoints[0])
 
 
-VING = SystemEntry(name="ving", label="ViNG", factory=ving_system, weights=shipped_weights("ving"))
+VING = SystemEntry(
+    name="ving",
+    label="ViNG",
+    factory=ving_system,
+    weights=shipped_weights("ving"),
+    training=TemporalTraining(TemporalDistanceRule(), even_distances=False),
+)

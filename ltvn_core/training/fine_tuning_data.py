@@ -1,18 +1,19 @@
-"""What weights are fine-tuned on: a drive labelled by odometry, and simulated pairs that keep them from unlearning.
+"""What weights are fine-tuned on: a drive that labels itself, and rehearsal data that keep them from forgetting.
 
-Owns where both come from. The labels are `ltvn_core.training_data.trajectory_pairs`; learning is
-`ltvn_core.network.optimization.fine_tuning_loop`.
+Owns where both come from. Label rules are in `ltvn_core.training_data`; learning is `ltvn_core.training.fine_tuning`.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 if TYPE_CHECKING:
     from ltvn_core.cameras.camera_model import CameraModel
     from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
+    from ltvn_core.training_data.temporal_rules import TemporalLabelRule
     from ltvn_core.training_data.trajectory_pairs import LabelRule, TrajectoryPairs
     from ltvn_core.types import Observation
 
@@ -27,14 +28,16 @@ _MOST_SCENES = 8
 """More scenes of a dataset would fill the memory and are not needed for a few minutes."""
 
 
-def read_labelled_drive(path: Path, *, horizon: int, gated: bool) -> "TrajectoryPairs":
-    """Read a recording and label its pairs by odometry. Raises RecordingError."""
+def ignore_progress(share: float, doing: str) -> None:
+    """Report progress to nobody."""
+
+
+def read_labelled_drive(path: Path, rule: "LabelRule") -> "TrajectoryPairs":
+    """Read a recording and label its pairs of images by a rule. Raises RecordingError."""
     from ltvn_core.recording.reader import Recording
-    from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
 
     recording = Recording.open(path)
     observations = [recording.observation(frame) for frame in recording.frames]
-    rule = OdometryLabelRule(horizon=horizon, gated=gated)
     return label_drive(observations, path.name, camera=recording.meta.camera, rule=rule)
 
 
@@ -51,30 +54,124 @@ def label_drive(
     return label_trajectory(drive, rule, np.random.default_rng(0))
 
 
-def add_simulated_pairs(
-    drive: "TrajectoryPairs",
-    folder: Path | None,
-    on_progress: ProgressReporter | None = None,
-    *,
-    with_validation_drives: bool = True,
-) -> "FineTuningData":
-    """Add simulated pairs to a drive: of a dataset, or of a few scenes rendered here. Raises DatasetError.
+class RehearsalData(Protocol):
+    """Labelled images of other places, shown beside a drive so that the network forgets nothing."""
 
-    `on_progress` hears of progress; what it raises ends the work, and what was rendered until then is kept. Drives
-    through simulated rooms are for judging alone, and left out where nobody judges.
-    """
-    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
-    from ltvn_core.training_data.shards import read_shard
+    @property
+    def name(self) -> str:
+        """What tells these data from others."""
+        ...
 
-    on_progress = on_progress or _ignore_progress
-    learned, validation = _select_shards(folder) if folder is not None else render_simulation(on_progress)
-    drives = []
-    for number, name in enumerate(CALIBRATION_SCENES if with_validation_drives else ()):
-        on_progress(0.8 + 0.2 * number / len(CALIBRATION_SCENES), "driving through simulated rooms")
-        drives.append(_simulated_drive(name))
-    return FineTuningData(
-        drive, [read_shard(path) for path in learned], [read_shard(path) for path in validation], drives
-    )
+    @property
+    def scenes(self) -> Sequence[str]:
+        """Scenes to learn from. Raises DatasetError if there are none."""
+        ...
+
+    def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
+        """Make what is not on disk yet, once for all processes that will load it. Raises DatasetError."""
+        ...
+
+    def load(
+        self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
+    ) -> "FineTuningData":
+        """Put these data beside a drive. Raises DatasetError.
+
+        What `on_progress` raises ends the work, and what was made until then is kept. Drives through simulated rooms
+        are for judging alone, and left out where nobody judges.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedPairs:
+    """Pairs of simulated images, labelled by exact poses: of a dataset, or of a few scenes that are rendered once."""
+
+    folder: Path | None = None
+    """Of `ltvn dataset`; None renders into the user's cache at the first use."""
+
+    @property
+    def name(self) -> str:
+        """What tells these data from others."""
+        return "simulated pairs" if self.folder is None else f"simulated pairs of {self.folder}"
+
+    @property
+    def scenes(self) -> Sequence[str]:
+        """Scenes to learn from. Raises DatasetError if the folder holds none."""
+        from ltvn_core.training_data.shards import shard_scene
+
+        if self.folder is None:
+            return REHEARSAL_SCENES
+        learned, _ = _select_shards(self.folder)
+        return [shard_scene(path) for path in learned]
+
+    def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
+        """Render what is not in the cache yet; a dataset is there already. Raises DatasetError."""
+        if self.folder is None:
+            _render_scenes(on_progress)
+
+    def load(
+        self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
+    ) -> "FineTuningData":
+        """Put the pairs beside a drive. Raises DatasetError."""
+        from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
+        from ltvn_core.training_data.shards import read_shard
+
+        learned, validation = _render_scenes(on_progress) if self.folder is None else _select_shards(self.folder)
+        drives = []
+        for number, scene in enumerate(CALIBRATION_SCENES if with_validation_drives else ()):
+            on_progress(0.8 + 0.2 * number / len(CALIBRATION_SCENES), "driving through simulated rooms")
+            drives.append(_simulated_drive(scene))
+        return FineTuningData(
+            drive=drive,
+            scenes=[read_shard(path) for path in learned],
+            validation=[read_shard(path) for path in validation],
+            drives=drives,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledWalks:
+    """Random walks through simulated rooms, labelled by time alone as the drive itself is."""
+
+    rule: "TemporalLabelRule"
+    folder: Path | None = None
+    """Holds the folder `walks`; None takes the user's cache."""
+
+    @property
+    def name(self) -> str:
+        """What tells these data from others."""
+        return "random walks" if self.folder is None else f"random walks of {self.folder}"
+
+    @property
+    def scenes(self) -> Sequence[str]:
+        """Scenes to learn from."""
+        return REHEARSAL_SCENES
+
+    def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
+        """Walk where nobody has walked yet. Raises DatasetError and SceneError."""
+        from ltvn_core.training.labelled_walks import make_walks
+
+        make_walks((*REHEARSAL_SCENES, *CALIBRATION_SCENES), self._walks, on_progress=_count_scenes(on_progress))
+
+    def load(
+        self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
+    ) -> "FineTuningData":
+        """Put the walks beside a drive; there are no drives to judge by. Raises DatasetError and SceneError."""
+        from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
+        from ltvn_core.training.labelled_walks import labelled_walks
+
+        self.prepare(on_progress)
+        return FineTuningData(
+            drive=drive,
+            scenes=labelled_walks(self.rule, REHEARSAL_SCENES, self._walks),
+            validation=labelled_walks(self.rule, CALIBRATION_SCENES, self._walks),
+        )
+
+    @property
+    def _walks(self) -> Path:
+        from platformdirs import user_cache_path
+
+        return (self.folder or user_cache_path("ltvn")) / "walks"
 
 
 @cache
@@ -84,38 +181,40 @@ def _simulated_drive(name: str) -> "LabelledDrive":
     return drives([name], images=150)[0]
 
 
-def render_simulation(on_progress: ProgressReporter | None = None) -> tuple[list[Path], list[Path]]:
+def _render_scenes(on_progress: ProgressReporter) -> tuple[list[Path], list[Path]]:
     """Return shards of a few scenes in the user's cache to learn from and to check by, made there at the first call."""
     from platformdirs import user_cache_path
 
     from ltvn_core.training.simulated_scenes import open_dataset_scene
     from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
 
-    def made(count: int, of: int) -> None:
-        (on_progress or _ignore_progress)(
-            0.8 * count / of,
-            "simulated rooms" if count == of else f"drawing simulated rooms, once only: {count} of {of}",
-        )
-
-    folder = user_cache_path("ltvn") / "finetuning"
-    recipe = DatasetRecipe(clusters=100)
     paths = generate_shards(
-        (*REHEARSAL_SCENES, *CALIBRATION_SCENES), open_dataset_scene, folder, recipe, on_progress=made
+        (*REHEARSAL_SCENES, *CALIBRATION_SCENES),
+        open_dataset_scene,
+        user_cache_path("ltvn") / "finetuning",
+        DatasetRecipe(clusters=100),
+        on_progress=_count_scenes(on_progress),
     )
     return paths[: len(REHEARSAL_SCENES)], paths[len(REHEARSAL_SCENES) :]
 
 
-def _ignore_progress(share: float, doing: str) -> None:
-    """Nobody wants to know."""
+def _count_scenes(on_progress: ProgressReporter) -> Callable[[int, int], None]:
+    """Return what reports how many of the scenes are there; the last fifth is left for what follows."""
+
+    def report(count: int, total: int) -> None:
+        doing = f"drawing simulated rooms, once only: {count} of {total}"
+        on_progress(0.8 * count / total, "simulated rooms" if count == total else doing)
+
+    return report
 
 
 def _select_shards(folder: Path) -> tuple[list[Path], list[Path]]:
     """Return some shards of a dataset, evenly over its scenes. Raises DatasetError if there are none of a kind."""
     from ltvn_core.errors import DatasetError
-    from ltvn_core.training_data.shards import shard_path
+    from ltvn_core.training_data.shards import dataset_shards, shard_scene
 
-    shards = sorted(folder.glob("*.pairs.safetensors"))
-    validation = [path for path in (shard_path(folder, name) for name in CALIBRATION_SCENES) if path in shards]
+    shards = dataset_shards(folder)
+    validation = [path for path in shards if shard_scene(path) in CALIBRATION_SCENES]
     learned = [path for path in shards if not path.name.startswith("tune-")]
     if not learned or not validation:
         raise DatasetError(

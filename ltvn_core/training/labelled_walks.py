@@ -1,7 +1,7 @@
-"""Random walks through simulated scenes, labelled as SPTM or ViNG do. Owns where they lie and which dice label them."""
+"""Random walks through simulated scenes, labelled as SPTM or ViNG do. Owns where they lie and what seeds them."""
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,24 +9,37 @@ from ltvn_core.training.simulated_scenes import open_dataset_scene
 
 if TYPE_CHECKING:
     from ltvn_core.training_data.shards import Shard
+    from ltvn_core.training_data.temporal_rules import TemporalLabelRule
 
 
-def labelled_walks(
-    baseline: str, names: Sequence[str], folder: Path, *, seed: int = 0, processes: int = 1
-) -> "list[Shard]":
-    """Return random walks through scenes, labelled by a rival's rule; walks that do not lie in the folder are made.
+def make_walks(
+    names: Sequence[str],
+    folder: Path,
+    *,
+    seed: int = 0,
+    processes: int = 1,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Return the files of random walks through scenes; those that do not lie in the folder are made.
 
     Raises DatasetError and SceneError.
     """
-    import numpy as np
-
     from ltvn_core.training_data.random_walk import WalkRecipe
     from ltvn_core.training_data.shard_generation import generate_shards
+
+    recipe = WalkRecipe(seed=seed)
+    return generate_shards(names, open_dataset_scene, folder, recipe, processes=processes, on_progress=on_progress)
+
+
+def labelled_walks(
+    rule: "TemporalLabelRule", names: Sequence[str], folder: Path, *, seed: int = 0, processes: int = 1
+) -> "list[Shard]":
+    """Return random walks through scenes, labelled by a rule; raises as `make_walks`."""
+    import numpy as np
+
     from ltvn_core.training_data.shards import read_shard
     from ltvn_core.training_data.temporal_pairs import label_walks
-    from ltvn_core.training_data.temporal_rules import TEMPORAL_RULES
 
-    paths = generate_shards(names, open_dataset_scene, folder, WalkRecipe(seed=seed), processes=processes)
-    walks = [read_shard(path) for path in paths]
+    walks = [read_shard(path) for path in make_walks(names, folder, seed=seed, processes=processes)]
     draws = [np.random.default_rng([seed, zlib.crc32(walk.name.encode()), 1]) for walk in walks]
-    return [label_walks(walk, TEMPORAL_RULES[baseline], rng) for walk, rng in zip(walks, draws, strict=True)]
+    return [label_walks(walk, rule, rng) for walk, rng in zip(walks, draws, strict=True)]

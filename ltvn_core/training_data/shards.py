@@ -5,6 +5,7 @@ Files are written to a temporary name and then renamed; equal content gives equa
 
 import json
 import os
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -21,6 +22,9 @@ from ltvn_core.types import Pose
 
 SCHEMA = "ltvn-pairs-1"
 """Name of the file format; files of another format are refused."""
+
+SHARD_SUFFIX = ".pairs.safetensors"
+"""How the names of shards end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +61,25 @@ _ARRAYS = tuple(field.name for field in fields(Shard) if field.name not in ("nam
 
 
 def shard_path(folder: Path, name: str) -> Path:
-    """Return the path of the shard of a scene."""
-    return folder / f"{Path(name).stem}.pairs.safetensors"
+    """Return where the shard of a scene lies."""
+    return folder / f"{Path(name).stem}{SHARD_SUFFIX}"
+
+
+def shard_scene(path: Path) -> str:
+    """Return the scene that a shard is of, by its file's name."""
+    return path.name.removesuffix(SHARD_SUFFIX)
+
+
+def dataset_shards(folder: Path) -> list[Path]:
+    """Return the files of a folder that are shards by their names, in order."""
+    return sorted(folder.glob(f"*{SHARD_SUFFIX}"))
+
+
+def split_shards(shards: Iterable[Shard], validation_scenes: Collection[str]) -> tuple[list[Shard], list[Shard]]:
+    """Part shards into those to learn from and those of the validation scenes, each in their order."""
+    every = list(shards)
+    learned = [shard for shard in every if shard.name not in validation_scenes]
+    return learned, [shard for shard in every if shard.name in validation_scenes]
 
 
 def write_shard(shard: Shard, path: Path) -> None:

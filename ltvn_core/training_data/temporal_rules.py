@@ -16,7 +16,8 @@ from ltvn_core.training_data.trajectory import Trajectory
 from ltvn_core.training_data.trajectory_pairs import REACHABLE, UNKNOWN, UNREACHABLE
 
 TAU_STEPS = 8.0
-"""ViNG's temporal distance d becomes r = exp(-d / tau), so that cross-entropy can learn it (ours)."""
+"""ViNG's temporal distance d becomes r = exp(-d / tau), so that cross-entropy can learn it (ours). ViNG's map reads r
+with the same tau."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,3 @@ class TemporalDistanceRule(TemporalLabelRule):
         forward = np.where(drawn, REACHABLE, UNREACHABLE)
         backward = np.where(steps <= -self.far_steps, UNREACHABLE, UNKNOWN)
         return np.where(steps > 0, forward, backward).astype(np.int8)
-
-
-TEMPORAL_RULES: dict[str, TemporalLabelRule] = {"sptm": TemporalClosenessRule(), "ving": TemporalDistanceRule()}
-"""The label rule of each baseline."""

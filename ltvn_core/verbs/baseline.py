@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
+from ltvn_core.systems.registry import own_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
 from ltvn_core.training.labelled_walks import labelled_walks
+from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
@@ -78,13 +80,7 @@ class BaselineVerb(Verb):
         return BaselineSummary(self.output, fingerprint, *size, card.steps, card.pairs_compared, card.minutes, *figures)
 
     def _check_options(self) -> None:
-        from ltvn_core.training_data.temporal_rules import TEMPORAL_RULES
-
-        if self.baseline not in TEMPORAL_RULES:
-            raise OptionError(
-                f"{self.baseline} learns from poses with `ltvn train`; those that learn by a rule of time are: "
-                f"{', '.join(TEMPORAL_RULES)}."
-            )
+        _temporal_training(self.baseline)
         if not (self.minutes > 0 and (self.steps is None or self.steps > 0)):
             raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
         if self.output.suffix != ".safetensors" or self.output.exists():
@@ -102,17 +98,23 @@ class BaselineVerb(Verb):
     def _data(self) -> "TrainingData":
         from ltvn_core.network.optimization.training_loop import TrainingData
         from ltvn_core.simulation.scene_registry import scene_names
+        from ltvn_core.training_data.shards import split_shards
 
         names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
-        shards = labelled_walks(self.baseline, names, self.data, seed=self.seed, processes=self.processes)
-        learned = [shard for shard in shards if shard.name not in VALIDATION_SCENES]
-        return TrainingData(learned, [shard for shard in shards if shard.name in VALIDATION_SCENES])
+        shards = labelled_walks(
+            _temporal_training(self.baseline).rule, names, self.data, seed=self.seed, processes=self.processes
+        )
+        return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
     def _plan(self) -> "TrainingPlan":
         from ltvn_core.network.optimization.baseline_plans import baseline_training_plan
 
         return baseline_training_plan(
-            self.baseline, minutes=self.minutes, steps=self.steps, seed=self.seed, fresh=self.fresh
+            even_distances=_temporal_training(self.baseline).even_distances,
+            minutes=self.minutes,
+            steps=self.steps,
+            seed=self.seed,
+            fresh=self.fresh,
         )
 
     def _card(self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult") -> "BaselineCard":
@@ -121,7 +123,6 @@ class BaselineVerb(Verb):
         from ltvn_core.network.predictor import load_predictor
         from ltvn_core.network.weights_file import read_card, weights_fingerprint
         from ltvn_core.training_data.shards import Shard
-        from ltvn_core.training_data.temporal_rules import TEMPORAL_RULES
 
         start = self._start()
         shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
@@ -129,7 +130,7 @@ class BaselineVerb(Verb):
             self.baseline,
             start and weights_fingerprint(start),
             start and read_card(start),
-            asdict(TEMPORAL_RULES[self.baseline]),
+            asdict(_temporal_training(self.baseline).rule),
             TrainingDataSummary(
                 tuple(shard.name for shard in shards),
                 VALIDATION_SCENES,
@@ -145,3 +146,14 @@ class BaselineVerb(Verb):
             evaluate_baseline(load_predictor(start), data.validation) if start else None,
             evaluate_baseline(load_predictor(result.weights), data.validation),
         )
+
+
+def _temporal_training(system: str) -> TemporalTraining:
+    """Return how a system learns by time; raises OptionError for one that does not."""
+    training = system_entry(system).training
+    if isinstance(training, TemporalTraining):
+        return training
+    others = [entry.name for entry in own_systems() if isinstance(entry.training, TemporalTraining)]
+    raise OptionError(
+        f"{system} learns from poses, with `ltvn train`; those that learn by time alone are: {', '.join(others)}."
+    )

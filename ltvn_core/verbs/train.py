@@ -194,11 +194,10 @@ class LoadTrainingData:
 def read_shards(folder: Path) -> "tuple[list[Shard], list[Shard]]":
     """Return a dataset's shards to learn from and to validate on. Raises DatasetError if there are none of a kind."""
     from ltvn_core.errors import DatasetError
-    from ltvn_core.training_data.shards import read_shard
+    from ltvn_core.training_data.shards import dataset_shards, read_shard, split_shards
 
-    shards = [read_shard(path) for path in sorted(folder.glob("*.pairs.safetensors"))]
-    learned = [shard for shard in shards if shard.name not in VALIDATION_SCENES + TEST_SCENES]
-    validation = [shard for shard in shards if shard.name in VALIDATION_SCENES]
+    shards = [read_shard(path) for path in dataset_shards(folder)]
+    learned, validation = split_shards((shard for shard in shards if shard.name not in TEST_SCENES), VALIDATION_SCENES)
     if not learned or not validation:
         raise DatasetError(
             f"{folder}: needs shards of scenes to learn from and of {', '.join(VALIDATION_SCENES)}, found "

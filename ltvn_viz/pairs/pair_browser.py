@@ -15,10 +15,8 @@ from ltvn_core.errors import DatasetError
 from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
 from ltvn_core.training_data.failure_explanations import FailureExplanation, limits_from_recipe, reasons
 from ltvn_core.training_data.pair_table import LabelledPair, PairFilter, PairTable
-from ltvn_core.training_data.shards import read_shard
+from ltvn_core.training_data.shards import SHARD_SUFFIX, dataset_shards, read_shard, shard_scene
 from ltvn_core.types import Predictor, Waypoint
-
-SHARD_SUFFIX = ".pairs.safetensors"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +66,7 @@ class ShownPair:
 
 def scenes_in(folder: Path) -> dict[str, Path]:
     """Return the shards of a folder by scene. Raises DatasetError if there are none."""
-    found = {path.name.removesuffix(SHARD_SUFFIX): path for path in sorted(folder.glob(f"*{SHARD_SUFFIX}"))}
+    found = {shard_scene(path): path for path in dataset_shards(folder)}
     if not found:
         raise DatasetError(
             f"{folder}: holds no shards (*{SHARD_SUFFIX}); make some with `ltvn dataset --folder {folder}`."

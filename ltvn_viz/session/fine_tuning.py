@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TypeAlias
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.training.drive_source import DriveSource
+from ltvn_core.training.fine_tuning import FineTunedWeights
 from ltvn_core.training.fine_tuning_data import ProgressReporter
-from ltvn_core.verbs.background_finetuning import DriveSource, FineTuningRequest
-from ltvn_core.verbs.finetune import FineTunedWeights
+from ltvn_viz.session.fine_tuner import FineTuningRequest
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus
 from ltvn_viz.session.worker import Worker
 

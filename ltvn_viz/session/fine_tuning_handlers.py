@@ -9,8 +9,8 @@ from datetime import datetime
 from ltvn_core.errors import OptionError, RecordingError
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import Severity
+from ltvn_core.training.drive_source import DriveSource
 from ltvn_core.types import Observation
-from ltvn_core.verbs.background_finetuning import DriveSource
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ltvn_core.composition import PredictorName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
-from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
+from ltvn_viz.session.fine_tuner import FineTuner
 
 DEMO_SCENE = "demo"
 
@@ -33,8 +33,8 @@ class AppOptions:
     """Name of the method's settings."""
     seed: int = 0
     """Draws the robot's start and its odometry noise."""
-    tuner: BackgroundFineTuning = field(default_factory=BackgroundFineTuning)
-    """Teaches the network from the page."""
+    tuner: FineTuner = field(default_factory=FineTuner)
+    """Fine-tunes the network from the page, by the labels of `system`."""
     stream: int | None = None
     """Port on 127.0.0.1 at which Rerun viewers can watch what is recorded."""
     replay: str | None = None

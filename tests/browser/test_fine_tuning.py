@@ -10,18 +10,18 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
 from ltvn_core.recording.info import read_info
-from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
 from ltvn_viz.app import AppOptions, RunningApp
+from ltvn_viz.session.fine_tuner import FineTuner
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import moment_of
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
-from tests.viz.tiny_fine_tuning import PLAN, simulated
+from tests.viz.tiny_fine_tuning import PLAN, TinyRehearsal
 from tests.waiting import until
 
 pytestmark = pytest.mark.browser
 
-FEW_STEPS = BackgroundFineTuning(replace(PLAN, learning=replace(PLAN.learning, rate=1e-5)), simulated)
+FEW_STEPS = FineTuner(plan=replace(PLAN, learning=replace(PLAN.learning, rate=1e-5)), rehearsal=TinyRehearsal())
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.weights_file import save_weights
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.training.fine_tuning_data import ProgressReporter
+from ltvn_core.training.fine_tuning_data import ProgressReporter, ignore_progress
 from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.types import Observation
-from ltvn_core.verbs.background_finetuning import BackgroundFineTuning
+from ltvn_viz.session.fine_tuner import FineTuner
 from tests.core.network.tiny_data import SMALL, tiny_drive, tiny_shard
 from tests.core.training_data.example_drive import observations_at, poses_along
 from tests.viz.session_harness import SessionHarness
@@ -37,13 +37,24 @@ def drive() -> tuple[Observation, ...]:
     return tuple(replace(seen, step=seen.step + 100_000) for seen in observations_at(poses, exact=list(poses)))
 
 
-def simulated(drive: TrajectoryPairs, on_progress: ProgressReporter) -> FineTuningData:
-    """Add tiny simulated data at once."""
-    on_progress(0.5, "looking at boxes")
-    return FineTuningData(drive, [tiny_shard()], [tiny_shard("b")], [tiny_drive()])
+class TinyRehearsal:
+    """Tiny simulated data that are there at once."""
+
+    name = "boxes"
+    scenes = ("a",)
+
+    def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
+        """Need nothing."""
+
+    def load(
+        self, drive: TrajectoryPairs, on_progress: ProgressReporter, *, with_validation_drives: bool
+    ) -> FineTuningData:
+        """Put the data beside a drive."""
+        on_progress(0.5, "looking at boxes")
+        return FineTuningData(drive, [tiny_shard()], [tiny_shard("b")], [tiny_drive()])
 
 
-TUNER = BackgroundFineTuning(PLAN, simulated)
+TUNER = FineTuner(plan=PLAN, rehearsal=TinyRehearsal())
 
 
 def tiny_weights(folder: Path) -> Path:

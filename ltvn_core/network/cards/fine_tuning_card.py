@@ -25,8 +25,8 @@ class FineTuningCard:
     """Name of the recording of the drive."""
     run: Mapping[str, Any]
     """The settings that identify this run; an equal run is not repeated."""
-    command: str
-    """What makes these weights again, up to the time that learning took elsewhere."""
+    command: str | None
+    """What makes these weights again, up to the time that learning took elsewhere; None where no command line does."""
     seed: int
     images: int
     """Images of the drive that were used,"""

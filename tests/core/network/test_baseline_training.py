@@ -15,18 +15,25 @@ from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights
+from ltvn_core.systems.registry import system_entry
+from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.training_data.random_walk import WalkRecipe
 from ltvn_core.training_data.shards import Shard
 from ltvn_core.training_data.temporal_pairs import label_walks
-from ltvn_core.training_data.temporal_rules import TEMPORAL_RULES
 from tests.core.network.tiny_data import SMALL
 from tests.core.training_data.box_world import two_rooms
+
+
+def training(rival: str) -> TemporalTraining:
+    found = system_entry(rival).training
+    assert isinstance(found, TemporalTraining)
+    return found
 
 
 @lru_cache
 def walks(name: str, rival: str) -> Shard:
     seen = WalkRecipe(walks=2, images=48).make(two_rooms(name))
-    return label_walks(seen, TEMPORAL_RULES[rival], np.random.default_rng(0))
+    return label_walks(seen, training(rival).rule, np.random.default_rng(0))
 
 
 @pytest.mark.slow
@@ -35,7 +42,7 @@ def test_training_goes_on_from_trained_weights(tmp_path: Path, rival: str) -> No
     torch.manual_seed(0)
     start = tmp_path / "start.safetensors"
     save_weights(PairNetwork(SMALL), start)
-    plan = replace(baseline_training_plan(rival, minutes=1.0, steps=2, seed=0), validations=1)
+    plan = replace(baseline_training_plan(even_distances=True, minutes=1.0, steps=2, seed=0), validations=1)
     data = TrainingData([walks("a", rival), walks("b", rival)], [walks("c", rival)])
     result = train(data, plan, tmp_path / "work", start=start)
     old, new = load_weights(start), load_weights(result.weights)
@@ -49,12 +56,16 @@ def test_training_goes_on_from_trained_weights(tmp_path: Path, rival: str) -> No
 
 
 def test_no_pose_makes_a_pair_far_and_distances_are_learned_as_they_occur() -> None:
-    learning = baseline_training_plan("ving", minutes=1.0, steps=None, seed=0).learning
+    learning = baseline_training_plan(
+        even_distances=training("ving").even_distances, minutes=1.0, steps=None, seed=0
+    ).learning
     poses = np.array([[0.0, 0.0, 0.0], [900.0, 0.0, np.pi]])
     assert not learning.far.pairs(poses, poses).any()
     assert (learning.hardness, learning.confusions, learning.evened) == (0.0, 0, False)
-    assert baseline_hyperparameters("sptm", learning).evened is False
-    assert baseline_training_plan("sptm", minutes=1.0, steps=None, seed=0).learning.evened
+    assert baseline_hyperparameters(learning, even_distances=True).evened is False
+    assert baseline_training_plan(
+        even_distances=training("sptm").even_distances, minutes=1.0, steps=None, seed=0
+    ).learning.evened
 
 
 def test_pairs_that_are_not_evened_are_drawn_as_often_as_they_occur() -> None:

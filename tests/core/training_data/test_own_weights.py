@@ -1,7 +1,9 @@
 """Each system of the comparison gets weights that know one drive, once."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import pytest
 import torch
@@ -10,9 +12,11 @@ from ltvn_core.errors import WeightsError
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
 from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.pair_network import PairNetwork
-from ltvn_core.network.weights_file import load_weights, read_card, save_weights, weights_fingerprint
-from ltvn_core.training.fine_tuning_data import CALIBRATION_SCENES, REHEARSAL_SCENES
-from ltvn_core.training.system_fine_tuning import fine_tune_for_system
+from ltvn_core.network.weights_file import card_path, load_weights, read_card, save_weights, weights_fingerprint
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.systems.registry import system_entry
+from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, FineTuningReporter, fine_tune
+from ltvn_core.training.fine_tuning_data import CALIBRATION_SCENES, REHEARSAL_SCENES, label_drive
 from ltvn_core.training_data.pose_sampling import ClusterSampling
 from ltvn_core.training_data.random_walk import WalkRecipe
 from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
@@ -50,10 +54,36 @@ def walks(tmp_path: Path) -> Path:
     return tmp_path / "data"
 
 
+def fine_tune_for(
+    system: str,
+    start: Path,
+    output: Path,
+    *,
+    data: Path,
+    plan: FineTuningPlan = PLAN,
+    on_progress: FineTuningReporter | None = None,
+    cancelled: Event | None = None,
+) -> FineTunedWeights | None:
+    """Fine-tune weights on the drive as the evaluation of a system does."""
+    training = system_entry(system).training
+    return fine_tune(
+        label_drive(observations_at(WAY), "scene-0", camera=LOCOBOT.camera, rule=training.label_rule()),
+        training.rehearsal(data),
+        start,
+        output,
+        training.adapt_plan(plan),
+        provenance=FineTuningProvenance(recording="scene-0", system=system),
+        work_folder=output.parent / "work",
+        on_progress=on_progress,
+        cancelled=cancelled,
+    )
+
+
 def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, start: Path, dataset: Path) -> None:
     output = tmp_path / "scene-0.safetensors"
-    made = fine_tune_for_system("ltvn", observations_at(WAY), start, PLAN, tmp_path / "work", output, data=dataset)
-    assert made == output
+    made = fine_tune_for("ltvn", start, output, data=dataset)
+    assert made is not None
+    assert made.weights == output
     assert weights_fingerprint(output) != weights_fingerprint(start)
     assert load_weights(output).size == SMALL
     card = read_card(output)
@@ -64,7 +94,7 @@ def test_weights_know_the_drive_and_keep_their_architecture(tmp_path: Path, star
 @pytest.mark.parametrize("system", ["sptm", "ving"])
 def test_a_baseline_learns_the_same_drive_by_time_alone(tmp_path: Path, start: Path, walks: Path, system: str) -> None:
     output = tmp_path / f"scene-0-{system}.safetensors"
-    fine_tune_for_system(system, observations_at(WAY), start, PLAN, tmp_path / "work", output, data=walks)
+    fine_tune_for(system, start, output, data=walks)
     assert weights_fingerprint(output) != weights_fingerprint(start)
     assert load_weights(output).size == SMALL
     card = read_card(output)
@@ -76,10 +106,65 @@ def test_a_baseline_learns_the_same_drive_by_time_alone(tmp_path: Path, start: P
 def test_the_same_weights_are_not_made_twice_and_others_not_overwritten(
     tmp_path: Path, start: Path, dataset: Path
 ) -> None:
-    output, seen = tmp_path / "scene-0.safetensors", observations_at(WAY)
-    fine_tune_for_system("ltvn", seen, start, PLAN, tmp_path / "work", output, data=dataset)
+    output = tmp_path / "scene-0.safetensors"
+    first = fine_tune_for("ltvn", start, output, data=dataset)
     written = output.stat().st_mtime_ns
-    fine_tune_for_system("ltvn", seen, start, PLAN, tmp_path / "work", output, data=dataset)
+    assert fine_tune_for("ltvn", start, output, data=dataset) == first
     assert output.stat().st_mtime_ns == written
     with pytest.raises(WeightsError, match="made otherwise; nothing is overwritten"):
-        fine_tune_for_system("ltvn", seen, start, replace(PLAN, steps=1), tmp_path / "work", output, data=dataset)
+        fine_tune_for("ltvn", start, output, data=dataset, plan=replace(PLAN, steps=1))
+
+
+def test_weights_of_an_earlier_version_with_the_same_run_are_kept(tmp_path: Path, start: Path, dataset: Path) -> None:
+    output = tmp_path / "scene-0.safetensors"
+    fine_tune_for("ltvn", start, output, data=dataset)
+    card = read_card(output)
+    for key in ("labels", "rehearsal"):
+        del card["run"][key]
+    card_path(output).write_text(json.dumps(card))
+    written = output.stat().st_mtime_ns
+    assert fine_tune_for("ltvn", start, output, data=dataset) is not None
+    assert output.stat().st_mtime_ns == written
+    card_path(output).write_text(json.dumps(card | {"run": {"parent": card["parent"], "minutes": 3.0}}))
+    with pytest.raises(WeightsError, match="made otherwise"):
+        fine_tune_for("ltvn", start, output, data=dataset)
+
+
+def test_cancelling_while_learning_leaves_nothing(tmp_path: Path, start: Path, dataset: Path) -> None:
+    folder, cancelled = tmp_path / "new", Event()
+    folder.mkdir()
+
+    def cancel_at_the_first_step(_share: float, doing: str, _progress: object) -> None:
+        if doing == "learning":
+            cancelled.set()
+
+    output = folder / "scene-0.safetensors"
+    found = fine_tune_for(
+        "ltvn", start, output, data=dataset, on_progress=cancel_at_the_first_step, cancelled=cancelled
+    )
+    assert found is None
+    assert list(folder.iterdir()) == []
+
+
+def test_progress_ends_an_interrupted_run_that_goes_on_afterwards(tmp_path: Path, start: Path, dataset: Path) -> None:
+    class Interrupted(Exception):
+        """The person pressed Ctrl-C."""
+
+    def interrupt(_share: float, doing: str, _progress: object) -> None:
+        if doing == "learning":
+            raise Interrupted
+
+    output = tmp_path / "scene-0.safetensors"
+    with pytest.raises(Interrupted):
+        fine_tune_for("ltvn", start, output, data=dataset, on_progress=interrupt)
+    assert (tmp_path / "work" / "checkpoint.safetensors").exists()
+    steps: list[int] = []
+    fine_tune_for(
+        "ltvn",
+        start,
+        output,
+        data=dataset,
+        on_progress=lambda _share, doing, progress: steps.append(progress.steps) if progress else None,
+    )
+    assert steps[-1] == 2
+    assert steps.count(1) <= 1

@@ -14,18 +14,19 @@ from ltvn_core.errors import WeightsError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
+from ltvn_core.training.drive_source import DriveSource
+from ltvn_core.training.fine_tuning import FineTunedWeights
 from ltvn_core.training.fine_tuning_data import ProgressReporter
-from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
+from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule, TrajectoryPairs
 from ltvn_core.types import ZERO_TWIST, Twist
-from ltvn_core.verbs.background_finetuning import BackgroundFineTuning, DriveSource, FineTuningRequest
-from ltvn_core.verbs.finetune import FineTunedWeights
 from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.fine_tuner import FineTuner, FineTuningRequest
 from ltvn_viz.session.fine_tuning import FineTuning, Tune, far_false_positives_grew, result_lines
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import FineTuningPhase
 from tests.viz.session_harness import InlineExecutor, SessionHarness
-from tests.viz.tiny_fine_tuning import PLAN, TUNER, drive, record_drive, show_drive, simulated, tiny_weights
+from tests.viz.tiny_fine_tuning import PLAN, TUNER, TinyRehearsal, drive, record_drive, show_drive, tiny_weights
 from tests.waiting import PATIENCE_S
 
 
@@ -72,17 +73,19 @@ def harness_with_new_weights(folder: Path) -> SessionHarness:
     return harness
 
 
-class GatedSimulation:
+class GatedSimulation(TinyRehearsal):
     """Adds simulated data once the test lets it."""
 
     def __init__(self) -> None:
         self.entered, self.open = threading.Event(), threading.Event()
 
-    def __call__(self, drive: TrajectoryPairs, on_progress: ProgressReporter) -> FineTuningData:
+    def load(
+        self, drive: TrajectoryPairs, on_progress: ProgressReporter, *, with_validation_drives: bool
+    ) -> FineTuningData:
         on_progress(0.0, "drawing simulated rooms")
         self.entered.set()
         assert self.open.wait(PATIENCE_S)
-        return simulated(drive, on_progress)
+        return super().load(drive, on_progress, with_validation_drives=with_validation_drives)
 
 
 @pytest.mark.slow
@@ -142,15 +145,15 @@ def test_the_kept_recording_is_what_one_learns_from(folder: Path) -> None:
     assert harness.wait().fine_tuning.drive == "drive.rrd"
     harness.do(c.FineTune(5), ticks=2)
     [request] = requests
-    assert (request.drive.images, request.minutes) == (folder / "drive.rrd", 5)
+    assert (request.drive.source, request.minutes) == (folder / "drive.rrd", 5)
     assert request.output.name.startswith("drive-learned-")
-    assert len(request.drive.label(horizon=15).poses) > 40
+    assert len(request.drive.label(OdometryLabelRule()).poses) > 40
 
 
 @pytest.mark.slow
 def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
-    harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
+    harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
     harness.do(c.FineTune(3))
     assert gate.entered.wait(PATIENCE_S)
     harness.driver.twist = Twist(0.4, 0.0)
@@ -170,7 +173,7 @@ def test_a_person_drives_and_stops_while_the_network_learns(folder: Path, execut
 
 def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
-    harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
+    harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
     harness.do(c.FineTune(3))
     assert gate.entered.wait(PATIENCE_S)
     assert harness.do(c.StopFineTuning()).fine_tuning.doing == "stopping"
@@ -184,7 +187,7 @@ def test_a_fine_tuning_that_is_stopped_leaves_nothing(folder: Path, executor: Th
 @pytest.mark.slow
 def test_a_second_fine_tuning_waits_for_the_first(folder: Path, executor: ThreadPoolExecutor) -> None:
     gate = GatedSimulation()
-    harness = fine_tuning_harness(folder, BackgroundFineTuning(PLAN, gate), executor)
+    harness = fine_tuning_harness(folder, FineTuner(plan=PLAN, rehearsal=gate), executor)
     now = harness.do(c.FineTune(3), c.FineTune(3))
     assert now.message is not None
     assert "learning already" in now.message.text

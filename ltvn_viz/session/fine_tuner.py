@@ -1,0 +1,75 @@
+"""Fine-tuning as a person asks for it in the page: a drive, and minutes.
+
+Owns what of it becomes which argument of `ltvn_core.training.fine_tuning.fine_tune`, and that the progress begins with
+labelling the drive.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING
+
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.training.drive_source import DriveSource
+from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, fine_tune
+from ltvn_core.training.fine_tuning_data import ProgressReporter, RehearsalData
+
+if TYPE_CHECKING:
+    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress
+
+_LABELLED = 0.03
+"""Share of the progress at which the drive is labelled."""
+
+
+@dataclass(frozen=True)
+class FineTuningRequest:
+    """One fine-tuning that a person asked for."""
+
+    drive: DriveSource
+    start: Path | None
+    """Weights to start from, which stay as they are; None takes those that come with the system."""
+    output: Path
+    """The weights to write, with a card beside them; nothing lies there yet."""
+    minutes: float
+
+
+@dataclass(frozen=True)
+class FineTuner:
+    """Fine-tunes the network of a navigation system."""
+
+    system: str = DEFAULT_SYSTEM
+    """Whose labels are learned."""
+    plan: "FineTuningPlan | None" = None
+    """How to learn, whatever time is asked for; None follows the default plan for the time asked for."""
+    rehearsal: RehearsalData | None = None
+    """What is shown beside the drive; None takes what the system rehearses."""
+
+    def __call__(
+        self, request: FineTuningRequest, on_progress: ProgressReporter, cancelled: Event
+    ) -> FineTunedWeights | None:
+        """Fine-tune on a drive and save weights; return None, and leave nothing, if it was cancelled.
+
+        Raises RecordingError, DatasetError and WeightsError.
+        """
+
+        def report(share: float, doing: str, _progress: "FineTuningProgress | None") -> None:
+            on_progress(_LABELLED + (1 - _LABELLED) * share, doing)
+
+        on_progress(0.0, "reading and labelling the drive")
+        entry = system_entry(self.system)
+        return fine_tune(
+            request.drive.label(entry.training.label_rule()),
+            self.rehearsal or entry.training.rehearsal(),
+            request.start or entry.weights,
+            request.output,
+            entry.training.adapt_plan(self.plan or _plan_for(request.minutes)),
+            provenance=FineTuningProvenance(recording=request.drive.name, system=entry.name),
+            on_progress=report,
+            cancelled=cancelled,
+        )
+
+
+def _plan_for(minutes: float) -> "FineTuningPlan":
+    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
+
+    return FineTuningPlan(minutes=minutes)

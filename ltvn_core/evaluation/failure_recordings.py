@@ -5,6 +5,7 @@ A recording begins with the map, so `ltvn replay` needs no other file.
 
 from dataclasses import asdict
 
+from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.preparation import prepare
@@ -13,7 +14,6 @@ from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import episode_rng, open_runner
 from ltvn_core.navigation.events import Event, StampedEvent
-from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.simulated_robot import SimulatedRobot

@@ -8,9 +8,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.results import MapDrawing
-from ltvn_core.recording.atomic_files import atomic_output
 
 _PER_METRE = 1000
 """Poses are kept to the millimetre and the milliradian, p to the thousandth: more than any figure shows."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ltvn_core.atomic_files import atomic_output
 from ltvn_core.composition import open_predictor, open_simulation
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
@@ -17,7 +18,6 @@ from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter

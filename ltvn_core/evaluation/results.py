@@ -11,8 +11,8 @@ from typing import Any
 
 import cattrs
 
+from ltvn_core.atomic_files import write_text_atomically
 from ltvn_core.errors import OptionError
-from ltvn_core.recording.atomic_files import write_text_atomically
 from ltvn_core.types import FrameId
 
 

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ltvn_core.atomic_files import write_text_atomically
 from ltvn_core.composition import PredictorName, open_method
 from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
@@ -17,7 +18,6 @@ from ltvn_core.evaluation.ablation import PARTS, without_parts
 from ltvn_core.evaluation.map_drawings import drawing_path
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.recording.atomic_files import write_text_atomically
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 

@@ -7,13 +7,14 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ltvn_core.atomic_files import atomic_replacement, file_aside
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import AnyArchitecture
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 
 if TYPE_CHECKING:
     from ltvn_core.network.base_network import AnyNetwork
@@ -23,26 +24,30 @@ SCHEMA = "ltvn-weights-1"
 
 
 def save_weights(network: "AnyNetwork", path: Path, card: Mapping[str, Any] | None = None) -> str:
-    """Write weights, and their card where there is one, and return the fingerprint; an old file stays until then."""
+    """Write weights, and their card where there is one, and return the fingerprint.
+
+    Old files stay until the new ones are whole on disk. A card of other weights never lies beside the new ones: it is
+    gone before they come, also where they bring none themselves. Raises WeightsError if the disk does not take them.
+    """
     from safetensors import SafetensorError
     from safetensors.torch import save_file
 
-    partial = path.with_suffix(".partial")
     # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
     metadata = {"ltvn": json.dumps({"schema": SCHEMA, **asdict(network.size)})}
     state = {name: value.detach().cpu().contiguous() for name, value in network.state_dict().items()}
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_file(state, partial, metadata)
-        os.replace(partial, path)
+        with file_aside(path) as weights, file_aside(card_path(path)) as text:
+            save_file(state, weights, metadata)
+            fingerprint = weights_fingerprint(weights)
+            if card is not None:
+                _write_card(text, {"fingerprint": fingerprint, **card})
+            if _card_fingerprint(path) != fingerprint:
+                card_path(path).unlink(missing_ok=True)
+            os.replace(weights, path)
+            if card is not None:
+                os.replace(text, card_path(path))
     except (OSError, SafetensorError) as error:
-        with suppress(OSError):
-            partial.unlink()
         raise WeightsError(f"{path}: the weights could not be written ({error}); free some space.") from error
-    fingerprint = weights_fingerprint(path)
-    if card is not None:
-        text = json.dumps({"fingerprint": fingerprint, **card}, indent=2)
-        card_path(path).write_text(text + "\n", encoding="utf-8")
     return fingerprint
 
 
@@ -75,7 +80,7 @@ def load_weights(path: Path) -> "AnyNetwork":
 
 
 def _no_weights(path: Path) -> str:
-    if path in SHIPPED_BASELINE_WEIGHTS.values():
+    if path.parent == SHIPPED_WEIGHTS.parent:
         return (
             f"{path}: an installed package leaves the weights of the baselines out, for their size. Use a checkout of "
             f"the repository, or make them with `ltvn baseline {path.stem}` and name them with --weights."
@@ -123,15 +128,24 @@ def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
     target = card_path(path)
     if card.setdefault("fingerprint", fingerprint) != fingerprint:
         raise WeightsError(f"{target}: belongs to {card['fingerprint']}, not to the weights beside it ({fingerprint}).")
-    partial = target.with_suffix(".partial")
     try:
-        partial.write_text(json.dumps({**card, section: content}, indent=2) + "\n", encoding="utf-8")
-        os.replace(partial, target)
+        with atomic_replacement(target) as part:
+            _write_card(part, {**card, section: content})
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
         raise WeightsError(f"{target}: the card could not be written ({error}); free some space.") from error
     return target
+
+
+def _write_card(path: Path, card: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+
+
+def _card_fingerprint(path: Path) -> str | None:
+    """Return whose the card beside weights is; None where there is none that can be read."""
+    try:
+        return read_card(path).get("fingerprint")
+    except WeightsError:
+        return None
 
 
 def _architecture(metadata: Mapping[str, str], path: Path) -> AnyArchitecture:

@@ -12,9 +12,9 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ltvn_core.atomic_files import create_new_file
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
-from ltvn_core.recording.atomic_files import create_new_file
 from ltvn_core.recording.live_server import live_sink
 from ltvn_core.recording.rrd_framing import is_finished
 from ltvn_core.types import FrameId

@@ -9,12 +9,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import MapError, RecordingError
 from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import read_contents, require_rrd
 from ltvn_core.recording.writer import RecordingWriter

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ltvn_core.atomic_files import atomic_output
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import MapError
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.recording.frame_codec import EncodedFrame
 from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording

@@ -4,9 +4,7 @@ Files are written to a temporary name and then renamed; equal content gives equa
 """
 
 import json
-import os
 from collections.abc import Collection, Iterable
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import DatasetError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose
@@ -88,18 +87,13 @@ def write_shard(shard: Shard, path: Path) -> None:
     Raises:
         DatasetError: The file cannot be written.
     """
-    # The process id keeps two processes that write the same shard apart; both end with a complete file.
-    partial = path.with_suffix(f".{os.getpid()}.partial")
     # One entry only: safetensors writes several in random order, and the bytes must not vary.
     metadata = {"ltvn": json.dumps({"schema": SCHEMA, "name": shard.name, "recipe": shard.recipe})}
     arrays = {name: np.ascontiguousarray(getattr(shard, name)) for name in _ARRAYS}
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_file(arrays, partial, metadata)
-        os.replace(partial, path)
+        with atomic_replacement(path) as part:
+            save_file(arrays, part, metadata)
     except (OSError, SafetensorError) as error:
-        with suppress(OSError):
-            partial.unlink()
         raise DatasetError(
             f"{path}: the shard could not be written ({error}); free some space and run again."
         ) from error

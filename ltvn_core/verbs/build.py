@@ -50,11 +50,11 @@ class BuildVerb(Verb):
         import numpy as np
         from tqdm import tqdm
 
+        from ltvn_core.atomic_files import require_new_path
         from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.connectivity import count_strongly_connected_components
         from ltvn_core.graph.keyframes import KeyframeStore
         from ltvn_core.graph.topological_graph import TopologicalGraph
-        from ltvn_core.recording.atomic_files import require_new_path
         from ltvn_core.recording.map_file import save_map
         from ltvn_core.recording.reader import Recording
 

@@ -94,10 +94,10 @@ def _dated_path(name: str) -> Path:
 def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     import numpy as np
 
+    from ltvn_core.atomic_files import require_new_path
     from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
-    from ltvn_core.recording.atomic_files import require_new_path
     from ltvn_core.recording.map_file import save_map
     from ltvn_core.recording.writer import RecordingWriter
     from ltvn_core.systems.registry import DEFAULT_SYSTEM

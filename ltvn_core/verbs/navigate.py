@@ -72,7 +72,7 @@ class NavigateVerb(Verb):
 
     def check(self, graph: "TopologicalGraph") -> None:
         """Raise MapError if the map lacks the goal and RecordingError if the output exists, before any drive."""
-        from ltvn_core.recording.atomic_files import require_new_path
+        from ltvn_core.atomic_files import require_new_path
 
         if self.goal is not None and self.goal not in graph.nodes:
             nodes = sorted(graph.nodes)

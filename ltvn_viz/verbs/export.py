@@ -84,7 +84,7 @@ class ExportVerb(Verb):
 
     def _cut(self) -> "Excerpt":
         from ltvn_core.analysis.regression_test_source import regression_test_source
-        from ltvn_core.recording.atomic_files import write_text_atomically
+        from ltvn_core.atomic_files import write_text_atomically
         from ltvn_core.recording.excerpt import event_window, time_span, write_excerpt
         from ltvn_core.recording.reader import Recording
 
@@ -103,8 +103,8 @@ class ExportVerb(Verb):
         return written
 
     def _draw(self) -> None:
+        from ltvn_core.atomic_files import write_text_atomically
         from ltvn_core.evaluation.map_layout import map_layout
-        from ltvn_core.recording.atomic_files import write_text_atomically
         from ltvn_core.recording.reader import Recording
         from ltvn_core.reports.map_svg import map_svg
         from ltvn_viz.layers.scene_html import scene_html

@@ -21,7 +21,7 @@ HOMES = {
 
 COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluation", "ltvn_core/training", "ltvn_core/verbs", "ltvn_viz")
 SIBLINGS = ("simulation", "training_data", "network", "recording")
-FOUNDATION = ("types", "geometry", "config", "errors", "palette", "preprocessing", "cameras", "robots")
+FOUNDATION = ("atomic_files", "types", "geometry", "config", "errors", "palette", "preprocessing", "cameras", "robots")
 
 TRUTH_READERS = (
     "ltvn_core/simulation",

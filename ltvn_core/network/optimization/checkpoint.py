@@ -4,8 +4,6 @@ A checkpoint has the state of the trainer and the time spent; everything else fo
 """
 
 import json
-import os
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,6 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.optimization.trainer import Trainer
 from ltvn_core.network.training_examples import HardNegative
@@ -24,7 +23,6 @@ SCHEMA = "ltvn-checkpoint-1"
 
 def save_checkpoint(trainer: Trainer, path: Path, *, seconds: float) -> None:
     """Write the state of a trainer. Raises WeightsError if it cannot be written; the old file then stays."""
-    partial = path.with_suffix(".partial")
     metadata = {
         "schema": SCHEMA,
         "plan": _plan_text(trainer),
@@ -33,12 +31,9 @@ def save_checkpoint(trainer: Trainer, path: Path, *, seconds: float) -> None:
         "seconds": repr(seconds),
     }
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_file(_tensors(trainer), partial, metadata)
-        os.replace(partial, path)
+        with atomic_replacement(path) as part:
+            save_file(_tensors(trainer), part, metadata)
     except (OSError, SafetensorError) as error:
-        with suppress(OSError):
-            partial.unlink()
         raise WeightsError(f"{path}: the checkpoint could not be written ({error}); free some space.") from error
 
 

@@ -1,0 +1,97 @@
+"""Files appear under their name only when they are whole: new ones never in place of another, others in one step.
+
+Owns that promise for recordings, maps, weights, checkpoints, shards and texts. What is written is written aside, in a
+file with a name of its own in the same folder, and renamed; whatever ends the writing early, that file vanishes.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from uuid import uuid4
+
+from ltvn_core.errors import RecordingError
+
+
+@contextmanager
+def file_aside(path: Path) -> Iterator[Path]:
+    """Yield a free name beside `path`, whose folder is made, and remove what still lies there at the end.
+
+    Two processes that write the same file at once get two names. Raises OSError.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
+    try:
+        yield part
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_replacement(path: Path) -> Iterator[Path]:
+    """Yield a name to write to; it takes the place of `path` when the block ends well, until then the old file stays.
+
+    Raises OSError.
+    """
+    with file_aside(path) as part:
+        yield part
+        os.replace(part, path)
+
+
+@contextmanager
+def atomic_output(path: Path) -> Iterator[Path]:
+    """Yield a name to write to; it becomes the new file `path` when the block ends well.
+
+    Makes its folder. Raises RecordingError when `path` exists already or cannot be written.
+    """
+    require_new_path(path)
+    _make_folder(path)
+    try:
+        with file_aside(path) as part:
+            yield part
+            create_new_file(path)
+            os.replace(part, path)
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
+def write_text_atomically(path: Path, text: str) -> None:
+    """Write a text to a new file, whole or not at all. Raises RecordingError as `atomic_output` does."""
+    with atomic_output(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def create_new_file(path: Path) -> None:
+    """Make the folder and an empty file which nobody made before. Raises RecordingError."""
+    _make_folder(path)
+    try:
+        path.touch(exist_ok=False)
+    except FileExistsError as error:
+        raise _exists(path) from error
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
+def require_new_path(path: Path) -> None:
+    """Raise RecordingError where there is a file of this name already; ask it before long work."""
+    if path.exists():
+        raise _exists(path)
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise RecordingError(f"{path} cannot be written: {path.parent} is no folder; name another place.") from error
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
+def _refused(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"{path} cannot be written ({error.strerror or error}); name a file in a folder that you may write to."
+    )
+
+
+def _exists(path: Path) -> RecordingError:
+    return RecordingError(f"{path} exists already and is never overwritten; name another file or move that one away.")

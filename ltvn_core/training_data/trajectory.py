@@ -112,7 +112,7 @@ def _odometry(observations: Sequence[Observation], name: str, selection: Keyfram
     odometry = np.stack([np.asarray(each.odometry, np.float64) for each in observations])
     missing = ~np.isfinite(odometry).all(1)
     if missing.any() or np.ptp(odometry, axis=0).max() == 0:
-        reason = f"{int(missing.sum())} of them have none" if missing.any() else "it is the same for all"
+        reason = f"{int(missing.sum())} of them have none" if missing.any() else "it is the same for all of them"
         raise RecordingError(
             f"{name}: fine-tuning takes the poses of its {len(odometry)} images from odometry, and {reason}. Record "
             "the drive again with the robot's wheel odometry connected."

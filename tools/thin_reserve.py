@@ -25,7 +25,7 @@ def thin_reserve(path: Path, output: Path, keep_every: int) -> int:
         scene=loaded.meta.scene,
         fingerprint=loaded.meta.fingerprint,
         config=loaded.meta.config,
-        intrinsics=loaded.meta.intrinsics,
+        camera=loaded.meta.camera,
         origin=path,
     )
     return len(dropped)

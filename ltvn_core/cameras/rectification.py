@@ -93,7 +93,8 @@ def _source_pixels(
         ahead = np.where(rays[..., 0] > 1e-6, rays[..., 0], np.nan)
         ideal = np.stack([-rays[..., 1] / ahead, -rays[..., 2] / ahead], axis=-1)
         pixels = source.rays_to_pixels(ideal)
-        seen = (np.abs(pixels - _middle(source)) <= _middle(source) + _BORDER_PX).all(axis=-1)
+        within = np.abs(pixels - _middle(source)) <= _middle(source) + _BORDER_PX
+        seen: NDArray[np.bool_] = np.logical_and(within[..., 0], within[..., 1])
     return np.where(seen[..., None], pixels, 0.0), seen, np.where(seen, 1 / ahead, 0).astype(np.float32)
 
 

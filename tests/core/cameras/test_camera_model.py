@@ -63,7 +63,7 @@ def test_a_fisheye_is_the_one_that_opencv_knows_and_can_be_turned_round() -> Non
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
     theirs = cv2.fisheye.distortPoints(rays[:, None], matrix, np.array(camera.distortion))
     assert camera.rays_to_pixels(rays) == pytest.approx(theirs[:, 0], abs=1e-6)
-    assert camera.pixels_to_rays(theirs[:, 0]) == pytest.approx(rays, abs=1e-6)
+    assert camera.pixels_to_rays(theirs[:, 0].astype(np.float64)) == pytest.approx(rays, abs=1e-6)
 
 
 def test_what_is_ahead_of_a_level_camera_at_its_own_height_is_in_the_middle() -> None:

@@ -87,5 +87,6 @@ def test_log_marks_breakpoints_and_debugger_show_the_same_words() -> None:
     (failure,) = failed_queries(timeline)
 
     assert collision.text == describe_event(event).text == hit.why
+    assert logged[0].text is not None
     assert logged[0].text.as_arrow_array().to_pylist() == [collision.text]
     assert failure.text == describe_event(event).sentence

@@ -16,6 +16,8 @@ from ltvn_core.simulation.boolean_grid import connected_components, distance_tra
 from ltvn_core.types import Pose
 
 PLANNING_MARGIN_M = 0.04
+OBSTACLE_HEIGHT_M = 0.9
+"""Surfaces lower than this are obstacles for the robot; higher ones it passes under."""
 PLANNING_CLEARANCE_M = LOCOBOT.clear_radius_m + PLANNING_MARGIN_M
 """Paths and random poses keep the centre of a LoCoBot this far from obstacles: its radius and a little more."""
 

@@ -6,14 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.apartments.floor_plan import Room
-from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
 from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
 from ltvn_core.simulation.gltf_export import to_glb
+from ltvn_core.simulation.rooms import Room
 from ltvn_core.simulation.surfaces import Surfaces
-
-OBSTACLE_HEIGHT_M = 0.9
-"""Surfaces lower than this are obstacles for the robot; higher ones it passes under."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.apartments.floor_plan import Room, RoomKind
 from ltvn_core.simulation.apartments.generation import generate_apartment
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene
+from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.surfaces import Surfaces
 

@@ -1,7 +1,8 @@
 """The shape of the house, read from the code's own imports: who may import what, and who may read the truth."""
 
 import ast
-from collections.abc import Iterator
+import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,18 @@ HOMES = {
 
 COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluation", "ltvn_core/training", "ltvn_core/verbs", "ltvn_viz")
 SIBLINGS = ("simulation", "training_data", "network", "recording")
-FOUNDATION = ("atomic_files", "types", "geometry", "config", "errors", "palette", "preprocessing", "cameras", "robots")
+FOUNDATION = (
+    "types",
+    "geometry",
+    "config",
+    "errors",
+    "extras",
+    "atomic_files",
+    "palette",
+    "preprocessing",
+    "cameras",
+    "robots",
+)
 
 TRUTH_READERS = (
     "ltvn_core/simulation",
@@ -31,6 +43,28 @@ TRUTH_READERS = (
     "ltvn_viz",
 )
 
+
+CORE_ORDER = (
+    "foundation",
+    "graph",
+    "navigation",
+    "analysis",
+    "recording",
+    "simulation",
+    "training_data",
+    "network",
+    "training",
+    "systems",
+    "composition",
+    "evaluation",
+    "reports",
+    "verbs",
+    "cli",
+)
+"""The parts of the core, low to high: a part imports those before it alone. A new part needs its place here."""
+
+LIGHT_LIBRARIES = {"numpy", "rustworkx", "scipy", "ltvn_core"}
+"""All that graph, navigation and analysis need: no simulator, network, viewer or image library."""
 
 ROOMS = (
     "server",
@@ -53,19 +87,28 @@ def relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def imports(path: Path) -> Iterator[str]:
+@cache
+def syntax(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@cache
+def imports(path: Path) -> tuple[str, ...]:
     """Every module that a file imports anywhere, inside functions too."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    found: list[str] = []
+    for node in ast.walk(syntax(path)):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            found += (f"{node.module}.{alias.name}" for alias in node.names)
+    return tuple(found)
 
 
 def module_name(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
+@cache
 def import_graph() -> dict[str, set[str]]:
     """The modules of both packages and which of them each imports: at the top, in functions, or for type checkers."""
     names = {module_name(path) for path in MODULES}
@@ -120,6 +163,45 @@ def test_no_module_imports_itself_through_others() -> None:
     assert circles(import_graph()) == []
 
 
+def test_the_parts_of_the_core_import_only_lower_parts() -> None:
+    def place(module: str) -> int:
+        part = module.split(".")[1]
+        return CORE_ORDER.index("foundation" if part in FOUNDATION else part)
+
+    offenders = [
+        f"{module} imports {other}"
+        for module, others in import_graph().items()
+        for other in others
+        if module.startswith("ltvn_core.") and other.startswith("ltvn_core.")
+        if place(other) > place(module)
+    ]
+    assert offenders == []
+
+
+@pytest.mark.parametrize("part", ["graph", "navigation", "analysis"])
+def test_the_method_and_its_analysis_need_numpy_and_a_graph_library_alone(part: str) -> None:
+    heavy = {
+        f"{relative(path)} imports {name}"
+        for path in files_of(part)
+        for name in imports(path)
+        if name.split(".")[0] not in LIGHT_LIBRARIES | sys.stdlib_module_names
+    }
+    assert heavy == set()
+
+
+def test_kinds_of_scenes_and_renderers_know_nothing_of_each_other() -> None:
+    kinds = ("apartments", "meshes", "rendering")
+    offenders = [
+        f"{module} imports {other}"
+        for module, others in import_graph().items()
+        for other in others
+        if module.startswith("ltvn_core.simulation.") and other.startswith("ltvn_core.simulation.")
+        if module.split(".")[2] in kinds and other.split(".")[2] in (*kinds, "scene_registry")
+        if module.split(".")[2] != other.split(".")[2]
+    ]
+    assert offenders == []
+
+
 def test_the_rooms_of_the_page_import_only_lower_rooms() -> None:
     offenders = [
         f"{module} imports {other}"
@@ -165,10 +247,7 @@ def test_the_method_never_reads_the_truth() -> None:
         relative(path)
         for path in MODULES
         if not relative(path).startswith((*TRUTH_READERS, *COMPOSERS))
-        and any(
-            isinstance(node, ast.Attribute) and node.attr == "exact_pose"
-            for node in ast.walk(ast.parse(path.read_text()))
-        )
+        and any(isinstance(node, ast.Attribute) and node.attr == "exact_pose" for node in ast.walk(syntax(path)))
     ]
     assert readers == []
 

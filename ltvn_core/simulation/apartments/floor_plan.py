@@ -7,52 +7,15 @@ centred on the common edges of rooms, outer walls stand outside.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import Enum
 from itertools import combinations
 
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
+from ltvn_core.simulation.rooms import Room, RoomKind
 
 GRID_STEP_M = 0.05
 """Everything that blocks the floor has its edges on multiples of this, so that the clearance map is exact."""
 
 MIN_DOORWAY_M = 0.9
-
-
-class RoomKind(Enum):
-    """The purpose of a room.
-
-    The scene cache stores a member's position, so members are never reordered or inserted before others.
-    """
-
-    HALL = "hall"
-    LIVING = "living room"
-    KITCHEN = "kitchen"
-    DINING = "dining room"
-    BEDROOM = "bedroom"
-    NURSERY = "nursery"
-    STUDY = "study"
-    LIBRARY = "library"
-    BATH = "bathroom"
-    UNNAMED = "part of a mesh scene"
-
-
-@dataclass(frozen=True, slots=True)
-class Room:
-    """A rectangular room; its edges are the centre lines of its walls, in metres."""
-
-    kind: RoomKind
-    x0: float
-    y0: float
-    x1: float
-    y1: float
-
-    @property
-    def area_m2(self) -> float:
-        return (self.x1 - self.x0) * (self.y1 - self.y0)
-
-    @property
-    def shorter_side_m(self) -> float:
-        return min(self.x1 - self.x0, self.y1 - self.y0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,13 @@ A piece is placed where it fits, keeps doorways clear and leaves the free floor 
 from collections.abc import Sequence
 
 from ltvn_core.simulation.apartments import furniture as f
-from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, Room, RoomKind
+from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M
 from ltvn_core.simulation.apartments.furniture import FurnitureBuilder, FurnitureKind, FurniturePlacement
 from ltvn_core.simulation.apartments.materials import ApartmentMaterials
 from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import WallSide
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
+from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 
 _TRIES = 14

@@ -7,9 +7,9 @@ in real ones.
 from dataclasses import dataclass
 
 from ltvn_core.simulation.apartments import decals, tiling_textures
-from ltvn_core.simulation.apartments.floor_plan import RoomKind
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.apartments.tiling_textures import ColourArray, hsv_colour
+from ltvn_core.simulation.rooms import RoomKind
 from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
 
 _WET = {RoomKind.BATH, RoomKind.KITCHEN}

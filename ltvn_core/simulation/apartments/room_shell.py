@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ltvn_core.simulation.apartments import decals
-from ltvn_core.simulation.apartments.floor_plan import Doorway, FloorPlan, Room, RoomKind
+from ltvn_core.simulation.apartments.floor_plan import Doorway, FloorPlan
 from ltvn_core.simulation.apartments.materials import ApartmentMaterials, RoomMaterials
 from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, OccupancyGrid
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
+from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
 
 _HALF_WALL_M = 0.05

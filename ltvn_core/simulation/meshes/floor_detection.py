@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.scene import OBSTACLE_HEIGHT_M
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
 from ltvn_core.simulation.triangle_rasterization import Mask, RasterGrid, Triangles, clip_to_heights
 
 CELL_M = 0.05

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.apartments.floor_plan import Room, RoomKind
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.meshes import gibson
 from ltvn_core.simulation.meshes.floor_detection import StoreyFloor, detect_floor
 from ltvn_core.simulation.meshes.mesh_alignment import align_z_up, read_mesh_settings
 from ltvn_core.simulation.meshes.mesh_file import read_mesh
+from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.surfaces import Surfaces
 

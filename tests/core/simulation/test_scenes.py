@@ -15,9 +15,9 @@ from scipy import ndimage
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation import scene_registry
-from ltvn_core.simulation.apartments.floor_plan import Room
 from ltvn_core.simulation.apartments.generation import Apartment, generate_apartment
 from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
+from ltvn_core.simulation.rooms import Room
 from ltvn_core.simulation.scene_registry import Scene, load_scene, scene_names
 from ltvn_core.simulation.surfaces import Surfaces
 

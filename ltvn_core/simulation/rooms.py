@@ -1,0 +1,41 @@
+"""The rooms of a scene and their purposes, whoever made the scene."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class RoomKind(Enum):
+    """The purpose of a room.
+
+    The scene cache stores a member's position, so members are never reordered or inserted before others.
+    """
+
+    HALL = "hall"
+    LIVING = "living room"
+    KITCHEN = "kitchen"
+    DINING = "dining room"
+    BEDROOM = "bedroom"
+    NURSERY = "nursery"
+    STUDY = "study"
+    LIBRARY = "library"
+    BATH = "bathroom"
+    UNNAMED = "part of a mesh scene"
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """A rectangular room; its edges are the centre lines of its walls, in metres."""
+
+    kind: RoomKind
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def area_m2(self) -> float:
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+    @property
+    def shorter_side_m(self) -> float:
+        return min(self.x1 - self.x0, self.y1 - self.y0)

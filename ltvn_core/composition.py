@@ -113,7 +113,15 @@ def open_method(
 
 
 def open_system(name: str, method: Method) -> NavigationSystem:
-    """Return the navigation system of that name with the thresholds of `method`; raise OptionError if there is none."""
+    """Return a navigation system by its name.
+
+    Args:
+        name: `ltvn`, `sptm`, `ving`, or what another package adds to the entry points `ltvn.systems`.
+        method: The thresholds it is to use.
+
+    Raises:
+        OptionError: No system has that name; the message lists those there are.
+    """
     return system_entry(name).factory(method)
 
 

@@ -298,7 +298,14 @@ PRESETS: dict[str, Method] = {"robust": ROBUST, "paper": PAPER}
 
 
 def preset(name: str) -> Method:
-    """Return the preset of that name; raise OptionError, listing the valid names, if there is none."""
+    """Return the thresholds of the method by the name of a preset.
+
+    Args:
+        name: `robust`, which is the default everywhere, or `paper`, the literal method.
+
+    Raises:
+        OptionError: No preset has that name; the message lists those there are.
+    """
     try:
         return PRESETS[name.lower()]
     except KeyError:

@@ -141,7 +141,16 @@ class NetworkPredictor:
 
 
 def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PREFILTER_FROM) -> NetworkPredictor:
-    """Return the predictor of a weights file, of the shipped one if `path` is None. Raises WeightsError."""
+    """Open a trained network as a predictor.
+
+    Args:
+        path: The weights file, with its card beside it; None opens the shipped weights.
+        prefilter_from: From how many targets on only the best by a quick score are compared in full; None always
+            compares all of them.
+
+    Raises:
+        WeightsError: The file is missing, damaged or not ours.
+    """
     path = path or SHIPPED_WEIGHTS
     network = load_weights(path)
     retain_freed_memory()

@@ -1,6 +1,6 @@
 """`ltvn build`: a recording becomes a map."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -47,40 +47,35 @@ class BuildVerb(Verb):
 
     def run(self) -> Summary:
         """Build and save the map; raises RecordingError, MapError and WeightsError."""
-        import numpy as np
         from tqdm import tqdm
 
         from ltvn_core.atomic_files import require_new_path
         from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.connectivity import count_strongly_connected_components
-        from ltvn_core.graph.keyframes import KeyframeStore
-        from ltvn_core.graph.topological_graph import TopologicalGraph
-        from ltvn_core.recording.map_file import save_map
         from ltvn_core.recording.reader import Recording
+        from ltvn_core.topological_map import build_map
 
         require_new_path(self.output)
         recording = Recording.open(self.recording)
         observations = [recording.observation(frame) for frame in recording.frames]
         entry = system_entry(self.system)
         weights = self.weights or entry.weights
-        predictor = open_predictor(self.predictor, recording.meta.scene, weights)
-        system = entry.factory(open_method(self.preset, self.predictor, weights))
-        keyframes = KeyframeStore(predictor)
-        rng = np.random.default_rng(self.seed)
         with tqdm(total=len(observations), desc="build", unit="image") as bar:
 
             def show(done: int, total: int) -> None:
                 bar.total = total
                 bar.update(done - bar.n)
 
-            deltas = system.build(observations, keyframes, predictor, rng=rng, progress=show)
-        graph = TopologicalGraph(deltas)
-        kept = [keyframes.observation(frame) for frame in keyframes.frames]
-        settings = {"verb": "build", "system": self.system, "preset": self.preset, "seed": self.seed}
-        settings["method"] = asdict(system.method)
-        save_map(
-            self.output, graph, kept, scene=recording.meta.scene, config=settings, fingerprint=predictor.fingerprint
-        )
+            built = build_map(
+                observations,
+                predictor=open_predictor(self.predictor, recording.meta.scene, weights),
+                system=entry.factory(open_method(self.preset, self.predictor, weights)),
+                scene=recording.meta.scene,
+                seed=self.seed,
+                progress=show,
+            )
+        built.save(self.output, config={"verb": "build", "preset": self.preset, "seed": self.seed})
+        graph = built.graph
         return BuildSummary(
             self.output,
             len(observations),

@@ -1,0 +1,154 @@
+"""A topological map together with the images of its nodes: built from observations, saved to a file, opened again.
+
+Owns no step of the method: Algorithm 1 is `ltvn_core.graph.builder`, the file format is `ltvn_core.recording.map_file`.
+This is what a program holds that builds a map or drives by one.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ltvn_core.composition import open_method
+from ltvn_core.config import ROBUST
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
+from ltvn_core.robots.robot import Robot
+from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system, system_entry
+from ltvn_core.types import FrameId, Observation, Predictor
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TopologicalMap:
+    """Nodes, edges, and the images behind them."""
+
+    graph: TopologicalGraph
+    """Nodes and directed edges with what is believed of them; driving changes it."""
+    keyframes: KeyframeStore
+    """Images and features of all nodes and of the reserve."""
+    predictor: Predictor
+    """What compared the images; no other predictor can read their features."""
+    system: NavigationSystem
+    """The navigation system that built the map and drives by it."""
+    scene: str = ""
+    """Where the images were taken: a scene's name or file, or whatever a person calls the place."""
+
+    @classmethod
+    def load(cls, path: Path | str, predictor: Predictor | None = None) -> Self:
+        """Open the map at the end of a map file, or of any recording in which one was built or used.
+
+        Args:
+            path: The file.
+            predictor: What compares images; None loads the shipped network.
+
+        Raises:
+            RecordingError: The file is no whole recording.
+            MapError: The file holds no map, or one that another predictor made.
+            WeightsError: The shipped weights are damaged.
+        """
+        loaded = load_map(path)
+        entry = recorded_system(loaded.meta.config)
+        system = _system(entry, predictor)
+        predictor = predictor or _network(entry)
+        check_fingerprint(loaded.meta, predictor.fingerprint)
+        keyframes = KeyframeStore(predictor)
+        keyframes.add(list(loaded.observations.values()))
+        return cls(
+            graph=loaded.graph,
+            keyframes=keyframes,
+            predictor=predictor,
+            system=system,
+            scene=loaded.meta.scene,
+        )
+
+    def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None) -> None:
+        """Write the map to a new file, which appears only when it is whole.
+
+        Args:
+            path: The file to write; it must not exist yet. Its name ends in `.rrd`.
+            config: What else the file should say of how the map came about, as JSON holds it.
+
+        Raises:
+            MapError: An image of a node is missing.
+            RecordingError: The file exists or cannot be written.
+        """
+        save_map(
+            path,
+            self.graph,
+            [self.keyframes.observation(frame) for frame in self.keyframes.frames],
+            scene=self.scene,
+            fingerprint=self.predictor.fingerprint,
+            config={"system": self.system.name, "method": asdict(self.system.method), **(config or {})},
+        )
+
+    def navigator(self, robot: Robot, *, seed: int = 0) -> Navigator:
+        """Return a navigator that drives `robot` through the map; what it learns changes the map.
+
+        Args:
+            robot: The robot to drive.
+            seed: Draws which images of the reserve are tried where the map has no path.
+        """
+        return Navigator(
+            robot,
+            self.graph,
+            self.keyframes,
+            self.predictor,
+            self.system.method,
+            np.random.default_rng(seed),
+            system=self.system,
+        )
+
+
+def build_map(
+    observations: Sequence[Observation],
+    *,
+    predictor: Predictor | None = None,
+    system: NavigationSystem | None = None,
+    scene: str = "",
+    seed: int = 0,
+    goals: Collection[FrameId] = (),
+    progress: ProgressCallback | None = None,
+) -> TopologicalMap:
+    """Build a map from the observations of one or more drives (Algorithm 1 of the paper).
+
+    Args:
+        observations: RGB-D images with odometry, in any order; each has a `step` of its own, which names its node.
+        predictor: What compares images; None loads the shipped network.
+        system: Strategies and thresholds; None is the paper's system with the `robust` preset.
+        scene: Where the images were taken, to be saved with the map.
+        seed: Draws the order in which images are sampled.
+        goals: Frames that must be nodes because somebody will want to go there.
+        progress: Called now and then with the number of images done and of images in all.
+
+    Raises:
+        MapError: There are no observations, their steps repeat, or a goal is none of them.
+        WeightsError: The shipped weights are damaged.
+    """
+    system = system or _system(system_entry(DEFAULT_SYSTEM), predictor)
+    predictor = predictor or _network(system_entry(system.name))
+    keyframes = KeyframeStore(predictor)
+    deltas = system.build(
+        observations, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress
+    )
+    return TopologicalMap(
+        graph=TopologicalGraph(deltas), keyframes=keyframes, predictor=predictor, system=system, scene=scene
+    )
+
+
+def _network(entry: SystemEntry) -> Predictor:
+    # Torch takes two seconds to import, so only who needs the network waits for it.
+    from ltvn_core.network.predictor import load_predictor
+
+    return load_predictor(entry.weights)
+
+
+def _system(entry: SystemEntry, predictor: Predictor | None) -> NavigationSystem:
+    """Return a system with the likelihoods of Eq. 3 measured for its own network, or general ones for another."""
+    return entry.factory(ROBUST if predictor is not None else open_method("robust", "network", entry.weights))

@@ -1,0 +1,77 @@
+"""What `import ltvn_core as ltvn` promises: its names, that they are explained, and that it costs nothing."""
+
+import inspect
+import subprocess
+import sys
+
+import pytest
+
+import ltvn_core as ltvn
+
+PUBLIC = {
+    "CameraModel",
+    "LtvnError",
+    "Method",
+    "NavigationSystem",
+    "Navigator",
+    "Observation",
+    "PAPER",
+    "Prediction",
+    "Predictor",
+    "ROBUST",
+    "Recording",
+    "RecordingWriter",
+    "Robot",
+    "RobotSpec",
+    "RobotState",
+    "System",
+    "Tick",
+    "Timeline",
+    "TopologicalGraph",
+    "TopologicalMap",
+    "Twist",
+    "WallClock",
+    "__version__",
+    "analysis",
+    "build_map",
+    "load_predictor",
+    "open_system",
+    "preprocess_observation",
+    "preset",
+}
+
+
+def test_the_public_names_are_these() -> None:
+    assert set(ltvn.__all__) == PUBLIC
+    assert set(dir(ltvn)) == PUBLIC
+
+
+@pytest.mark.parametrize("name", sorted(PUBLIC))
+def test_each_public_name_can_be_used(name: str) -> None:
+    assert getattr(ltvn, name) is not None
+
+
+@pytest.mark.parametrize("name", sorted(PUBLIC - {"__version__", "PAPER", "ROBUST"}))
+def test_each_public_name_says_what_it_is(name: str) -> None:
+    assert inspect.getdoc(getattr(ltvn, name))
+
+
+@pytest.mark.parametrize("name", sorted(name for name in PUBLIC if inspect.isfunction(getattr(ltvn, name))))
+def test_each_public_function_explains_its_arguments_and_errors(name: str) -> None:
+    function = getattr(ltvn, name)
+    text = inspect.getdoc(function) or ""
+    assert "Raises:" in text, name
+    for parameter in inspect.signature(function).parameters:
+        assert f"{parameter}:" in text, (name, parameter)
+
+
+def test_an_unknown_name_is_said_to_be_unknown() -> None:
+    with pytest.raises(AttributeError, match=r"build_mapp.*__all__"):
+        ltvn.build_mapp  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_importing_the_package_loads_no_heavy_library() -> None:
+    heavy = "{'torch', 'rerun', 'pybullet', 'viser', 'cv2', 'scipy', 'matplotlib', 'ltvn_viz'}"
+    program = f"import sys, ltvn_core; print(sorted({heavy} & set(sys.modules)))"
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

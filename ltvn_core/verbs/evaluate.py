@@ -151,8 +151,14 @@ class EvaluateVerb(ProtocolOptions):
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=self.episodes * len(plans), desc="evaluate", unit="episode") as bar,
         ):
-            made_by = {"command": command(), "parallel": parallel, "told": progress_on_bar(bar, len(plans))}
-            trials = run_trials(plans, self.folder, episodes=self.episodes, **made_by)
+            trials = run_trials(
+                plans,
+                self.folder,
+                episodes=self.episodes,
+                command=command(),
+                parallel=parallel,
+                progress=progress_on_bar(bar, len(plans)),
+            )
             if self.record_failures:
                 jobs = [(plan, TrialFiles.of(plan, self.folder)) for plan in plans]
                 again = zip(jobs, trials, strict=True)

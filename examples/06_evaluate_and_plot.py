@@ -1,0 +1,48 @@
+"""Test navigation systems as the paper does, and plot how often they reach their goals.
+
+`ltvn evaluate` is the same from the command line. With the `oracle` predictor and few episodes it takes a minute; leave
+`predictor` out for the network, and take 100 episodes and three seeds for figures that you want to publish.
+"""
+
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+
+from ltvn_core.verbs.evaluate import EvaluateSummary, EvaluateVerb
+
+SYSTEMS = ("ltvn", "sptm")
+
+
+def evaluate(system: str, folder: Path, episodes: int) -> EvaluateSummary:
+    """Map the demo apartment with a system and drive random episodes; results that lie in `folder` are read."""
+    return EvaluateVerb(
+        scene=("demo",),
+        method=system,
+        predictor="oracle",
+        finetune_steps=0,
+        loops=1,
+        goals=4,
+        episodes=episodes,
+        folder=folder / "evaluation",
+    ).run()
+
+
+def main(folder: Path, episodes: int = 10) -> None:
+    """Evaluate two systems and save a bar plot with 95 % intervals."""
+    found = [evaluate(system, folder, episodes) for system in SYSTEMS]
+    for system, summary in zip(SYSTEMS, found, strict=True):
+        print(f"{system}: {summary.success_rate:.0%} of {summary.episodes} episodes, {summary.nodes:.0f} nodes")
+
+    heights = [summary.success_rate for summary in found]
+    below = [summary.success_rate - summary.success_low for summary in found]
+    above = [summary.success_high - summary.success_rate for summary in found]
+    figure, axes = plt.subplots(figsize=(4, 3), layout="constrained")
+    axes.bar(SYSTEMS, heights, yerr=[below, above], capsize=6)
+    axes.set_ylim(0, 1.05)
+    axes.set_ylabel("goals reached")
+    figure.savefig(folder / "success.png", dpi=150)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "."), int(sys.argv[2]) if len(sys.argv) > 2 else 10)

@@ -1,0 +1,64 @@
+"""The examples run as they stand, from any folder, and stay short enough to read at one go."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NOTEBOOK = EXAMPLES / "07_analyse_in_a_notebook.ipynb"
+LONGEST = 60
+
+
+def run(name: str, *arguments: str | Path, cwd: Path) -> str:
+    """Run an example as a person would, and return what it printed."""
+    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_an_example_is_short_and_begins_with_what_it_shows(path: Path) -> None:
+    lines = path.read_text().splitlines()
+    assert len(lines) <= LONGEST
+    assert lines[0].startswith('"""')
+
+
+def test_images_of_ones_own_become_a_map(tmp_path: Path) -> None:
+    said = run("01_map_from_your_images.py", tmp_path, cwd=tmp_path)
+    assert "60 images became" in said
+    assert (tmp_path / "map.rrd").exists()
+
+
+def test_a_recording_answers_what_failed(tmp_path: Path) -> None:
+    said = run("02_replay_and_query.py", cwd=tmp_path)
+    assert "query 3 failed (no path)" in said
+    assert "p 0.95" in said
+
+
+def test_a_navigation_system_of_ones_own_reaches_goals(tmp_path: Path) -> None:
+    said = run("03_write_a_navigation_system.py", cwd=tmp_path)
+    assert said.count("arrived") >= 2
+
+
+def test_a_predictor_of_ones_own_builds_a_map(tmp_path: Path) -> None:
+    said = run("04_write_a_predictor.py", cwd=tmp_path)
+    assert "200 images became" in said
+
+
+@pytest.mark.slow
+def test_two_systems_are_evaluated_and_plotted(tmp_path: Path) -> None:
+    said = run("06_evaluate_and_plot.py", tmp_path, "4", cwd=tmp_path)
+    assert said.count("of 4 episodes") == 2
+    assert (tmp_path / "success.png").stat().st_size > 5_000
+
+
+def test_the_notebook_runs_from_top_to_bottom() -> None:
+    notebook = nbformat.read(NOTEBOOK, nbformat.NO_CONVERT)
+    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(EXAMPLES)}}).execute()
+    figures = [output for cell in notebook.cells for output in cell.get("outputs", []) if "image/png" in str(output)]
+    assert len(figures) == 2

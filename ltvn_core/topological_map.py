@@ -85,6 +85,7 @@ class TopologicalMap:
             [self.keyframes.observation(frame) for frame in self.keyframes.frames],
             scene=self.scene,
             fingerprint=self.predictor.fingerprint,
+            camera=self.predictor.camera,
             config={"system": self.system.name, "method": asdict(self.system.method), **(config or {})},
         )
 

@@ -8,8 +8,8 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording.atomic_files import atomic_output
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 

@@ -29,7 +29,7 @@ from ltvn_core.navigation.events import (
     StateChanged,
 )
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.recording.rewriting import open_rewriter, rewrite_event
 from ltvn_core.types import FrameId
 
 
@@ -163,19 +163,12 @@ def _named(stamped: StampedEvent) -> Iterator[FrameId]:
 def _write(
     recording: Recording, output: Path, found: EventWindow, frames: Sequence[FrameId], times: tuple[float, float]
 ) -> None:
-    meta, graph = recording.meta, found.graph_before.copy()
+    meta = recording.meta
+    graph = found.graph_before.copy()
     origin = {"recording": recording.path.name, "id": meta.recording_id, "from_s": times[0], "to_s": times[1]}
     everything = found.ongoing + found.events
-    with RecordingWriter(
-        output,
-        scene=meta.scene,
-        config={**meta.config, "excerpt": origin},
-        fingerprint=meta.fingerprint,
-        camera=meta.camera,
-        scene_glb=recording.scene_glb(),
-        recording_id=str(uuid4()),
-        started_at=meta.started_at,
-    ) as writer:
+    config = {**meta.config, "excerpt": origin}
+    with open_rewriter(recording, output, recording_id=str(uuid4()), config=config) as writer:
         for frame in frames:
             writer.write_encoded_frame(recording.stored_frame(frame).frame)
         begin = _start_note(recording, everything, times[0])
@@ -184,10 +177,7 @@ def _write(
         writer.write_event(begin)
         writer.draw_graph(graph, begin.step, begin.stamp)
         for stamped in everything:
-            writer.write_event(stamped)
-            if isinstance(stamped.event, GraphChanged):
-                graph.apply(stamped.event.delta)
-                writer.draw_graph(graph, stamped.step, stamped.stamp)
+            rewrite_event(writer, stamped, graph)
 
 
 def _start_note(recording: Recording, events: Sequence[StampedEvent], from_s: float) -> StampedEvent:

@@ -16,8 +16,8 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording import rrd_framing
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.rewriting import open_rewriter, rewrite_event
 from ltvn_core.recording.rrd_contents import read_contents, require_rrd
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import FrameId
 
 
@@ -146,23 +146,12 @@ def _is_image_lost(node: FrameId, lost: frozenset[FrameId], saved: frozenset[Fra
 
 
 def _rewrite(recording: Recording, output: Path, frames: Sequence[FrameId], events: Sequence[StampedEvent]) -> None:
-    meta, graph, left = recording.meta, TopologicalGraph(), list(reversed(frames))
-    with RecordingWriter(
-        output,
-        scene=meta.scene,
-        config=meta.config,
-        fingerprint=meta.fingerprint,
-        camera=meta.camera,
-        scene_glb=recording.scene_glb(),
-        recording_id=meta.recording_id,
-        started_at=meta.started_at,
-    ) as writer:
+    graph = TopologicalGraph()
+    left = list(reversed(frames))
+    with open_rewriter(recording, output, recording_id=recording.meta.recording_id) as writer:
         for stamped in events:
             while left and left[-1] <= stamped.step:
                 writer.write_encoded_frame(recording.stored_frame(left.pop()).frame)
-            writer.write_event(stamped)
-            if isinstance(stamped.event, GraphChanged):
-                graph.apply(stamped.event.delta)
-                writer.draw_graph(graph, stamped.step, stamped.stamp)
+            rewrite_event(writer, stamped, graph)
         while left:
             writer.write_encoded_frame(recording.stored_frame(left.pop()).frame)

@@ -1,9 +1,18 @@
 """A robot whose every look is written down. Owns nothing but that."""
 
+from collections.abc import Iterable, Iterator
+
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Clock, Robot
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Observation, RobotState, Twist
+
+
+def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Iterator[Observation]:
+    """Write each image as it comes and pass it on, for drives that yield their images."""
+    for observation in images:
+        writer.write_frame(observation)
+        yield observation
 
 
 class RecordedRobot:
@@ -32,11 +41,11 @@ class RecordedRobot:
         self._robot.stop()
 
     def state(self) -> RobotState:
-        """Feel the body."""
+        """Return what the robot feels: odometry, contact, time."""
         return self._robot.state()
 
     def observe(self) -> Observation:
-        """Take a picture and record it."""
+        """Take an image and record it."""
         observation = self._robot.observe()
         self._writer.write_frame(observation)
         return observation

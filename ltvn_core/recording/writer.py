@@ -70,7 +70,14 @@ class RecordingWriter:
         started_at = started_at or datetime.now(UTC).isoformat(timespec="seconds")
         versions = package_versions()
         meta = RecordingMetadata(
-            scene, config, fingerprint, camera, schema.SCHEMA_VERSION, versions, started_at, recording_id
+            scene=scene,
+            config=config,
+            fingerprint=fingerprint,
+            camera=camera,
+            schema=schema.SCHEMA_VERSION,
+            versions=versions,
+            started_at=started_at,
+            recording_id=recording_id,
         )
         description = metadata_row(meta)
         self._stream = DurableStream(

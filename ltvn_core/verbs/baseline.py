@@ -75,9 +75,17 @@ class BaselineVerb(Verb):
         result = train(data, plan, work, start=self._start())
         card = self._card(data, plan, result)
         fingerprint = save_weights(load_weights(result.weights), self.output, asdict(card))
-        size = (card.trained_on.images, card.trained_on.pairs)
-        figures = (asdict(card.before) if card.before else {}, asdict(card.after))
-        return BaselineSummary(self.output, fingerprint, *size, card.steps, card.pairs_compared, card.minutes, *figures)
+        return BaselineSummary(
+            weights=self.output,
+            fingerprint=fingerprint,
+            images=card.trained_on.images,
+            pairs=card.trained_on.pairs,
+            steps=card.steps,
+            pairs_compared=card.pairs_compared,
+            minutes=card.minutes,
+            before=asdict(card.before) if card.before else {},
+            after=asdict(card.after),
+        )
 
     def _check_options(self) -> None:
         _temporal_training(self.baseline)

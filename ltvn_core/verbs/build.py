@@ -77,10 +77,10 @@ class BuildVerb(Verb):
         built.save(self.output, config={"verb": "build", "preset": self.preset, "seed": self.seed})
         graph = built.graph
         return BuildSummary(
-            self.output,
-            len(observations),
-            len(graph.nodes),
-            len(graph.edges),
-            len(graph.reserve),
-            count_strongly_connected_components(graph),
+            map=self.output,
+            frames=len(observations),
+            nodes=len(graph.nodes),
+            edges=len(graph.edges),
+            reserve=len(graph.reserve),
+            pieces=count_strongly_connected_components(graph),
         )

@@ -48,6 +48,7 @@ class CollectVerb(Verb):
         from tqdm import tqdm
 
         from ltvn_core.composition import open_simulation
+        from ltvn_core.recording.recorded_robot import record_images
         from ltvn_core.recording.writer import RecordingWriter
         from ltvn_core.simulation.scripted_tour import drive_tour
         from ltvn_core.simulation.wheel_odometry import OdometryNoise
@@ -56,12 +57,14 @@ class CollectVerb(Verb):
         simulation = open_simulation(self.scene, seed=self.seed, odometry_noise=noise)
         robot = simulation.robot
         settings = {"verb": "collect", "loops": self.loops, "seed": self.seed, "odometry_noise": asdict(noise)}
-        frames = 0
         with RecordingWriter(self.output, scene=simulation.scene.address, config=settings, fingerprint="") as writer:
             rng = np.random.default_rng(self.seed)
-            for observation in tqdm(
-                drive_tour(robot, simulation.scene, rng, loops=self.loops), desc="collect", unit="frame"
-            ):
-                writer.write_frame(observation)
-                frames += 1
-        return CollectSummary(self.output, simulation.scene.name, frames, robot.collisions, robot.stamp)
+            images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)
+            frames = sum(1 for _ in tqdm(images, desc="collect", unit="frame"))
+        return CollectSummary(
+            recording=self.output,
+            scene=simulation.scene.name,
+            frames=frames,
+            collisions=robot.collisions,
+            driven_s=robot.stamp,
+        )

@@ -98,8 +98,7 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
-    from ltvn_core.recording.map_file import save_map
-    from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.systems.registry import DEFAULT_SYSTEM
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -112,18 +111,16 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     method = open_method(options.preset, options.predictor, options.weights)
     system = open_system(DEFAULT_SYSTEM, method)
     path = options.recording or _dated_path(f"demo-{simulation.scene.name}-{options.seed}")
-    about = {
-        "scene": simulation.scene.address,
-        "config": options.settings(system),
-        "fingerprint": predictor.fingerprint,
-    }
-    with RecordingWriter(path, **about, live_port=announce_stream(options.stream)) as writer:
+    run = RunDescription(
+        scene=simulation.scene.address, config=options.settings(system), fingerprint=predictor.fingerprint
+    )
+    with run.open_writer(path, live_port=announce_stream(options.stream)) as writer:
         runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, system, TopologicalGraph())
         observations = runner.collect(rng, options.loops)
         runner.build(observations, rng)
         outcome = runner.run_queries(runner.random_goals(options.queries, rng), rng)
     if options.map is not None:
-        save_map(options.map, runner.graph, runner.map_observations(), **about)
+        run.save_map(options.map, runner.graph, runner.map_observations())
     return DemoSummary(
         recording=path,
         map=options.map,

@@ -21,7 +21,7 @@ from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent
 from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.recording.recorded_robot import RecordedRobot
+from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose, Predictor
@@ -64,11 +64,8 @@ class HeadlessRunner:
 
     def collect(self, rng: np.random.Generator, loops: int) -> list[Observation]:
         """Drive a mapping tour, record it, and return its keyframes."""
-        seen = []
-        for observation in tqdm(drive_tour(self.robot, self.scene, rng, loops=loops), desc="collect", unit="frame"):
-            self.writer.write_frame(observation)
-            seen.append(observation)
-        return seen
+        images = record_images(drive_tour(self.robot, self.scene, rng, loops=loops), self.writer)
+        return list(tqdm(images, desc="collect", unit="frame"))
 
     def build(self, observations: Sequence[Observation], rng: np.random.Generator) -> None:
         """Build the map as the navigation system does, with a progress bar."""

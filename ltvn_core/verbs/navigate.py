@@ -95,12 +95,13 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
 
     from ltvn_core.composition import open_method, open_predictor, open_simulation
     from ltvn_core.graph.keyframes import KeyframeStore
-    from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
-    from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.recording.map_file import check_fingerprint, load_map
+    from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
-    started, rng = time.monotonic(), np.random.default_rng(options.seed)
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
     loaded = load_map(options.map)
     options.check(loaded.graph)
     scene = loaded.meta.scene
@@ -113,15 +114,21 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     simulation = open_simulation(scene, seed=options.seed, first_step=first_step, start=_start(loaded, rng))
     keyframes = KeyframeStore(predictor)
     keyframes.add(list(loaded.observations.values()))
-    about = {"scene": scene, "config": options.settings(system), "fingerprint": predictor.fingerprint}
-    with RecordingWriter(options.recording, **about, live_port=announce_stream(options.stream)) as writer:
+    run = RunDescription(scene=scene, config=options.settings(system), fingerprint=predictor.fingerprint)
+    with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
         writer.write_map(loaded.graph, loaded.observations.values())
         runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, loaded.graph)
         outcome = runner.run_queries(options.goals(runner, rng), rng)
     if options.output is not None:
-        save_map(options.output, runner.graph, runner.map_observations(), origin=options.map, **about)
-    counts = len(runner.graph.nodes), len(runner.graph.edges)
-    return NavigateSummary(options.recording, options.output, *counts, outcome, time.monotonic() - started)
+        run.save_map(options.output, runner.graph, runner.map_observations(), origin=options.map)
+    return NavigateSummary(
+        recording=options.recording,
+        map=options.output,
+        nodes=len(runner.graph.nodes),
+        edges=len(runner.graph.edges),
+        outcome=outcome,
+        wall_s=time.monotonic() - started,
+    )
 
 
 def _start(loaded: "LoadedMap", rng: "np.random.Generator") -> "Pose | None":

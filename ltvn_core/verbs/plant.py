@@ -77,7 +77,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
     from ltvn_core.composition import open_predictor, open_simulation
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.recording.map_file import check_fingerprint, load_map
-    from ltvn_core.recording.writer import RecordingWriter
+    from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -94,17 +94,21 @@ def _drive(options: PlantVerb) -> PlantSummary:
     faults = tuple(_insert_faults(options, loaded, keyframes, predictor, system.method))
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
     simulation = open_simulation(loaded.meta.scene, seed=options.seed, first_step=first_step, start=start)
-    about = {
-        "scene": loaded.meta.scene,
-        "config": _settings(options, system, faults),
-        "fingerprint": predictor.fingerprint,
-    }
-    with RecordingWriter(options.recording, **about) as writer:
+    run = RunDescription(
+        scene=loaded.meta.scene, config=_settings(options, system, faults), fingerprint=predictor.fingerprint
+    )
+    with run.open_writer(options.recording) as writer:
         writer.write_map(graph, [loaded.observations[node] for node in graph.nodes])
         runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)
         outcome = runner.run_queries([fault.goal for fault in faults], rng, starts=[fault.start for fault in faults])
-    wall_s = time.monotonic() - started
-    return PlantSummary(options.recording, faults, len(graph.nodes), len(graph.edges), outcome, wall_s)
+    return PlantSummary(
+        recording=options.recording,
+        faults=faults,
+        nodes=len(graph.nodes),
+        edges=len(graph.edges),
+        outcome=outcome,
+        wall_s=time.monotonic() - started,
+    )
 
 
 def _method(options: PlantVerb, weights: Path) -> "Method":

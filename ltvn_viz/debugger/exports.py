@@ -4,6 +4,7 @@ Owns the names of the files, which never are those of others. What is in them is
 `analysis.regression_test_source`, `scene_html` and `report.map_svg`. Slow; runs in the worker's thread.
 """
 
+import os
 import re
 from pathlib import Path
 
@@ -24,19 +25,31 @@ def save_excerpt(library: RecordingLibrary, name: str, from_s: float, to_s: floa
     from_s, to_s = max(from_s, begin), min(to_s, end)
     output = library.new_file(f"moment-{Path(name).stem}-{from_s:.0f}s")
     write_excerpt(recording, output, from_s=from_s, to_s=to_s)
-    found = event_window(recording.events, from_s, to_s)
-    about = f"{name} from {from_s:.1f} s to {to_s:.1f} s"
     test = library.new_file(f"test_{re.sub(r'[^0-9A-Za-z]+', '_', output.stem)}", ".py")
-    write_text_atomically(test, regression_test_source(found.ongoing + found.events, file=output.name, about=about))
+    write_excerpt_test(recording, output, test, from_s=from_s, to_s=to_s)
     return output, test
 
 
 def save_map(library: RecordingLibrary, name: str, at_s: float) -> tuple[Path, Path]:
     """Draw the map at a time of the robot's clock as a page in 3D and as a flat figure. Raises LtvnError."""
-    recording = Recording.open(library.path(name))
-    drawn = map_layout(recording, at_s=at_s)
     stem = f"map-{Path(name).stem}-{at_s:.0f}s"
     page, figure = library.new_file(stem, ".html"), library.new_file(stem, ".svg")
-    write_text_atomically(page, scene_html(recording, drawn))
-    write_text_atomically(figure, map_svg(drawn))
+    draw_map(Recording.open(library.path(name)), at_s, html=page, svg=figure)
     return page, figure
+
+
+def write_excerpt_test(recording: Recording, excerpt: Path, test: Path, *, from_s: float, to_s: float) -> None:
+    """Write a pytest file that opens an excerpt of a recording and asserts what happened in it. Raises LtvnError."""
+    found = event_window(recording.events, from_s, to_s)
+    file = os.path.relpath(excerpt.absolute(), test.absolute().parent)
+    about = f"{recording.path.name} from {from_s:.1f} s to {to_s:.1f} s"
+    write_text_atomically(test, regression_test_source(found.ongoing + found.events, file=file, about=about))
+
+
+def draw_map(recording: Recording, at_s: float | None, *, html: Path | None = None, svg: Path | None = None) -> None:
+    """Draw the map at a time of the robot's clock, at the end if None, into new files. Raises LtvnError."""
+    drawn = map_layout(recording, at_s=at_s)
+    if svg is not None:
+        write_text_atomically(svg, map_svg(drawn))
+    if html is not None:
+        write_text_atomically(html, scene_html(recording, drawn))

@@ -1,6 +1,5 @@
 """`ltvn export`: a moment, a test, a page or a figure out of a recording, to pass on."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -57,15 +56,15 @@ class ExportVerb(Verb):
     def run(self) -> Summary:
         """Write what is asked for; raises OptionError, RecordingError, MapError and SceneError."""
         self._check()
-        write_excerpt = self._cut() if self.output is not None else None
+        excerpt = self._cut() if self.output is not None else None
         if self.html is not None or self.svg is not None:
             self._draw()
         return ExportSummary(
             recording=self.recording,
             output=self.output,
-            frames=None if write_excerpt is None else write_excerpt.frames,
-            events=None if write_excerpt is None else write_excerpt.events,
-            size_bytes=None if write_excerpt is None else write_excerpt.size_bytes,
+            frames=None if excerpt is None else excerpt.frames,
+            events=None if excerpt is None else excerpt.events,
+            size_bytes=None if excerpt is None else excerpt.size_bytes,
             test=self.test,
             html=self.html,
             svg=self.svg,
@@ -83,35 +82,22 @@ class ExportVerb(Verb):
                 raise OptionError(f"{path} exists already and is never overwritten; name another file.")
 
     def _cut(self) -> "Excerpt":
-        from ltvn_core.analysis.regression_test_source import regression_test_source
-        from ltvn_core.atomic_files import write_text_atomically
-        from ltvn_core.recording.excerpt import event_window, time_span, write_excerpt
+        from ltvn_core.recording.excerpt import time_span, write_excerpt
         from ltvn_core.recording.reader import Recording
+        from ltvn_viz.debugger.exports import write_excerpt_test
 
         recording = Recording.open(self.recording)
         begin, end = time_span(recording)
-        from_s, to_s = begin if self.from_s is None else self.from_s, end if self.to_s is None else self.to_s
+        from_s = begin if self.from_s is None else self.from_s
+        to_s = end if self.to_s is None else self.to_s
         output = self.output or Path()
         written = write_excerpt(recording, output, from_s=from_s, to_s=to_s, named_only=self.named_only)
         if self.test is not None:
-            found = event_window(recording.events, from_s, to_s)
-            file = os.path.relpath(output.absolute(), self.test.absolute().parent)
-            about = f"{self.recording.name} from {from_s:.1f} s to {to_s:.1f} s"
-            write_text_atomically(
-                self.test, regression_test_source(found.ongoing + found.events, file=file, about=about)
-            )
+            write_excerpt_test(recording, output, self.test, from_s=from_s, to_s=to_s)
         return written
 
     def _draw(self) -> None:
-        from ltvn_core.atomic_files import write_text_atomically
-        from ltvn_core.evaluation.map_layout import map_layout
         from ltvn_core.recording.reader import Recording
-        from ltvn_core.reports.map_svg import map_svg
-        from ltvn_viz.layers.scene_html import scene_html
+        from ltvn_viz.debugger.exports import draw_map
 
-        recording = Recording.open(self.recording)
-        drawn = map_layout(recording, at_s=self.to_s)
-        if self.svg is not None:
-            write_text_atomically(self.svg, map_svg(drawn))
-        if self.html is not None:
-            write_text_atomically(self.html, scene_html(recording, drawn))
+        draw_map(Recording.open(self.recording), self.to_s, html=self.html, svg=self.svg)

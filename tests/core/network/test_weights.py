@@ -93,3 +93,31 @@ def test_a_damaged_card_is_an_error(tmp_path: Path) -> None:
     card_path(tmp_path / "w.safetensors").write_text("{")
     with pytest.raises(WeightsError, match="card"):
         read_card(tmp_path / "w.safetensors")
+
+
+def test_a_card_of_other_weights_never_lies_beside_new_ones(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    network = PairNetwork(SMALL)
+    first = save_weights(network, path, {"trained": "long"})
+    assert save_weights(network, path) == first
+    assert read_card(path) == {"fingerprint": first, "trained": "long"}
+    with torch.no_grad():
+        network.place_line.add_(1)
+    save_weights(network, path)
+    assert read_card(path) == {}
+    second = save_weights(network, path, {"trained": "longer"})
+    assert read_card(path) == {"fingerprint": second, "trained": "longer"}
+    assert sorted(tmp_path.iterdir()) == [card_path(path), path]
+
+
+def test_old_weights_and_their_card_stay_where_new_ones_cannot_be_written(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    network = PairNetwork(SMALL)
+    first = save_weights(network, path, {"trained": "long"})
+    with torch.no_grad():
+        network.place_line.add_(1)
+    with pytest.raises(TypeError):
+        save_weights(network, path, {"no JSON": object()})
+    assert read_card(path) == {"fingerprint": first, "trained": "long"}
+    assert load_predictor(path).fingerprint == first
+    assert sorted(tmp_path.iterdir()) == [card_path(path), path]

@@ -8,37 +8,40 @@ import threading
 
 import numpy as np
 
-import ltvn_core as ltvn
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import compose
 from ltvn_core.robots.drive_lease import DriveLease
+from ltvn_core.robots.robot import Robot, WallClock
+from ltvn_core.robots.robot_spec import RobotSpec
+from ltvn_core.types import Observation, RobotState, Twist
 
 ROOM_M = np.array([[0.0, 0.0, 0.0], [6.0, 4.0, 2.5]])
 WALLPAPER = np.random.default_rng(5).integers(0, 255, (3, 2, 13, 13, 3), np.uint8)
-CAMERA = ltvn.CameraModel.from_fov(160, 120, np.deg2rad(80), height_m=0.6)
+CAMERA = CameraModel.from_fov(160, 120, np.deg2rad(80), height_m=0.6)
 
 
 class RoomRobot:
-    """Implements `ltvn_core.Robot`."""
+    """Implements `ltvn_core.robots.robot.Robot`."""
 
-    spec = ltvn.RobotSpec(name="room robot", radius_m=0.2, height_m=0.7, ground_clearance_m=0.02, camera=CAMERA)
+    spec = RobotSpec(name="room robot", radius_m=0.2, height_m=0.7, ground_clearance_m=0.02, camera=CAMERA)
 
     def __init__(self) -> None:
-        self.clock = ltvn.WallClock()
+        self.clock = WallClock()
         self._lease = DriveLease(self.clock.now, limits=self.spec.speeds)
         self._pose, self._bumped = np.array([2.0, 2.0, 0.0]), False
         threading.Thread(target=self._turn_wheels, daemon=True).start()
 
-    def drive(self, twist: ltvn.Twist) -> None:
+    def drive(self, twist: Twist) -> None:
         self._lease.grant(twist)
 
     def stop(self) -> None:
         self._lease.cancel()
 
-    def state(self) -> ltvn.RobotState:
+    def state(self) -> RobotState:
         now_s = self.clock.now()
-        return ltvn.RobotState(self._pose, now_s, step=int(10 * now_s), bumper_pressed=self._bumped)
+        return RobotState(self._pose, now_s, step=int(10 * now_s), bumper_pressed=self._bumped)
 
-    def observe(self) -> ltvn.Observation:
+    def observe(self) -> Observation:
         state, eye = self.state(), np.array([*self._pose[:2], CAMERA.height_m])
         ahead = CAMERA.unproject_image(np.ones((120, 160))) - [0, 0, CAMERA.height_m]
         cos, sin = np.cos(state.odometry[2]), np.sin(state.odometry[2])
@@ -49,7 +52,7 @@ class RoomRobot:
         column, row = np.where(axis == 0, tile[:, 1], tile[:, 0]), np.where(axis == 2, tile[:, 1], tile[:, 2])
         rgb = WALLPAPER[axis, (rays[np.arange(len(rays)), axis] > 0).astype(int), column, row]
         picture, metres = rgb.reshape(120, 160, 3), depth.min(axis=1).reshape(120, 160)
-        return ltvn.Observation(picture, metres, state.odometry, state.stamp, state.step)
+        return Observation(picture, metres, state.odometry, state.stamp, state.step)
 
     def _turn_wheels(self) -> None:
         while True:
@@ -60,6 +63,6 @@ class RoomRobot:
             self._pose, self._bumped = np.array([*free, wanted[2]]), bool(np.any(free != wanted[:2]))
 
 
-def make_robot() -> ltvn.Robot:
+def make_robot() -> Robot:
     """Return the robot; the page calls this once."""
     return RoomRobot()

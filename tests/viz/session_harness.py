@@ -21,7 +21,8 @@ from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, RobotState, Twist
+from ltvn_core.robots.robot import Robot
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Predictor, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions
 from ltvn_viz.server.thumbnails import ThumbnailStore
@@ -30,6 +31,7 @@ from ltvn_viz.session.absent_backend import AbsentFeed
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.camera_feed import ObservationFeed
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.live_map import LiveMap
@@ -150,8 +152,13 @@ class SessionHarness:
         mapped: bool = True,
         executor: Executor | None = None,
         fine_tuning: FineTuning | None = None,
+        own_robot: Robot | None = None,
+        predictor: Predictor | None = None,
     ) -> None:
-        """Open a session with a map of a tour along `way` unless told otherwise; jobs are done at once by default."""
+        """Open a session with a map of a tour along `way` unless told otherwise; jobs are done at once by default.
+
+        It drives a flat robot, or `own_robot`, of which nobody knows where it really is.
+        """
         self.world = world or ONE_ROOM
         self.driver = FakeDriver()
         self.shown: list[Snapshot] = []
@@ -162,8 +169,8 @@ class SessionHarness:
         first_step = max((picture.step for picture in seen), default=-1) + 1
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
         worker = Worker(executor or InlineExecutor())
-        live_map = LiveMap(FlatPredictor(self.world), ltvn_system(ROBUST), np.random.default_rng(0))
-        robot = LiveRobot(self.robot, ground_truth=lambda: self.robot.pose)
+        live_map = LiveMap(predictor or FlatPredictor(self.world), ltvn_system(ROBUST), np.random.default_rng(0))
+        robot = LiveRobot(own_robot or self.robot, ground_truth=None if own_robot else lambda: self.robot.pose)
         live = LiveRun(robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
         goals = Goals(live_map, worker, self.thumbnails)
         teleop = Teleop(live, worker, live_map.offer)
@@ -175,7 +182,7 @@ class SessionHarness:
             worker=worker,
             library=self.library,
             open_replay=self.open_replay,
-            feed=AbsentFeed(),
+            feed=ObservationFeed(lambda: live.view, robot.clock) if own_robot else AbsentFeed(),
             goals=goals,
             teleop=teleop,
             fine_tuning=fine_tuning or FineTuning(None, None, InlineExecutor()),

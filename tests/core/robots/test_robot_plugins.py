@@ -1,0 +1,104 @@
+"""Robots of other people are found by name or in a file, and whatever is wrong with one is said at the door."""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.errors import PluginError
+from ltvn_core.robots.robot_plugins import GROUP, find_robots, open_robot
+
+ROBOT = """
+from tests.core.flat_world import FlatRobot, one_room
+
+def make_robot():
+    return FlatRobot(one_room(), (1.0, 1.0, 0.0))
+
+class NoSpec:
+    pass
+
+def blind():
+    robot = make_robot()
+    robot.observe = lambda: None
+    return robot
+
+def legless():
+    robot = make_robot()
+    robot.drive = None
+    return robot
+
+def timeless():
+    robot = make_robot()
+    robot.clock = None
+    return robot
+
+def lost():
+    robot = make_robot()
+    robot.state = lambda: FlatRobot.state(robot)._replace(odometry=(float("nan"), 0, 0))
+    return robot
+
+def broken():
+    raise OSError("no cable")
+
+number = 3
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "my_robot.py"
+    path.write_text(ROBOT)
+    return path
+
+
+def test_a_robot_in_a_file_is_made_by_its_function(file: Path) -> None:
+    assert open_robot(f"{file}:make_robot").spec.name == "LoCoBot"
+
+
+def test_an_installed_robot_is_found_by_its_name() -> None:
+    entries = find_robots([EntryPoint("mine", "tests.core.robots.test_robot_plugins:a_robot", GROUP)])
+    assert open_robot("mine", entries).spec.name == "LoCoBot"
+
+
+@pytest.mark.parametrize(
+    ("factory", "said"),
+    [
+        ("gone", r"no function 'gone'. It has: FlatRobot, NoSpec, blind"),
+        ("number", "cannot be called"),
+        ("broken", "OSError: no cable"),
+        ("NoSpec", "has no `spec`"),
+        ("timeless", "has no `clock`"),
+        ("legless", "lacks drive"),
+        ("blind", "takes no image"),
+        ("lost", "all finite"),
+    ],
+)
+def test_what_is_wrong_with_a_robot_is_said_before_the_page_opens(file: Path, factory: str, said: str) -> None:
+    with pytest.raises(PluginError, match=said):
+        open_robot(f"{file}:{factory}")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        ("nowhere.py:make_robot", "nowhere.py does not exist"),
+        ("nowhere.py", "names no robot"),
+        ("nobody", "No robot is called 'nobody'. Installed robots: none"),
+    ],
+)
+def test_a_robot_that_is_not_there_is_refused_with_what_would_be_valid(wanted: str, said: str) -> None:
+    with pytest.raises(PluginError, match=said):
+        open_robot(wanted, {})
+
+
+def test_a_file_that_cannot_be_run_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "torn.py"
+    path.write_text("import nothing_of_this_name")
+    with pytest.raises(PluginError, match=r"torn\.py could not be run"):
+        open_robot(f"{path}:make_robot")
+
+
+def a_robot() -> object:
+    from tests.core.flat_world import FlatRobot, one_room
+
+    return FlatRobot(one_room(), (1.0, 1.0, 0.0))

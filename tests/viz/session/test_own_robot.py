@@ -1,0 +1,222 @@
+"""A robot that no simulator knows: its time passes by itself, and nobody knows where it really is."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+
+from ltvn_core.navigation.events import Judged, Localised, Outcome
+from ltvn_core.robots.drive_lease import DriveLease
+from ltvn_core.robots.robot import WallClock
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import CONTROL_STEP_S, Features, Observation, RobotState, Twist
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.live_robot import LiveRobot
+from ltvn_viz.session.live_run import TICK_S
+from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import ImageSource, Snapshot
+from tests.core.flat_world import FlatPredictor, FlatRobot, observation_at
+from tests.viz.session_harness import ONE_ROOM, InlineExecutor, SessionHarness
+from tests.waiting import until
+
+TURN = Twist(0.0, 0.8)
+AHEAD = Twist(0.4, 0.0)
+
+
+class OwnRobot:
+    """Drives through the single room as the wall's time passes, which the test decides. Implements `Robot`."""
+
+    spec = replace(LOCOBOT, name="own robot", radius_m=0.2)
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.clock = WallClock(lambda: self.now_s, _wait)
+        self.body = FlatRobot(ONE_ROOM, (1.0, 1.0, 0.0))
+        self.lease = DriveLease(self.clock.now)
+
+    def pass_time(self, duration_s: float) -> None:
+        self.now_s += duration_s
+        while (self.body.step + 1) * CONTROL_STEP_S <= self.now_s + 1e-9:
+            self.body.twist = self.lease.command()
+            self.body.advance()
+
+    def observe(self) -> Observation:
+        return replace(observation_at(self.body.pose, self.body.step), exact_pose=None, stamp=self.now_s)
+
+    def state(self) -> RobotState:
+        bumped = self.body.state().bumper_pressed
+        return RobotState(self.body.pose.copy(), self.now_s, self.body.step, bumper_pressed=bumped)
+
+    def drive(self, twist: Twist) -> None:
+        self.lease.grant(twist)
+
+    def stop(self) -> None:
+        self.lease.cancel()
+
+
+class SlowPredictor(FlatPredictor):
+    """Knows the room by odometry, and takes its time over every image."""
+
+    def __init__(self, robot: OwnRobot, thought_s: float) -> None:
+        super().__init__(ONE_ROOM)
+        self.robot, self.thought_s = robot, thought_s
+
+    def encode(self, observations: Sequence[Observation]) -> Features:
+        self.robot.pass_time(self.thought_s)
+        return np.array([[*seen.odometry, seen.step] for seen in observations])
+
+
+class OwnRobotSession(SessionHarness):
+    """A session with such a robot and an empty map; the wall's time passes between its ticks."""
+
+    def __init__(self, folder: Path, *, thought_s: float = 0.0) -> None:
+        self.own = OwnRobot()
+        predictor = SlowPredictor(self.own, thought_s)
+        super().__init__(folder, mapped=False, own_robot=self.own, predictor=predictor, executor=InlineExecutor())
+
+    def wait(self, ticks: int = 1) -> Snapshot:
+        for _ in range(ticks):
+            self.own.pass_time(TICK_S)
+            super().wait()
+        return self.now
+
+    def drive(self, twist: Twist, seconds: float) -> None:
+        self.driver.twist = twist
+        self.wait(round(seconds / TICK_S))
+        self.driver.twist = None
+        self.wait(2)
+
+
+def _wait(duration_s: float) -> NoReturn:
+    raise AssertionError(f"the session waited for the wall's clock, {duration_s} s")
+
+
+@pytest.fixture
+def harness(tmp_path: Path) -> OwnRobotSession:
+    harness = OwnRobotSession(tmp_path)
+    harness.wait()
+    return harness
+
+
+def explore(harness: OwnRobotSession) -> None:
+    """Look around at both ends of a way of 1.6 m."""
+    harness.drive(TURN, 8)
+    harness.drive(AHEAD, 4)
+    harness.drive(TURN, 8)
+
+
+def far_node(harness: OwnRobotSession) -> int:
+    graph = harness.now.moment.graph
+    return int(graph.ids[np.argmax(np.linalg.norm(graph.poses[:, :2] - harness.own.body.pose[:2], axis=1))])
+
+
+def test_a_held_key_drives_it_and_the_page_draws_it_where_its_odometry_says(harness: OwnRobotSession) -> None:
+    before = harness.own.body.pose.copy()
+    harness.drive(AHEAD, 1.0)
+    assert harness.own.body.pose[0] > before[0] + 0.2
+    drawn = harness.wait().moment.robot
+    assert drawn is not None
+    np.testing.assert_allclose(drawn, harness.own.body.pose)
+
+
+def test_the_page_shows_the_image_that_the_method_works_with_also_while_it_stands(harness: OwnRobotSession) -> None:
+    first = harness.now.camera
+    assert first is not None
+    assert first.source is ImageSource.OBSERVATION
+    frames = harness.now.moment.frames
+    later = harness.wait(6)
+    assert later.camera is not first
+    assert later.moment.frames == frames
+
+
+def test_it_stops_by_itself_when_the_session_hangs(harness: OwnRobotSession) -> None:
+    harness.driver.twist = AHEAD
+    harness.wait(10)
+    harness.own.pass_time(0.4)
+    stood = harness.own.body.pose.copy()
+    harness.own.pass_time(2.0)
+    np.testing.assert_array_equal(harness.own.body.pose, stood)
+    assert harness.own.lease.expiries == 1
+
+
+def test_its_map_grows_is_built_anew_and_leads_to_a_node(harness: OwnRobotSession) -> None:
+    explore(harness)
+    assert len(harness.now.moment.graph.ids) > 3
+    harness.do(c.BuildMap())
+    until(lambda: harness.wait().mode is Mode.TELEOP)
+    goal = far_node(harness)
+    place = harness.state.live_map.keyframes.observation(goal).odometry
+    harness.do(c.NavigateTo(goal))
+    now = harness.until(lambda now: now.mode is Mode.TELEOP)
+    assert now.moment.progress.ended is not None
+    assert now.moment.progress.ended.outcome is Outcome.ARRIVED
+    assert np.hypot(*(harness.own.body.pose - place)[:2]) < 0.72
+
+
+def test_nobody_judges_an_arrival_where_nobody_knows_the_truth(harness: OwnRobotSession) -> None:
+    explore(harness)
+    harness.do(c.NavigateTo(far_node(harness)))
+    harness.until(lambda now: now.mode is Mode.TELEOP)
+    assert not [row for row in harness.state.live.timeline.events if isinstance(row.event, Judged)]
+
+
+def test_a_recording_holds_every_image_that_its_events_name_although_thinking_takes_time(tmp_path: Path) -> None:
+    harness = OwnRobotSession(tmp_path, thought_s=0.12)
+    harness.wait()
+    explore(harness)
+    harness.do(c.StartRecording())
+    harness.do(c.NavigateTo(far_node(harness)))
+    harness.until(lambda now: now.mode is Mode.TELEOP)
+    harness.do(c.KeepRecording())
+    (writer,) = harness.writers
+    named = {row.event.frame for row in writer.events if isinstance(row.event, Localised)}
+    assert named
+    assert named <= {seen.step for seen in writer.frames}
+    stamps = [seen.stamp for seen in writer.frames]
+    assert stamps == sorted(stamps)
+
+
+def test_it_stands_while_a_task_is_paused_and_drives_on_afterwards(harness: OwnRobotSession) -> None:
+    explore(harness)
+    harness.do(c.NavigateTo(far_node(harness)))
+    harness.until(lambda now: bool(harness.own.lease.command().linear_m_s))
+    harness.do(c.Pause())
+    harness.wait(4)
+    stood = harness.own.body.pose.copy()
+    harness.wait(30)
+    np.testing.assert_array_equal(harness.own.body.pose, stood)
+    harness.do(c.Pause())
+    now = harness.until(lambda now: now.mode is Mode.TELEOP)
+    assert now.moment.progress.ended is not None
+    assert now.moment.progress.ended.outcome is Outcome.ARRIVED
+
+
+def test_the_last_command_is_renewed_while_a_robot_drives_and_held_while_its_navigator_thinks() -> None:
+    own = OwnRobot()
+    robot = LiveRobot(own)
+    robot.drive(AHEAD)
+    own.pass_time(0.2)
+    robot.renew()
+    own.pass_time(0.2)
+    assert own.lease.command() == AHEAD
+    robot.hold()
+    assert own.lease.command() == Twist(0.0, 0.0)
+    robot.renew()
+    assert own.lease.command() == AHEAD
+    robot.stop()
+    robot.renew()
+    assert own.lease.command() == Twist(0.0, 0.0)
+
+
+def test_its_images_are_numbered_after_those_of_the_map_that_was_there() -> None:
+    own = OwnRobot()
+    robot = LiveRobot(own, first_step=500, first_stamp=60.0)
+    own.pass_time(1.0)
+    seen = robot.observe()
+    assert (seen.step, seen.stamp) == (510, pytest.approx(61.0))
+    assert (robot.state().step, robot.state().stamp) == (510, pytest.approx(61.0))
+    assert robot.clock.now() == pytest.approx(61.0)
+    assert list(robot.taken()) == [seen]

@@ -1,58 +1,53 @@
 """Drive a robot of your own in the page: `ltvn app --robot examples/05_drive_your_own_robot.py:make_robot`.
 
-This one only pretends: it drives on the wall's clock through a room that is six coloured planes. Put your own motors
-and camera behind the same four methods; nothing else in the toolkit needs to know them.
+This one only pretends, in a room of six coloured planes. Put your motors and camera behind the same four methods.
 """
 
 import threading
 
 import numpy as np
 
-from ltvn_core.cameras.camera_model import CameraModel
+import ltvn_core as ltvn
 from ltvn_core.geometry import compose
 from ltvn_core.robots.drive_lease import DriveLease
-from ltvn_core.robots.robot import Robot, WallClock
-from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.types import Observation, RobotState, Twist
 
 ROOM_M = np.array([[0.0, 0.0, 0.0], [6.0, 4.0, 2.5]])
 WALLPAPER = np.random.default_rng(5).integers(0, 255, (3, 2, 13, 13, 3), np.uint8)
-CAMERA = CameraModel.from_fov(160, 120, np.deg2rad(80), height_m=0.6)
+CAMERA = ltvn.CameraModel.from_fov(160, 120, np.deg2rad(80), height_m=0.6)
 
 
 class RoomRobot:
-    """Implements `ltvn_core.robots.robot.Robot`."""
+    """Implements `ltvn_core.Robot`."""
 
-    spec = RobotSpec(name="room robot", radius_m=0.2, height_m=0.7, ground_clearance_m=0.02, camera=CAMERA)
+    spec = ltvn.RobotSpec(name="room robot", radius_m=0.2, height_m=0.7, ground_clearance_m=0.02, camera=CAMERA)
 
     def __init__(self) -> None:
-        self.clock = WallClock()
+        self.clock = ltvn.WallClock()
         self._lease = DriveLease(self.clock.now, limits=self.spec.speeds)
         self._pose, self._bumped = np.array([2.0, 2.0, 0.0]), False
         threading.Thread(target=self._turn_wheels, daemon=True).start()
 
-    def drive(self, twist: Twist) -> None:
+    def drive(self, twist: ltvn.Twist) -> None:
         self._lease.grant(twist)
 
     def stop(self) -> None:
         self._lease.cancel()
 
-    def state(self) -> RobotState:
-        now_s = self.clock.now()
-        return RobotState(self._pose, now_s, step=int(10 * now_s), bumper_pressed=self._bumped)
+    def state(self) -> ltvn.RobotState:
+        return ltvn.RobotState(self._pose, self.clock.now(), int(10 * self.clock.now()), self._bumped)
 
-    def observe(self) -> Observation:
-        state, eye = self.state(), np.array([*self._pose[:2], CAMERA.height_m])
-        ahead = CAMERA.unproject_image(np.ones((120, 160))) - [0, 0, CAMERA.height_m]
-        cos, sin = np.cos(state.odometry[2]), np.sin(state.odometry[2])
-        rays = ahead @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    def observe(self) -> ltvn.Observation:
+        state = self.state()
+        x, y, yaw = state.odometry
+        eye, cos, sin = np.array([x, y, 0.6]), np.cos(yaw), np.sin(yaw)
+        rays = (CAMERA.unproject_image(np.ones((120, 160))) - [0, 0, 0.6]) @ [[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]]
         depth = (np.where(rays > 0, ROOM_M[1], ROOM_M[0]) - eye) / np.where(rays == 0, 1e-9, rays)
         axis = depth.argmin(axis=1)  # The plane that each ray meets first.
         tile = (2 * (eye + rays * depth.min(axis=1, keepdims=True)) + 0.5).astype(int)
         column, row = np.where(axis == 0, tile[:, 1], tile[:, 0]), np.where(axis == 2, tile[:, 1], tile[:, 2])
         rgb = WALLPAPER[axis, (rays[np.arange(len(rays)), axis] > 0).astype(int), column, row]
-        picture, metres = rgb.reshape(120, 160, 3), depth.min(axis=1).reshape(120, 160)
-        return Observation(picture, metres, state.odometry, state.stamp, state.step)
+        metres = depth.min(axis=1).reshape(120, 160)
+        return ltvn.Observation(rgb.reshape(120, 160, 3), metres, state.odometry, state.stamp, state.step)
 
     def _turn_wheels(self) -> None:
         while True:
@@ -63,6 +58,4 @@ class RoomRobot:
             self._pose, self._bumped = np.array([*free, wanted[2]]), bool(np.any(free != wanted[:2]))
 
 
-def make_robot() -> Robot:
-    """Return the robot; the page calls this once."""
-    return RoomRobot()
+make_robot = RoomRobot

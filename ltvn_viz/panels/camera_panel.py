@@ -49,7 +49,7 @@ def caption(view: CameraImage | None) -> str:
             text = f"What the method sees: {width} x {height} pixels" + (", no depth" if view.depth is None else "")
         case ImageSource.RENDERED:
             text = "Rendered larger for you; the method sees a smaller image"
-    return f'<div class="lt-caption">{text}</div>'
+    return f'<div class="lt lt-note">{text}</div>'
 
 
 def colour_beside_depth(view: CameraImage | None) -> Rgb:

@@ -14,6 +14,7 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.timeline.run_moment import moment_of
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.repository import ROOT
@@ -97,11 +98,11 @@ def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: 
     pictures.nth(int(np.argmax(away))).click()
     until(lambda: app.session.mode is Mode.NAVIGATING)
     until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
-    ended = live.timeline.at().progress.ended
+    ended = moment_of(live.timeline).progress.ended
     assert ended is not None
     assert (ended.goal, ended.outcome) == (goal, Outcome.ARRIVED)
     assert not np.array_equal(pose(app), start)
-    expect(page.get_by_text("Last task: arrived")).to_be_visible()
+    expect(page.get_by_text("Last query: arrived")).to_be_visible()
 
     recording = Recording.open(next(tmp_path.glob("*.rrd")))
     assert recording.meta.scene == "room robot"

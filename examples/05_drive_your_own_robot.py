@@ -38,8 +38,7 @@ class RoomRobot:
 
     def observe(self) -> ltvn.Observation:
         state = self.state()
-        x, y, yaw = state.odometry
-        eye, cos, sin = np.array([x, y, 0.6]), np.cos(yaw), np.sin(yaw)
+        eye, cos, sin = np.array([*state.odometry[:2], 0.6]), np.cos(state.odometry[2]), np.sin(state.odometry[2])
         rays = (CAMERA.unproject_image(np.ones((120, 160))) - [0, 0, 0.6]) @ [[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]]
         depth = (np.where(rays > 0, ROOM_M[1], ROOM_M[0]) - eye) / np.where(rays == 0, 1e-9, rays)
         axis = depth.argmin(axis=1)  # The plane that each ray meets first.

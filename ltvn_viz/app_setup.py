@@ -84,7 +84,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
         predictor_for=lambda weights: _reopen_with(options, weights),
-        debugger=Inspector(all_questions(live.breakpoint_monitor), worker),
+        debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
         rerun=RerunViewers(stack).address,
     )
 

@@ -1,5 +1,11 @@
-"""The questions of the debugger, in the order of the list: a new one is a module of its own and one line here."""
+"""The questions of the debugger, in the order of the list: a new one is a module of its own and one line here.
 
+Other packages add theirs by the entry-point group `ltvn.questions`, `name = "package.module:QuestionClass"`.
+"""
+
+import logging
+from collections.abc import Iterable, Iterator
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from ltvn_viz.debugger.breakpoint_question import BreakpointQuestion
@@ -17,9 +23,17 @@ from ltvn_viz.debugger.what_if_question import WhatIfQuestion
 from ltvn_viz.debugger.why_question import WhyQuestion
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
+GROUP = "ltvn.questions"
+"""Name of the entry-point group."""
+
+_LOG = logging.getLogger(__name__)
+
 
 def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any], ...]:
-    """Return a fresh set of questions in the order of the list; breakpoints are kept in `breakpoint_monitor`."""
+    """Return a fresh set of questions in the order of the list, then the installed ones of other packages.
+
+    Breakpoints are kept in `breakpoint_monitor`.
+    """
     return (
         EdgeQuestion(),
         WhyQuestion(),
@@ -33,4 +47,19 @@ def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any],
         NextDriveQuestion(),
         ManualEditQuestion(),
         ShareQuestion(),
+        *installed_questions(entry_points(group=GROUP)),
     )
+
+
+def installed_questions(entries: Iterable[EntryPoint]) -> Iterator[Question[Any]]:
+    """Yield the questions that other packages offer; one that cannot be made is named in the log and left out."""
+    for entry in sorted(entries, key=lambda entry: entry.name):
+        try:
+            question = entry.load()()
+        except Exception as error:  # Another person's code may raise anything.
+            _LOG.warning("The question %s cannot be loaded (%s: %s).", entry.name, type(error).__name__, error)
+            continue
+        if isinstance(question, Question):
+            yield question
+        else:
+            _LOG.warning("%s is no question; derive it from ltvn_viz.debugger.question.Question.", entry.value)

@@ -1,7 +1,9 @@
 """What the command line may ask of the app."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ltvn_core.composition import PredictorName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
@@ -41,6 +43,8 @@ class AppOptions:
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""
     replay_at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
+    questions: Sequence[Callable[[], Any]] = ()
+    """Questions for the debugger besides ours and the installed ones, each a class that is made without arguments."""
 
     @property
     def start_weights(self) -> Path:

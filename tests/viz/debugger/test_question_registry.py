@@ -1,6 +1,8 @@
 """A question of one's own is a class and a line: the page lists it, and links lead to it."""
 
+from importlib.metadata import EntryPoint
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 
@@ -8,9 +10,11 @@ from ltvn_core.errors import OptionError
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.debugger.question_registry import GROUP, installed_questions
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.share_links import commands_from_link
+from tests.repository import ROOT
 from tests.viz.debugger.answer_links import follow
 from tests.viz.session_harness import SessionHarness
 
@@ -53,6 +57,32 @@ def test_a_question_of_ones_own_is_offered_and_answers(harness: SessionHarness) 
     assert shown.inspection.offered == (QuestionName.NONE, "How many nodes?")
     assert f"{len(harness.state.live_map.graph.nodes)} nodes, counted 1 times" in shown.inspection.html
     assert "counted 2 times" in follow(harness, shown, "count again").inspection.html
+
+
+def test_installed_questions_follow_and_a_broken_one_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    here = f"{__name__}:NodeCountQuestion"
+    entries = [
+        EntryPoint(name="nodes", value=here, group=GROUP),
+        EntryPoint(name="gone", value="no.such.module:Question", group=GROUP),
+        EntryPoint(name="text", value=f"{__name__}:str", group=GROUP),
+    ]
+
+    (question,) = installed_questions(entries)
+
+    assert question.word == "node-count"
+    assert "The question gone cannot be loaded (ModuleNotFoundError" in caplog.text
+
+
+def test_the_example_of_a_question_shows_the_edges_that_are_believed_in_least(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    example = run_path(str(ROOT / "examples" / "08_add_a_debugger_question.py"))["DoubtfulEdgesQuestion"]
+    harness.state.debugger = Inspector([example()], harness.state.worker)
+
+    shown = harness.do(c.ChooseQuestion("Doubtful edges?"), ticks=2)
+
+    least = min(harness.state.live_map.graph.edges.values(), key=lambda edge: edge.belief.p)
+    assert f"p = {least.belief.p:.2f} after {least.attempts} attempts" in shown.inspection.html
+    assert shown.inspection.answer.overlay.strokes
 
 
 def test_a_link_leads_to_a_question_of_ones_own_by_its_word(harness: SessionHarness) -> None:

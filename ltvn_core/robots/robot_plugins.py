@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import cast
 
 from ltvn_core.errors import LtvnError, PluginError
 from ltvn_core.preprocessing import admit_observation
@@ -76,7 +77,7 @@ def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
         raise PluginError(f"The robot {name}: its state must hold x, y, yaw and seconds, all finite, got {state}.")
 
 
-def _installed_factory(name: str, installed: Mapping[str, EntryPoint] | None) -> Callable[[], object]:
+def _installed_factory(name: str, installed: Mapping[str, EntryPoint] | None) -> Callable[[], Robot]:
     robots = find_robots() if installed is None else installed
     if name not in robots:
         names = ", ".join(sorted(robots)) or "none"
@@ -90,7 +91,7 @@ def _installed_factory(name: str, installed: Mapping[str, EntryPoint] | None) ->
     return _callable(factory, name)
 
 
-def _factory_in_file(wanted: str) -> Callable[[], object]:
+def _factory_in_file(wanted: str) -> Callable[[], Robot]:
     place, _, name = wanted.rpartition(":")
     path = Path(place)
     if not place.endswith(".py") or not name.isidentifier():
@@ -112,7 +113,7 @@ def _factory_in_file(wanted: str) -> Callable[[], object]:
     return _callable(getattr(module, name), wanted)
 
 
-def _callable(factory: object, name: str) -> Callable[[], object]:
+def _callable(factory: object, name: str) -> Callable[[], Robot]:
     if not callable(factory):
         raise PluginError(f"The robot {name} is {factory!r}, which cannot be called; name a function that makes it.")
-    return factory
+    return cast(Callable[[], Robot], factory)  # `check_robot` looks at what it makes.

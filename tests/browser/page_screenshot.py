@@ -55,7 +55,7 @@ def main() -> int:
 def _set_out(app: RunningApp, page: Page) -> None:
     """Click the picture with the longest way, and wait until the robot is well on it."""
     robot, live_map = app.session.state.live.robot, app.session.state.live_map
-    start, pictures = robot.exact_pose.copy(), page.locator(".lt-gallery img")
+    start, pictures = robot.drawn_pose.copy(), page.locator(".lt-gallery img")
     pictures.first.wait_for()
     here = min(live_map.graph.nodes, key=lambda node: _gap_m(live_map.keyframes.observation(node).exact_pose, start))
     planner = Planner(live_map.graph, ROBUST.planning)
@@ -63,7 +63,7 @@ def _set_out(app: RunningApp, page: Page) -> None:
     ways = [planner.plan(here, goal).cost for goal in goals]
     pictures.nth(int(np.argmax(ways))).click()
     until(lambda: app.session.mode is Mode.NAVIGATING)
-    until(lambda: _gap_m(robot.exact_pose, start) > UNDERWAY_M)
+    until(lambda: _gap_m(robot.drawn_pose, start) > UNDERWAY_M)
 
 
 def _gap_m(a: Pose | None, b: Pose) -> float:

@@ -201,9 +201,9 @@ def test_the_coach_goes_along_while_somebody_drives(fault: DebuggerPage) -> None
     robot = fault.app.session.state.live.robot
     fault.ask(QuestionName.FAILURES)
     fault.ask(QuestionName.COACH)
-    before, start = advice(fault.says("% new")), robot.exact_pose[:2].copy()
+    before, start = advice(fault.says("% new")), robot.drawn_pose[:2].copy()
 
-    fault.drive("w", lambda: float(np.hypot(*(robot.exact_pose[:2] - start))) > 0.4)
+    fault.drive("w", lambda: float(np.hypot(*(robot.drawn_pose[:2] - start))) > 0.4)
     fault.drive("a", lambda: all(now != then for now, then in zip(advice(fault.shown.html), before, strict=True)))
 
     told = advice(fault.says("% new"))

@@ -49,7 +49,7 @@ def assert_the_robot_goes_to(app: RunningApp, node: NodeId) -> None:
     ended = moment_of(app.session.state.live.timeline).progress.ended
     assert ended is not None
     assert (ended.goal, ended.outcome) == (node, Outcome.ARRIVED)
-    verdict = judge_goal_reached(0, app.session.state.live.robot.exact_pose, exact_pose(app, node))
+    verdict = judge_goal_reached(0, app.session.state.live.robot.drawn_pose, exact_pose(app, node))
     assert verdict.reached, verdict
 
 
@@ -66,7 +66,7 @@ def test_an_image_of_the_ready_made_maps_gallery_is_reached(app: RunningApp, pag
 def test_a_node_clicked_in_the_scene_is_reached(app: RunningApp, page: Page) -> None:
     nodes = list(app.session.state.live_map.graph.nodes)
     places = np.array([exact_pose(app, node)[:2] for node in nodes])
-    robot = app.session.state.live.robot.exact_pose[:2]
+    robot = app.session.state.live.robot.drawn_pose[:2]
     alone = np.sort(np.linalg.norm(places[:, None] - places, axis=-1), axis=1)[:, 1]
     alone[np.linalg.norm(places - robot, axis=1) < 0.8] = 0
     chosen: list[NodeId] = []
@@ -86,9 +86,9 @@ def test_a_node_clicked_in_the_scene_is_reached(app: RunningApp, page: Page) -> 
 def test_a_person_records_drives_builds_the_map_anew_and_watches_the_recording(app: RunningApp, page: Page) -> None:
     page.get_by_role("button", name=re.compile("^Record")).click()
     until(lambda: app.session.state.live.recorder.is_on)
-    yaw = app.session.state.live.robot.exact_pose[2]
+    yaw = app.session.state.live.robot.drawn_pose[2]
     page.keyboard.down("a")
-    until(lambda: abs(app.session.state.live.robot.exact_pose[2] - yaw) > 0.5)
+    until(lambda: abs(app.session.state.live.robot.drawn_pose[2] - yaw) > 0.5)
     page.keyboard.up("a")
 
     page.get_by_role("tab", name="Drive").click()

@@ -15,7 +15,7 @@ from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import episode_rng, open_runner
 from ltvn_core.navigation.events import Event, StampedEvent
 from ltvn_core.recording.recorded_robot import RecordedRobot
-from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 
 
@@ -40,8 +40,8 @@ def _record(
     system = runner.system
     settings = {"verb": "evaluate", "system": system.name, "episode": number, "seed": plan.seed}
     settings["method"] = asdict(system.method)
-    about = {"scene": runner.scene.address, "config": settings, "fingerprint": runner.fingerprint}
-    with atomic_output(files.failure(number)) as part, RecordingWriter(part, **about) as writer:
+    described = RunDescription(scene=runner.scene.address, config=settings, fingerprint=runner.fingerprint)
+    with atomic_output(files.failure(number)) as part, described.open_writer(part) as writer:
         writer.write_map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])
 
         def write(event: Event, robot: SimulatedRobot) -> None:

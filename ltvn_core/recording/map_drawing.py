@@ -18,6 +18,7 @@ from ltvn_core.recording import schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, number_column
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.image_codec import MILLIMETRES_PER_METRE
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose
 
 GRAPH_HEIGHT_M = 0.05
@@ -37,7 +38,10 @@ class DrawnEntity(NamedTuple):
 
 def static_entities(camera: CameraModel, scene_glb: bytes | None) -> list[DrawnEntity]:
     """Draw what holds at all times: axes, scene, robot, camera, and the names of the curves."""
-    body = rr.Boxes3D(centers=[[0, 0, 0.2]], half_sizes=[[0.17, 0.17, 0.2]], colors=[[90, 90, 100]], fill_mode="Solid")
+    radius_m = LOCOBOT.radius_m
+    body = rr.Boxes3D(
+        centers=[[0, 0, 0.2]], half_sizes=[[radius_m, radius_m, 0.2]], colors=[[90, 90, 100]], fill_mode="Solid"
+    )
     parts = [
         DrawnEntity(schema.WORLD, [rr.ViewCoordinates.RIGHT_HAND_Z_UP]),
         DrawnEntity(schema.BODY, [body]),

@@ -89,6 +89,7 @@ def test_a_person_records_drives_builds_the_map_anew_and_watches_the_recording(a
     yaw = app.session.state.live.robot.drawn_pose[2]
     page.keyboard.down("a")
     until(lambda: abs(app.session.state.live.robot.drawn_pose[2] - yaw) > 0.5)
+    until(lambda: app.session.state.live.recorder.status.frames >= 12)
     page.keyboard.up("a")
 
     page.get_by_role("tab", name="Drive").click()

@@ -39,7 +39,8 @@ def distort(points: Points, coefficients: tuple[float, ...]) -> Points:
 def _plumb_bob(points: Points, coefficients: tuple[float, ...]) -> Points:
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1).reshape(-1, 3)
     still = np.zeros(3)
-    return cv2.projectPoints(rays, still, still, _NO_CAMERA, np.array(coefficients))[0].reshape(points.shape)
+    seen, _ = cv2.projectPoints(rays, still, still, _NO_CAMERA, np.array(coefficients))
+    return np.asarray(seen, np.float64).reshape(points.shape)
 
 
 def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
@@ -47,7 +48,8 @@ def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
     if not coefficients:
         return points
     flat = np.ascontiguousarray(points.reshape(-1, 1, 2))
-    ideal = cv2.undistortPoints(flat, _NO_CAMERA, np.array(coefficients), criteria=_CRITERIA).reshape(points.shape)
+    found = cv2.undistortPoints(flat, _NO_CAMERA, np.array(coefficients), criteria=_CRITERIA)
+    ideal = np.asarray(found, np.float64).reshape(points.shape)
     # Beyond the lens's own range the search ends somewhere, and only going back shows that it is nowhere.
     missed = ~(np.abs(distort(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
     return np.where(missed[..., None], np.nan, ideal)
@@ -56,14 +58,15 @@ def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
 def distort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
     """Return where a fisheye puts ideal points (..., 2)."""
     flat = np.ascontiguousarray(points.reshape(-1, 1, 2))
-    return cv2.fisheye.distortPoints(flat, _NO_CAMERA, np.array(coefficients)).reshape(points.shape)
+    seen = cv2.fisheye.distortPoints(flat, _NO_CAMERA, np.array(coefficients))
+    return np.asarray(seen, np.float64).reshape(points.shape)
 
 
 def undistort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
     """Return the ideal points (..., 2) that a fisheye shows at `points`; NaN where it looks sideways or back."""
     flat = np.ascontiguousarray(points.reshape(-1, 1, 2))
-    ideal = cv2.fisheye.undistortPoints(flat, _NO_CAMERA, np.array(coefficients), criteria=_CRITERIA)
-    ideal = ideal.reshape(points.shape)
+    found = cv2.fisheye.undistortPoints(flat, _NO_CAMERA, np.array(coefficients), criteria=_CRITERIA)
+    ideal = np.asarray(found, np.float64).reshape(points.shape)
     missed = ~(np.abs(distort_fisheye(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
     return np.where(missed[..., None], np.nan, ideal)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 from ltvn_core.errors import OptionError
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.system_option import SystemName
-from ltvn_core.verbs.verb import Summary, Verb
+from ltvn_core.verbs.verb import Verb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,7 +134,7 @@ class EvaluateVerb(ProtocolOptions):
     record_failures: int = 0
     """Run so many of the failed episodes of each scene and seed again and record them, for `ltvn replay`."""
 
-    def run(self) -> Summary:
+    def run(self) -> EvaluateSummary:
         """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
         from joblib import delayed
         from tqdm import tqdm

@@ -79,7 +79,8 @@ class EdgeDriver:
     def drive(self, edge: EdgeProposal) -> MeasuredAttempt | None:
         """Drive an edge once; None if the robot did not start, because it did not localise at the source."""
         self._robot.teleport(self._start(edge.source))
-        goal = self._imaged_scene.farthest_from(edge.source)
+        # A bad network may propose an edge to the farthest image of all, which cannot be the goal as well.
+        goal = self._imaged_scene.farthest_from(edge.source, other_than=edge.target)
         graph = TopologicalGraph(self._map(edge, goal))
         navigator = Navigator(
             self._robot, graph, self._imaged_scene.keyframes, self._predictor, self._method, self._rng

@@ -24,7 +24,8 @@ class ImagedScene:
     poses: Mapping[FrameId, Pose]
     """(3,) exact pose of each image."""
 
-    def farthest_from(self, frame: FrameId) -> FrameId:
-        """Return the image taken farthest from another."""
-        away = np.array(list(self.poses.values()))[:, :2] - self.poses[frame][:2]
-        return list(self.poses)[int(np.hypot(*away.T).argmax())]
+    def farthest_from(self, source: FrameId, *, other_than: FrameId) -> FrameId:
+        """Return the image taken farthest from `source`, which is neither that one nor `other_than`."""
+        here = self.poses[source]
+        others = [frame for frame in self.poses if frame not in (source, other_than)]
+        return max(others, key=lambda frame: float(np.hypot(*(self.poses[frame] - here)[:2])))

@@ -39,7 +39,7 @@ def _converter() -> cattrs.Converter:
 _CONVERTER = _converter()
 
 _KINDS_BEFORE = {"LegStarted": "AttemptStarted", "LegEnded": "AttemptEnded"}
-"""What event kinds were called in recordings written before version 0.2, and what they are called now."""
+"""What event kinds were called in older recordings, and what they are called now."""
 
 
 def encode_event(event: Event) -> str:

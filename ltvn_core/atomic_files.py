@@ -72,6 +72,20 @@ def create_new_file(path: Path) -> None:
         raise _refused(path, error) from error
 
 
+def open_new_file(path: Path) -> int:
+    """Make a file which nobody made before and which only its owner may read, and return it open for appending.
+
+    Its folder is made too. Raises RecordingError.
+    """
+    _make_folder(path)
+    try:
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    except FileExistsError as error:
+        raise _exists(path) from error
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
 def require_new_path(path: Path) -> None:
     """Raise RecordingError where there is a file of this name already; ask it before long work."""
     if path.exists():

@@ -1,31 +1,34 @@
 """A Rerun stream into one new file that loses little when killed and says so when it cannot write.
 
-Owns the file, its flushing and the watch over the disk. Knows no entity and no event: the writer does.
+Owns the pace at which rows leave memory, and how a recording ends. Knows no entity and no event: the writer does. The
+disk is `appended_file`'s.
 """
 
 import atexit
 import logging
-import shutil
+import struct
 import threading
 from pathlib import Path
 
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ltvn_core.atomic_files import create_new_file
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
+from ltvn_core.recording.appended_file import WAITING_BYTES, AppendedFile
 from ltvn_core.recording.live_server import live_sink
-from ltvn_core.recording.rrd_framing import is_finished
+from ltvn_core.recording.message_stream import MessageStream
 from ltvn_core.types import FrameId
 
 _LOG = logging.getLogger(__name__)
 
-_BATCH_S = 0.35
+_TICK_S = 0.3
 """Longest time a row waits in memory: what a killed process loses."""
-_BATCH_BYTES = 64 << 20
-"""Never reached between two ticks. A flush by bytes would make Rerun skip the tick of all the other entities."""
-_WATCH_S = 1.0
+_BY_TICK_ALONE = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=1 << 40, flush_num_rows=1 << 40)
+"""Rerun gathers rows until they are taken."""
+_FLUSH_S = 60.0
+PATIENCE_S = 60.0
+"""So long may the disk keep a run waiting that has time, before the recording is given up."""
 MIN_FREE_DISK_BYTES = 16 << 20
 """Recording stops, with a whole file, when the disk has less than this left."""
 
@@ -38,35 +41,40 @@ class DurableStream:
     Rerun viewers of this machine can watch there what is written; raises ServerError when it is taken.
     """
 
-    def __init__(self, path: Path, *, recording_id: str, min_free_bytes: int, live_port: int | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        recording_id: str,
+        min_free_bytes: int,
+        live_port: int | None = None,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        """Begin the file. `log` waits up to `patience_s` for a disk that is far behind; 0 for a robot in real time."""
         self.path = path
-        self._min_free_bytes = min_free_bytes
+        self._patience_s = patience_s
         self._failure: str | None = None
         self._failure_told = False
         self._closed = False
         self._time: tuple[int, FrameId, float] | None = None
         self._lock = threading.RLock()
+        """Guards what is logged; nobody waits for the disk while holding it."""
+        self._taking_lock = threading.Lock()
         sinks = [] if live_port is None else [live_sink(live_port)]
-        create_new_file(path)
-        self._check_room()
-        if self._failure:
-            path.unlink()
-            raise RecordingError(self._failure)
+        self._file = AppendedFile(path, min_free_bytes=min_free_bytes, ending=_Ending())
         self._rerun = rr.RecordingStream(
-            schema.APPLICATION_ID,
-            recording_id=recording_id,
-            batcher_config=rr.ChunkBatcherConfig(flush_tick=_BATCH_S, flush_num_bytes=_BATCH_BYTES),
+            schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
         )
-        self._rerun.set_sinks(rr.FileSink(path), *sinks)
+        self._messages = MessageStream(self._rerun, *sinks)
         self._stop = threading.Event()
-        self._watcher = threading.Thread(target=self._watch, name="recording-watch", daemon=True)
-        self._watcher.start()
+        self._thread = threading.Thread(target=self._run, name="recording-rows", daemon=True)
+        self._thread.start()
         atexit.register(self._close_quietly)
 
     @property
     def failure(self) -> str | None:
         """Why the recording stopped by itself, or None."""
-        return self._failure
+        return self._failure or self._file.failure
 
     @property
     def closed(self) -> bool:
@@ -76,12 +84,13 @@ class DurableStream:
     def begin(self, name: str, description: rr.AsComponents, blueprint: rrb.Blueprint) -> None:
         """Write what the recording says of itself and the layout in which it opens."""
         self._rerun.send_property(schema.PROPERTIES, description)
-        self._rerun.flush()  # First in the file, so that every cut file can still say what it is.
+        self._pass_on()  # First in the file, so that every cut file can still say what it is.
         self._rerun.send_recording_name(name)
         self._rerun.send_blueprint(blueprint)
 
     def log(self, step: FrameId, stamp: float, entity: str, *values: rr.AsComponents) -> None:
         """Write one row of an entity at a moment; both timelines are always set together, here only."""
+        self._wait_for_disk()
         with self._lock:
             if not self._taking():
                 return
@@ -96,13 +105,43 @@ class DurableStream:
 
     def flush(self) -> None:
         """Bring everything to the file now; blocks, so never call it while driving."""
-        self._flush(timeout_s=60)
+        self._pass_on()
+        if not self._file.wait_until_written(at_most_s=_FLUSH_S):
+            _LOG.warning("The disk is slow: %s still waits for its data.", self.path)
         self._raise_once()
 
     def close(self) -> None:
-        """Finish the file. Raises RecordingError when it could not be finished; a second call does nothing."""
-        self._finish()
+        """Finish the file. Raises RecordingError when it could not be finished; a second call does nothing.
+
+        Waits for the disk no longer than half a minute, and for one that takes nothing no longer than seconds.
+        """
+        with self._lock:
+            self._closed = True
+        self._stop.set()
+        self._thread.join()
+        atexit.unregister(self._close_quietly)
         self._raise_once()
+
+    def _run(self) -> None:
+        while not self._stop.wait(_TICK_S) and self.failure is None:
+            self._pass_on()
+        with self._lock:
+            self._closed = True
+        self._pass_on()
+        self._rerun.disconnect()
+        self._file.close()
+
+    def _pass_on(self) -> None:
+        """Hand to the file what was logged since the last time."""
+        with self._taking_lock:
+            try:
+                self._file.append(self._messages.take())
+            except RecordingError as error:
+                self._failure = self._failure or str(error)
+
+    def _wait_for_disk(self) -> None:
+        if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
+            self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
 
     def _set_time(self, step: FrameId, stamp: float) -> None:
         # Rerun remembers the time per thread, and setting it costs as much as a small row.
@@ -114,55 +153,14 @@ class DurableStream:
 
     def _taking(self) -> bool:
         self._raise_once()
-        if self._closed and not self._failure:
+        if self._closed and not self.failure:
             raise RecordingError(f"The recording {self.path} is closed; open a new one for what follows.")
-        return self._failure is None
+        return self.failure is None
 
     def _raise_once(self) -> None:
-        if self._failure and not self._failure_told:
+        if self.failure and not self._failure_told:
             self._failure_told = True
-            raise RecordingError(self._failure)
-
-    def _watch(self) -> None:
-        while not self._stop.wait(_WATCH_S):
-            self._flush(timeout_s=5)
-            self._check_room()
-            if self._failure:
-                self._finish()
-                return
-
-    def _flush(self, timeout_s: float) -> None:
-        try:
-            self._rerun.flush(timeout_sec=timeout_s)
-        except (RuntimeError, ValueError) as error:
-            # A slow disk is no failure: the rows stay queued. A writer that gave up is one.
-            if "timeout" in str(error).lower() or "timed out" in str(error).lower():
-                _LOG.warning("The disk is slow: %s has waited %g s for its data.", self.path, timeout_s)
-            elif "grpc" in str(error).lower():
-                _LOG.warning("Nobody can watch %s live any more (%s); the file goes on.", self.path, error)
-            else:
-                self._failure = self._failure or _broken(self.path, str(error))
-
-    def _check_room(self) -> None:
-        free = shutil.disk_usage(self.path.parent).free
-        if free < self._min_free_bytes:
-            self._failure = self._failure or (
-                f"The disk under {self.path.parent} is full: {free >> 20} MiB are left, recording needs "
-                f"{self._min_free_bytes >> 20} MiB. Everything up to here is kept. Free some space, then record again."
-            )
-
-    def _finish(self) -> None:
-        with self._lock:
-            if self._closed:
-                return
-            self._closed = True
-            self._stop.set()
-            atexit.unregister(self._close_quietly)
-            self._rerun.disconnect()
-            if not is_finished(self.path):
-                self._failure = self._failure or _broken(self.path, "the end of the file is missing")
-        if threading.current_thread() is not self._watcher:
-            self._watcher.join()
+            raise RecordingError(self.failure)
 
     def _close_quietly(self) -> None:
         try:
@@ -171,8 +169,11 @@ class DurableStream:
             _LOG.error("%s", error)
 
 
-def _broken(path: Path, why: str) -> str:
-    return (
-        f"{path} could not be written any further ({why}); is the disk full? What was recorded before is in the file: "
-        f"run `ltvn repair {path} --output NEW.rrd` to get it back."
-    )
+class _Ending:
+    """Rerun's end message without content, and its mark for a file without a table of chunks."""
+
+    def count(self, block: bytes) -> None:
+        """Take no note."""
+
+    def encoded(self) -> bytes:
+        return struct.pack("<QQ", 0, 0) + b"RRF2FOOT" + struct.pack("<I", 0)

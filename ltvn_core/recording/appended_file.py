@@ -1,0 +1,231 @@
+"""One new file that grows at its end, block by block, written by a thread of its own.
+
+Owns the disk: whoever hands in blocks never waits for it, and what goes wrong with file, folder or disk is noticed
+within a second. Whatever happens, the file ends with a whole block. Knows nothing of what is in a block.
+"""
+
+import logging
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from ltvn_core.atomic_files import open_new_file
+from ltvn_core.errors import RecordingError
+
+_LOG = logging.getLogger(__name__)
+
+WAITING_BYTES = 64 << 20
+"""When the disk is so far behind, the file is given up, so that memory does not fill instead."""
+_CHECK_S = 0.5
+_SYNC_S = 5.0
+"""How often data is brought onto the disk itself, which is what is lost when the power goes."""
+_STALL_S = 5.0
+"""A disk that takes nothing for so long does not answer."""
+_CLOSE_S = 30.0
+"""Longer than this nobody waits for the end of a file."""
+
+
+class FileEnding(Protocol):
+    """Says how a file ends that holds certain blocks."""
+
+    def count(self, block: bytes) -> None:
+        """Take note of a block that is in the file now."""
+        ...
+
+    def encoded(self) -> bytes:
+        """Return what to write behind the last block."""
+        ...
+
+
+class AppendedFile:
+    """A new file that only its owner may read, and the thread that writes it.
+
+    Raises RecordingError at once when the file exists already, cannot be made or has no room. Later nothing raises:
+    `failure` says why no more is written, and the file keeps the whole blocks that it has.
+    """
+
+    def __init__(self, path: Path, *, min_free_bytes: int, ending: FileEnding) -> None:
+        """Make the file; it fails when less than `min_free_bytes` are left on its disk."""
+        self.path = path
+        self.failure: str | None = None
+        """Why nothing more is written, or None."""
+        self._min_free_bytes = min_free_bytes
+        self._ending = ending
+        self._size_bytes = 0
+        self._queue: queue.SimpleQueue[Sequence[bytes] | None] = queue.SimpleQueue()
+        self._handed_in = self._dealt_with = 0  # Bytes.
+        self._progress = threading.Condition()
+        self._file = open_new_file(path)
+        # Where the two differ from the beginning, as in some network folders, only the name can be watched.
+        self._is_name_telling = _same_file(os.stat(path), os.fstat(self._file))
+        if (full := self._lack_of_room()) is not None:
+            os.close(self._file)
+            path.unlink(missing_ok=True)
+            raise RecordingError(full)
+        self._thread = threading.Thread(target=self._run, name="recording-disk", daemon=True)
+        self._thread.start()
+
+    @property
+    def waiting_bytes(self) -> int:
+        """How much was handed in and is not written yet."""
+        return self._handed_in - self._dealt_with
+
+    def append(self, blocks: Sequence[bytes]) -> None:
+        """Hand in blocks, from one thread at a time; never waits. They are dropped once there is a failure."""
+        if not blocks or self.failure is not None:
+            return
+        if self.waiting_bytes > WAITING_BYTES:
+            self._fail(
+                f"The disk under {self.path} does not keep up: {self.waiting_bytes >> 20} MiB wait to be written. What "
+                "was written before is kept in the file. Record onto a faster disk."
+            )
+            return
+        self._handed_in += sum(map(len, blocks))
+        self._queue.put(blocks)
+
+    def wait_until_written(self, *, at_most_s: float, waiting_bytes: int = 0) -> bool:
+        """Wait until no more than `waiting_bytes` wait, or there is a failure; tell whether the disk was in time.
+
+        Ends early when the disk takes nothing for a while.
+        """
+        until = time.monotonic() + at_most_s
+        with self._progress:
+            while self.waiting_bytes > waiting_bytes and self.failure is None:
+                before, left = self._dealt_with, until - time.monotonic()
+                self._progress.wait(max(0.0, min(left, _STALL_S)))
+                if left <= 0 or (left > _STALL_S and self._dealt_with == before and self.failure is None):
+                    return False
+        return True
+
+    def close(self) -> None:
+        """Write what waits and then the ending; bounded in time. A second call does nothing.
+
+        After a failure only the ending is tried, so that a file on a full disk ends well where there is room for it.
+        """
+        self._queue.put(None)
+        in_time = self.wait_until_written(at_most_s=_CLOSE_S)
+        self._thread.join(_STALL_S if in_time else 0)
+        if self._thread.is_alive():
+            self._fail(
+                f"The disk under {self.path} does not answer, and what was recorded last may be missing. Look after the "
+                f"disk, then run `ltvn verify {self.path}`."
+            )
+
+    def _run(self) -> None:
+        try:
+            self._write_until_closed()
+            self._write(self._ending.encoded(), counted=False)
+            self._check()
+            self._bring_to_disk()
+        except Exception as error:  # The person is told, and nobody waits for a thread that is gone.
+            _LOG.exception("%s was given up", self.path)
+            self._fail(_broken(self.path, f"{type(error).__name__}: {error}"))
+        finally:
+            self._attempt(lambda: os.close(self._file))
+
+    def _write_until_closed(self) -> None:
+        checked = synced = time.monotonic()
+        while (blocks := self._next()) is not None:
+            for block in blocks:
+                if self.failure is None:
+                    self._write(block, counted=True)
+            with self._progress:
+                self._dealt_with += sum(map(len, blocks))
+                self._progress.notify_all()
+            if (now := time.monotonic()) >= checked + _CHECK_S:
+                checked = now
+                self._check()
+            if now >= synced + _SYNC_S:
+                synced = now
+                self._bring_to_disk()
+
+    def _next(self) -> Sequence[bytes] | None:
+        try:
+            return self._queue.get(timeout=_CHECK_S)
+        except queue.Empty:
+            return ()
+
+    def _write(self, block: bytes, *, counted: bool) -> None:
+        """Write all of a block or nothing of it."""
+        left = memoryview(block)
+        try:
+            while left:
+                left = left[os.write(self._file, left) :]
+        except OSError as error:
+            self._attempt(lambda: os.ftruncate(self._file, self._size_bytes))
+            self._fail(_broken(self.path, error.strerror or str(error)))
+            return
+        self._size_bytes += len(block)
+        if counted:
+            self._ending.count(block)
+
+    def _check(self) -> None:
+        """Look whether the file is still where it was made, and whether there is room for more."""
+        if self.failure is None:
+            problem = self._attempt(self._misplacement) or self._attempt(self._lack_of_room)
+            if problem is not None:
+                self._fail(problem)
+
+    def _misplacement(self) -> str | None:
+        opened = os.fstat(self._file)
+        try:
+            named = os.stat(self.path)
+        except FileNotFoundError:
+            named = None
+        if named is not None and (not self._is_name_telling or _same_file(named, opened)):
+            return None
+        if opened.st_nlink == 0:
+            return f"{self.path} was deleted while it was being recorded, and what it held is lost. Record again."
+        return (
+            f"{self.path} is no longer in its place: the file or a folder above it was renamed or replaced, or the disk "
+            f"was unmounted. What was recorded before is in the file{self._new_place()}. Record again."
+        )
+
+    def _new_place(self) -> str:
+        try:
+            place = os.readlink(f"/proc/self/fd/{self._file}")
+        except OSError:
+            return ""
+        return f", now {place}" if place != str(self.path.absolute()) and os.path.exists(place) else ""
+
+    def _lack_of_room(self) -> str | None:
+        disk = os.fstatvfs(self._file)
+        free = disk.f_bavail * disk.f_frsize
+        if free >= self._min_free_bytes:
+            return None
+        return (
+            f"The disk under {self.path.parent} is full: {free >> 20} MiB are left, recording needs "
+            f"{self._min_free_bytes >> 20} MiB. Everything up to here is kept. Free some space, then record again."
+        )
+
+    def _bring_to_disk(self) -> None:
+        if self.failure is None:
+            self._attempt(lambda: os.fdatasync(self._file))
+
+    def _attempt(self, job: Callable[[], str | None]) -> str | None:
+        """Do something with the file that may go wrong; that is a failure then."""
+        try:
+            return job()
+        except OSError as error:
+            self._fail(_broken(self.path, error.strerror or str(error)))
+            return None
+
+    def _fail(self, why: str) -> None:
+        with self._progress:
+            self.failure = self.failure or why
+            self._progress.notify_all()
+
+
+def _same_file(one: os.stat_result, other: os.stat_result) -> bool:
+    return (one.st_dev, one.st_ino) == (other.st_dev, other.st_ino)
+
+
+def _broken(path: Path, why: str) -> str:
+    return (
+        f"{path} could not be written any further ({why}); is the disk full? What was recorded before is in the file: "
+        f"run `ltvn verify {path}`, and `ltvn repair {path} --output NEW.rrd` if it says so."
+    )

@@ -1,0 +1,67 @@
+"""What Rerun would write into a file, taken from memory message by message.
+
+Owns the shape in which Rerun hands out encoded rows. Knows no file: whoever takes the messages writes them, and Rerun
+never waits for a disk. Rerun's own table of all chunks, which it would put at the end of a file, is left out: it grows
+in memory with chunks times entities for as long as a recording lasts.
+"""
+
+import struct
+from collections.abc import Iterator, Sequence
+
+import rerun as rr
+
+from ltvn_core.errors import RecordingError
+
+HEADER_BYTES = 12
+_MESSAGE = struct.Struct("<QQ")
+"""Kind and length of the payload that follows."""
+_END, _STORE = 0, 1
+_TIMEOUT_S = 10.0
+"""Rerun needs milliseconds; a machine that is short of memory may need longer."""
+
+
+class MessageStream:
+    """The encoded messages of a Rerun stream, each handed out once; for one thread at a time."""
+
+    def __init__(self, rerun: rr.RecordingStream, *sinks: rr.GrpcServerSink) -> None:
+        """Take over what `rerun` logs from now on; `sinks` get the same beside."""
+        self._encoded = rerun.binary_stream()
+        if sinks:
+            rerun.set_sinks(self._encoded, *sinks)
+        self._stores: set[bytes] = set()
+        self._begun = False
+
+    def take(self) -> Sequence[bytes]:
+        """Return the header first, and whole messages with all that was logged since the last call.
+
+        Raises RecordingError when Rerun cannot encode it.
+        """
+        try:
+            block = self._encoded.read(flush=True, flush_timeout_sec=_TIMEOUT_S)
+        except (RuntimeError, ValueError) as error:
+            raise RecordingError(f"Rerun could not encode what was to be recorded ({error}).") from error
+        if not block:
+            return ()
+        header = () if self._begun else (block[:HEADER_BYTES],)
+        self._begun = True
+        return [*header, *(message for message in _messages(block) if self._is_new(message))]
+
+    def _is_new(self, message: bytes) -> bool:
+        """Tell whether a message belongs into the file; Rerun says more than once to which store rows belong."""
+        if _MESSAGE.unpack_from(message)[0] != _STORE:
+            return True
+        known = message in self._stores
+        self._stores.add(message)
+        return not known
+
+
+def _messages(block: bytes) -> Iterator[bytes]:
+    """Yield the messages of what Rerun hands out: a small file with header, messages and an end."""
+    position = HEADER_BYTES
+    while position + _MESSAGE.size <= len(block):
+        kind, length = _MESSAGE.unpack_from(block, position)
+        if kind == _END:
+            return
+        end = position + _MESSAGE.size + length
+        yield block[position:end]
+        position = end

@@ -111,8 +111,8 @@ class AppendedFile:
         self._thread.join(_STALL_S if in_time else 0)
         if self._thread.is_alive():
             self._fail(
-                f"The disk under {self.path} does not answer, and what was recorded last may be missing. Look after the "
-                f"disk, then run `ltvn verify {self.path}`."
+                f"The disk under {self.path} does not answer, and what was recorded last may be missing. Look after "
+                f"the disk, then run `ltvn verify {self.path}`."
             )
 
     def _run(self) -> None:
@@ -181,8 +181,8 @@ class AppendedFile:
         if opened.st_nlink == 0:
             return f"{self.path} was deleted while it was being recorded, and what it held is lost. Record again."
         return (
-            f"{self.path} is no longer in its place: the file or a folder above it was renamed or replaced, or the disk "
-            f"was unmounted. What was recorded before is in the file{self._new_place()}. Record again."
+            f"{self.path} is no longer in its place: the file or a folder above it was renamed or replaced, or the "
+            f"disk was unmounted. What was recorded before is in the file{self._new_place()}. Record again."
         )
 
     def _new_place(self) -> str:

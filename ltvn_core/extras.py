@@ -17,6 +17,7 @@ EXTRAS = {
     "torch": "network",
     "safetensors": "network",
     "tensorboard": "train",
+    "msgspec": "app",
     "viser": "app",
     "websockets": "app",
     "jinja2": "docs",

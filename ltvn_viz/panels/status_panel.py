@@ -8,6 +8,7 @@ import viser
 
 from ltvn_core.navigation.events import Severity
 from ltvn_viz.panels.html_widgets import STYLE, HtmlBlock
+from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
 
 READ_S = 15.0
@@ -16,12 +17,22 @@ REFRESH_S = 0.5
 """Numbers that flicker faster cannot be read."""
 
 
+_WATCHING = (
+    '<div class="lt ltvn-watching-only"><div class="lt-card" data-severity="WARN">'
+    "Another page drives, so what is grey is not for this one. You may look around and stop the robot."
+    '<div class="lt-buttons">'
+    f'<button type="button" data-ltvn-action="{Action.TAKE_OVER}">Take over</button></div></div></div>'
+)
+"""Shown by the page itself while it has not got the seat."""
+
+
 class StatusPanel:
     """Status line, hint and message."""
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the lines at the top of the main panel."""
         gui.add_html(STYLE)
+        gui.add_html(_WATCHING)
         self.line, self.hint, self.message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
         self._clock = clock
         self._shown: tuple[object, ...] = ()

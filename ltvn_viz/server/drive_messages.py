@@ -12,6 +12,7 @@ from ltvn_viz.server.driver_seat import ClientId, HeldInput, SeatState
 from ltvn_viz.server.keymap import Action, Direction
 
 MAX_MESSAGE_BYTES = 1024
+_HERE_TEXT = '{"type":"here"}'
 MAX_ID = 2**53 - 1
 """JavaScript counts exactly up to here."""
 
@@ -38,6 +39,11 @@ class ActionMessage:
 
 
 @dataclass(frozen=True, slots=True)
+class HereMessage:
+    """The page is there; it says so again and again."""
+
+
+@dataclass(frozen=True, slots=True)
 class LinkMessage:
     """The page was opened by a link that says what to show."""
 
@@ -45,11 +51,15 @@ class LinkMessage:
     """Of its address; not read yet."""
 
 
-PageMessage: TypeAlias = DriveMessage | ActionMessage | LinkMessage
+PageMessage: TypeAlias = DriveMessage | ActionMessage | LinkMessage | HereMessage
+
+HERE = HereMessage()
 
 
 def parse_message(text: str | bytes) -> PageMessage:
     """Read one message of a page; raises MessageError."""
+    if text == _HERE_TEXT:
+        return HERE  # Twenty times a second from every page.
     try:
         fields = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
@@ -63,8 +73,10 @@ def parse_message(text: str | bytes) -> PageMessage:
             return ActionMessage(_action(action), None if target is None else _whole(target))
         case {"type": "link", "query": str(query)} if len(fields) == 2:
             return LinkMessage(query)
+        case {"type": "here"} if len(fields) == 1:
+            return HERE
         case _:
-            valid = "a drive, an action or a link would be valid"
+            valid = "a drive, an action, a link or a sign of life would be valid"
             raise MessageError(f"unknown message with the fields {sorted(fields)}; {valid}")
 
 

@@ -21,6 +21,7 @@ from ltvn_viz.server.drive_messages import (
     MAX_MESSAGE_BYTES,
     ActionMessage,
     DriveMessage,
+    HereMessage,
     LinkMessage,
     MessageError,
     PageMessage,
@@ -30,6 +31,7 @@ from ltvn_viz.server.drive_messages import (
 )
 from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
 from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
+from ltvn_viz.server.limited_log import LimitedLog
 
 logger = logging.getLogger(__name__)
 
@@ -93,32 +95,51 @@ class DriveSocket:
         self._telling = threading.RLock()
         self._wake = threading.Event()
         self._closing = False
+        self._clients: dict[str, ClientId] = {}
+        self._stop_log, self._refusal_log = LimitedLog(logger), LimitedLog(logger)
         self._watchdog = threading.Thread(target=self._watch, name="drive watchdog", daemon=True)
         self._watchdog.start()
 
-    async def serve(self, connection: ServerConnection) -> None:
-        """Talk to one page until it goes away or says something invalid."""
+    async def serve(self, connection: ServerConnection, key: str | None = None) -> None:
+        """Talk to one page, whose other socket has the same key, until it goes away or says something invalid."""
         if len(self._pages) >= MAX_PAGES:
             await connection.close(CloseCode.TRY_AGAIN_LATER, "too many pages")
             return
         self._loop = asyncio.get_running_loop()
         page = _Page(next(self._ids), connection)
         self._pages[page.client] = page
+        if key is not None:
+            self._clients[key] = page.client
         sender = asyncio.create_task(page.send_forever())
         try:
             self._tell_pages()
             await self._listen(page)
         except MessageError as error:
-            logger.warning("closed the drive socket of page %d: %s", page.client, error)
+            self._refusal_log.log(logging.WARNING, "closed the drive socket of page %d: %s", page.client, error)
             await connection.close(CloseCode.POLICY_VIOLATION, "invalid message")
         except ConnectionClosed:
             pass
         finally:
             sender.cancel()
             del self._pages[page.client]
+            if key is not None and self._clients.get(key) == page.client:
+                del self._clients[key]
             self.seat.leave(page.client)
             self.settle()
             await asyncio.gather(sender, return_exceptions=True)
+
+    def client_of(self, key: str | None) -> ClientId | None:
+        """Return which page has a key; None where its drive socket is not open."""
+        return None if key is None else self._clients.get(key)
+
+    def may_drive(self, key: str | None) -> bool:
+        """Give the page with a key the seat if it is free; tell whether the page has it, and the page if not."""
+        client = self.client_of(key)
+        if client is None:
+            return False
+        may = self._sits(self._pages[client])
+        self.settle()
+        return may
 
     def settle(self) -> None:
         """Tell the listener and the pages what happened to the seat. Safe from any thread."""
@@ -130,7 +151,7 @@ class DriveSocket:
                 else:
                     # A page that drives nothing stops nothing worth telling when it closes.
                     level = logging.INFO if self._loop is not None else logging.DEBUG
-                    logger.log(level, "robot stopped: %s (page %s)", event.reason, event.client)
+                    self._stop_log.log(level, "robot stopped: %s (page %s)", event.reason, event.client)
                     self._call(self.listener.on_stop, event.client, event.reason)
         self._wake.set()
         if self._loop is not None and not self._loop.is_closed():
@@ -151,6 +172,8 @@ class DriveSocket:
 
     def _obey(self, page: _Page, message: PageMessage) -> None:
         match message:
+            case HereMessage():
+                return
             case DriveMessage(held, epoch):
                 self.seat.receive(page.client, held, epoch)
             case ActionMessage(Action.STOP):
@@ -167,11 +190,17 @@ class DriveSocket:
 
     def _pass_on(self, page: _Page, tell: Callable[..., None], *said: object, free: bool) -> None:
         """Tell the listener what a page asks for, if everybody may or if the page has the seat."""
-        driver = self.seat.state_of(page.client).driver
-        if free or self.seat.try_sit(page.client):
+        if free or self._sits(page):
             self._call(tell, page.client, *said)
-        elif driver is not None:
+
+    def _sits(self, page: _Page) -> bool:
+        """Tell whether a page has the seat or could take it; if not, tell the page who has."""
+        if self.seat.try_sit(page.client):
+            return True
+        driver = self.seat.state_of(page.client).driver
+        if driver is not None:
             page.tell(refusal_message(driver))
+        return False
 
     def _tell_pages(self) -> None:
         for page in list(self._pages.values()):

@@ -11,13 +11,14 @@ import asyncio
 import contextlib
 import io
 import logging
+import re
 import secrets
 import socket
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Self
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import viser
 import websockets.asyncio.server
@@ -26,15 +27,18 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from ltvn_core.errors import ServerError
+from ltvn_viz.server import page_messages
 from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
 from ltvn_viz.server.drive_socket import DriveListener, DriveSocket
 from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.index_page import IndexPage
+from ltvn_viz.server.page_gate import PageGate
 from ltvn_viz.server.request_guard import RequestGuard, is_loopback, is_websocket
 from ltvn_viz.server.routes import RouteHandler, Routes, not_found
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
+_PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
 _SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
 _starting = threading.Lock()
@@ -67,6 +71,7 @@ class GuardedServer:
         self._drive = DriveSocket(self.seat)
         self._routes = Routes()
         self._page = IndexPage(drives=drives)
+        self.gate = PageGate(self._drive.may_drive if drives else lambda key: True)
         self._guard = RequestGuard(self.token, f"ltvn_{self.port}")
         self._files = ThreadPoolExecutor(max_workers=2, thread_name_prefix="page files")
         self.viser = self._start(listening)
@@ -132,6 +137,7 @@ class GuardedServer:
                 websockets.asyncio.server.serve = original
         # Any page could ask for a public tunnel; without its handler the message is ignored.
         server._websock_server.unregister_handler(_messages.ShareUrlRequest)
+        self.gate.guard(server)
         return server
 
     async def _judge(self, connection: ServerConnection, request: Request) -> Response | None:
@@ -140,9 +146,9 @@ class GuardedServer:
             return refusal
         path = urlsplit(request.path).path
         if is_websocket(request.headers):
-            if path == DRIVE_PATH:
-                # Refuse a large message while it arrives, not when it is here. viser's own limit is 50 MB.
-                connection.protocol.max_message_size = MAX_MESSAGE_BYTES
+            # Refuse a large message while it arrives, not when it is here. viser's own limit is 50 MB.
+            most = MAX_MESSAGE_BYTES if path == DRIVE_PATH else page_messages.MAX_MESSAGE_BYTES
+            connection.protocol.max_message_size = most
             return None if path in (DRIVE_PATH, VISER_PATH) else not_found()
         if path in ("/", "/index.html"):
             return self._page.answer()
@@ -153,13 +159,20 @@ class GuardedServer:
 
     def _router(self, viser_handler: Callable[..., Any]) -> Callable[..., Any]:
         async def route(connection: ServerConnection) -> None:
-            request = connection.request
-            if request is not None and urlsplit(request.path).path == DRIVE_PATH:
-                await self._drive.serve(connection)
+            address = urlsplit("" if connection.request is None else connection.request.path)
+            key = _page_key(address.query)
+            if address.path == DRIVE_PATH:
+                await self._drive.serve(connection, key)
             else:
-                await viser_handler(connection)
+                await viser_handler(self.gate.page(connection, key))
 
         return route
+
+
+def _page_key(query: str) -> str | None:
+    """Return the secret by which a page's two sockets know each other; None for a page without one."""
+    given = parse_qs(query).get("page", [""])[-1]
+    return given if _PAGE_KEY.fullmatch(given) else None
 
 
 def _bind(host: str, port: int) -> socket.socket:

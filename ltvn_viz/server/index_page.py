@@ -12,11 +12,23 @@ from pathlib import Path
 import viser
 from websockets.http11 import Response
 
-from ltvn_viz.server.keymap import Direction, action_codes, direction_codes, help_rows
+from ltvn_viz.server.keymap import FOR_EVERYBODY, Direction, action_codes, direction_codes, help_rows
 from ltvn_viz.server.responses import HTML, reply
 
 STATIC = Path(__file__).parents[1] / "static"
-SCRIPTS = ("seat.js", "held.js", "keyboard.js", "gamepad.js", "pad.js", "clicks.js", "links.js", "main.js")
+SCRIPTS = (
+    "page.js",
+    "seat.js",
+    "held.js",
+    "keyboard.js",
+    "gamepad.js",
+    "pad.js",
+    "rights.js",
+    "clicks.js",
+    "links.js",
+    "main.js",
+)
+SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
 """What the page's script takes out of its address."""
 NONCE = "{{nonce}}"
@@ -69,16 +81,23 @@ def _with_our_parts(index: str, script: str) -> str:
 
 def _script() -> str:
     parts = "\n".join((STATIC / name).read_text() for name in SCRIPTS)
-    tables = f"const KEYMAP = {_keymap_json()};\nconst LINK_WORDS = {json.dumps(LINK_PARAMETERS)};"
-    return f'(() => {{\n"use strict";\n{tables}\n{parts}\n}})();'
+    tables = {
+        "KEYMAP": _keymap(),
+        "LINK_WORDS": LINK_PARAMETERS,
+        "SOCKET_WORKER": (STATIC / SOCKET_WORKER).read_text(),
+    }
+    # "<" would let a text end the script element.
+    constants = "\n".join(f"const {name} = {json.dumps(table)};" for name, table in tables.items()).replace(
+        "<", "\\u003c"
+    )
+    return f'(() => {{\n"use strict";\n{constants}\n{parts}\n}})();'
 
 
-def _keymap_json() -> str:
-    table = {
+def _keymap() -> dict[str, object]:
+    return {
         "directions": direction_codes(),
         "actions": action_codes(),
+        "everybody": sorted(FOR_EVERYBODY),
         "allDirections": list(Direction),
         "help": help_rows(),
     }
-    # "<" would let a text end the script element.
-    return json.dumps(table).replace("<", "\\u003c")

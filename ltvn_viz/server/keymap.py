@@ -50,8 +50,8 @@ class Action(StrEnum):
     """A click on a link in what a tool shows. Carries the link's number."""
 
 
-FOR_EVERYBODY = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE, Action.HELP, Action.SELECT})
-"""Watchers may ask for these; everything else moves the robot or writes files and belongs to the driver."""
+FOR_EVERYBODY = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE, Action.HELP})
+"""Watchers may ask for these; everything else changes what all pages see, and belongs to the driver."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,8 +86,7 @@ function whyLatched() {
 
 function status() {
   if (!seat.isOpen) return ["lost", "No connection to the robot"];
-  const isOther = seat.driver !== null && seat.driver !== seat.you;
-  if (isOther) return ["other", `${nameOfDriver(seat.driver)} drives${isHolding() || refusedBy ? ": take over first" : ""}`];
+  if (isWatching()) return ["other", `${nameOfDriver(seat.driver)} drives${isHolding() || refusedBy ? ": take over first" : ""}`];
   if (!seat.armed && isHolding()) return ["lost", `${whyLatched()}: release the keys to go on`];
   if (isTyping(document.activeElement)) return ["free", "Typing: click the scene to drive"];
   if (seat.driver === seat.you) return ["you", "You drive"];

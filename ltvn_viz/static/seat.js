@@ -1,10 +1,8 @@
 // The connection to the server, and the driver's seat as the server tells it.
 
-const RECONNECT_MS = 500;
-
 const seat = { isOpen: false, you: null, driver: null, epoch: 0, armed: false, reason: null, stoppedBy: null };
 const watchers = []; // Functions without arguments, called whenever something to be shown has changed.
-let socket = null;
+let socket = null; // A worker that holds the connection.
 let refusedBy = null; // Who drives, when an action was refused for that reason.
 
 function changed() {
@@ -12,7 +10,7 @@ function changed() {
 }
 
 function send(message) {
-  if (socket !== null && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  if (seat.isOpen) socket.postMessage({ text: JSON.stringify(message) });
 }
 
 function ask(action, id = null) {
@@ -21,13 +19,18 @@ function ask(action, id = null) {
 }
 
 function connect() {
-  socket = new WebSocket(`${location.origin.replace(/^http/, "ws")}/drive`);
-  socket.onmessage = (event) => hear(JSON.parse(event.data));
-  socket.onclose = () => {
-    Object.assign(seat, { isOpen: false, you: null, driver: null, armed: false });
-    changed();
-    setTimeout(connect, RECONNECT_MS);
-  };
+  socket = new Worker(URL.createObjectURL(new Blob([SOCKET_WORKER], { type: "text/javascript" })));
+  socket.onmessage = ({ data }) => (data === null ? lose() : hear(JSON.parse(data)));
+  socket.postMessage({ address: socketAddress("/drive") });
+}
+
+function lose() {
+  Object.assign(seat, { isOpen: false, you: null, driver: null, armed: false });
+  changed();
+}
+
+function isWatching() {
+  return seat.isOpen && seat.driver !== null && seat.driver !== seat.you;
 }
 
 function hear({ type, ...fields }) {

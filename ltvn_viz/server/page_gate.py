@@ -1,0 +1,229 @@
+"""The one place where everything that a page says on viser's socket is judged before viser sees it.
+
+viser believes its pages: whatever one sends is set and told to all others. So each message passes here first. It must
+be one that a page of ours has reason to send, with fields of the right type and size (`page_messages`); the thing it is
+about must be there and take the value (`page_elements`); and the page must have the right, which it has for its own
+view, and for what all pages share only from the driver's seat. What is refused is dropped, and the page is shown again
+what stands; bytes that are no message at all cost the page its socket.
+"""
+
+import logging
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, assert_never
+
+import viser
+from viser import _messages
+from websockets.asyncio.server import ServerConnection
+from websockets.frames import CloseCode
+
+from ltvn_viz.server.drive_messages import MessageError
+from ltvn_viz.server.limited_log import LimitedLog
+from ltvn_viz.server.page_elements import takes
+from ltvn_viz.server.page_messages import (
+    MAX_UPLOAD_BYTES,
+    PART_BYTES,
+    CommandTrigger,
+    DrawnImage,
+    ElementUpdate,
+    NodeClick,
+    UploadPart,
+    UploadStart,
+    ViewerCamera,
+    ViserMessage,
+    read_viser_message,
+)
+
+logger = logging.getLogger(__name__)
+
+
+class Verdict(StrEnum):
+    """What becomes of a message; the value is how it is counted."""
+
+    ADMITTED = "admitted"
+    UNREADABLE = "unreadable"
+    """No message at all."""
+    MALFORMED = "malformed"
+    """Not of a kind that a page of ours sends, or with a field of another type or size."""
+    UNFIT = "unfit"
+    """The thing it is about is not there, or does not take this value."""
+    WITHOUT_RIGHT = "without right"
+    """The page has not got the seat."""
+
+
+@dataclass
+class _Upload:
+    """A file on its way in."""
+
+    transfer: str
+    element: str
+    parts: int
+    size: int
+    next_part: int = 0
+    received: int = 0
+
+
+class PageGate:
+    """Judge what pages say to one viser server."""
+
+    def __init__(self, may_drive: Callable[[str | None], bool]) -> None:
+        """Ask `may_drive` whether the page with a key has the seat, or may sit down."""
+        self.may_drive = may_drive
+        self.counts: Counter[Verdict] = Counter()
+        self.log = LimitedLog(logger)
+        self._viser: viser.ViserServer | None = None
+
+    def guard(self, server: viser.ViserServer) -> None:
+        """Judge for this server from now on; before, everything is dropped."""
+        self._viser = server
+
+    def page(self, connection: ServerConnection, key: str | None) -> "GuardedPage":
+        """Return a page's connection as viser may have it."""
+        return GuardedPage(self, connection, key)
+
+    def judge(self, page: "GuardedPage", raw: bytes | str) -> Verdict:
+        """Say what becomes of a message of a page, and show the page again what stands where it is dropped."""
+        try:
+            message = read_viser_message(raw)
+            verdict = Verdict.MALFORMED if message is None else self._judge(page, message)
+        except MessageError as error:
+            verdict = Verdict.UNREADABLE
+            self.log.log(logging.WARNING, "closed a page's socket: %s", error)
+        self.counts[verdict] += 1
+        return verdict
+
+    def _judge(self, page: "GuardedPage", message: ViserMessage) -> Verdict:
+        client = page.client(self._viser) if self._viser is not None else None
+        match message:
+            case ViewerCamera():
+                return Verdict.ADMITTED
+            case _ if self._viser is None or client is None:
+                return Verdict.UNFIT  # viser counts a page from its first camera on, and so does this.
+            case ElementUpdate():
+                return self._judge_update(self._viser, client, page, message)
+            case NodeClick():
+                return self._shared(page, is_fit=_is_clickable(self._viser, message))
+            case UploadStart() | UploadPart():
+                return self._judge_upload(self._viser, client, page, message)
+            case CommandTrigger(uuid):
+                command = self._viser.gui._command_handle_from_uuid.get(uuid)
+                return self._shared(page, is_fit=command is not None and not command._impl.props.disabled)
+            case DrawnImage():
+                return _verdict(
+                    bool(client._websock_connection._incoming_handlers.get(_messages.GetRenderResponseMessage))
+                )
+            case _:
+                assert_never(message)
+
+    def _judge_update(
+        self, server: viser.ViserServer, client: viser.ClientHandle, page: "GuardedPage", message: ElementUpdate
+    ) -> Verdict:
+        own: Any = client.gui._gui_input_handle_from_uuid.get(message.uuid)
+        element: Any = own or server.gui._gui_input_handle_from_uuid.get(message.uuid)
+        if element is None:
+            return Verdict.UNFIT
+        is_fit = takes(element, message.updates.value)
+        verdict = _verdict(is_fit) if own is not None else self._shared(page, is_fit=is_fit)
+        if verdict is not Verdict.ADMITTED:
+            # The page has drawn its own value already.
+            back = _messages.GuiUpdateMessage(message.uuid, {"value": element.value})
+            client._websock_connection.queue_message(back)
+        return verdict
+
+    def _judge_upload(
+        self,
+        server: viser.ViserServer,
+        client: viser.ClientHandle,
+        page: "GuardedPage",
+        message: UploadStart | UploadPart,
+    ) -> Verdict:
+        if isinstance(message, UploadPart):
+            return self._shared(page, is_fit=page.take_part(message))
+        element = server.gui._gui_input_handle_from_uuid.get(message.source_component_uuid)
+        is_fit = isinstance(element, viser.GuiUploadButtonHandle) and element.visible and not element.disabled
+        verdict = self._shared(page, is_fit=is_fit and page.is_fit_upload(message))
+        if verdict is Verdict.ADMITTED:
+            # A page sends one file at a time; what is left of another is not waited for.
+            server.gui._drop_uploads_from_client(client._websock_connection.client_id)  # type: ignore[arg-type]
+            page.begin_upload(message)
+        return verdict
+
+    def _shared(self, page: "GuardedPage", *, is_fit: bool) -> Verdict:
+        """Judge the use of something that all pages share."""
+        if not is_fit:
+            return Verdict.UNFIT
+        return Verdict.ADMITTED if self.may_drive(page.key) else Verdict.WITHOUT_RIGHT
+
+
+class GuardedPage:
+    """A page's connection with what viser needs of it, and an upload under way."""
+
+    def __init__(self, gate: PageGate, connection: ServerConnection, key: str | None) -> None:
+        self.key = key
+        self.subprotocol = connection.subprotocol
+        self._gate, self._connection = gate, connection
+        self._upload: _Upload | None = None
+
+    async def recv(self) -> bytes | str:
+        """Return the next message that viser may see."""
+        while True:
+            raw = await self._connection.recv()
+            verdict = self._gate.judge(self, raw)
+            if verdict is Verdict.ADMITTED:
+                return raw
+            if verdict is Verdict.UNREADABLE:
+                await self._connection.close(CloseCode.POLICY_VIOLATION, "invalid message")
+
+    async def send(self, message: bytes) -> None:
+        """Send to the page."""
+        await self._connection.send(message)
+
+    async def close(self, code: int = CloseCode.NORMAL_CLOSURE, reason: str = "") -> None:
+        """Close the connection."""
+        await self._connection.close(code, reason)
+
+    def client(self, server: viser.ViserServer) -> viser.ClientHandle | None:
+        """Return viser's own name for this page; None before its first camera."""
+        live = server._websock_server._live_connections
+        number = next((each for each, connection in live.items() if connection is self), None)  # type: ignore[comparison-overlap]
+        return None if number is None else server._connected_clients.get(number)
+
+    def is_fit_upload(self, message: UploadStart) -> bool:
+        """Tell whether a file of such a size may come, in pieces as viser's page makes them."""
+        parts = -(-message.size_bytes // PART_BYTES)
+        return message.size_bytes <= MAX_UPLOAD_BYTES and message.part_count == parts
+
+    def begin_upload(self, message: UploadStart) -> None:
+        """Wait for the parts of a file."""
+        self._upload = _Upload(
+            transfer=message.transfer_uuid,
+            element=message.source_component_uuid,
+            parts=message.part_count,
+            size=message.size_bytes,
+        )
+
+    def take_part(self, message: UploadPart) -> bool:
+        """Count a piece of the file under way; tell whether it is the next one."""
+        upload = self._upload
+        if upload is None or (message.transfer_uuid, message.source_component_uuid) != (
+            upload.transfer,
+            upload.element,
+        ):
+            return False
+        upload.received += len(message.content)
+        is_next = message.part_index == upload.next_part < upload.parts and upload.received <= upload.size
+        upload.next_part += 1
+        if not is_next or upload.next_part == upload.parts:
+            self._upload = None
+        return is_next
+
+
+def _verdict(is_fit: bool) -> Verdict:
+    return Verdict.ADMITTED if is_fit else Verdict.UNFIT
+
+
+def _is_clickable(server: viser.ViserServer, message: NodeClick) -> bool:
+    node: Any = server.scene._handle_from_node_name.get(message.name)
+    return node is not None and message.owner == server.scene._owner_id and bool(node._impl.click_cb)

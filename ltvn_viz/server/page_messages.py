@@ -1,0 +1,141 @@
+"""What a page may say on viser's own socket, and the strict reading of it.
+
+Owns types, sizes and plain ranges of every field. Whether the thing that a message is about exists, takes this value,
+and is for this page to use, is `page_gate`'s to say.
+"""
+
+from typing import Annotated, Literal, TypeAlias
+
+import msgspec
+from msgspec import Meta
+from viser import _messages
+
+from ltvn_viz.server.drive_messages import MessageError
+
+MAX_TEXT = 10_000
+"""Characters of anything typed."""
+MAX_NAME = 300
+"""Characters of a name."""
+MAX_UPLOAD_BYTES = 32 * 2**20
+PART_BYTES = 512 * 1024
+"""viser's page sends a file in pieces of so many bytes."""
+MAX_IMAGE_BYTES = 16 * 2**20
+"""Of what a page draws when the app asks it to."""
+MAX_MESSAGE_BYTES = MAX_IMAGE_BYTES + 1024
+
+_Number: TypeAlias = Annotated[float, Meta(ge=-1e9, le=1e9)]
+_Vector: TypeAlias = tuple[_Number, _Number, _Number]
+_Name: TypeAlias = Annotated[str, Meta(max_length=MAX_NAME)]
+_Count: TypeAlias = Annotated[int, Meta(ge=0, le=2**31)]
+_Modifier: TypeAlias = Literal[
+    "cmd/ctrl", "alt", "shift", "cmd/ctrl+alt", "cmd/ctrl+shift", "alt+shift", "cmd/ctrl+alt+shift"
+]
+Value: TypeAlias = (
+    bool | int | float | Annotated[str, Meta(max_length=MAX_TEXT)] | Annotated[list[int | float], Meta(max_length=16)]
+)
+"""What an element can be set to; the numbers are not limited yet."""
+
+
+class ViewerCamera(
+    msgspec.Struct, frozen=True, tag="ViewerCameraMessage", tag_field="type", forbid_unknown_fields=True
+):
+    """From where the person looks; metres and radians."""
+
+    wxyz: tuple[_Number, _Number, _Number, _Number]
+    position: _Vector
+    fov: Annotated[float, Meta(gt=0, lt=3.2)]
+    near: _Number
+    far: _Number
+    image_height: Annotated[int, Meta(ge=0, le=32768)]
+    image_width: Annotated[int, Meta(ge=0, le=32768)]
+    look_at: _Vector
+    up_direction: _Vector
+
+
+class NewValue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A page changes nothing of an element but its value."""
+
+    value: Value
+
+
+class ElementUpdate(msgspec.Struct, frozen=True, tag="GuiUpdateMessage", tag_field="type", forbid_unknown_fields=True):
+    """A control was used."""
+
+    uuid: _Name
+    updates: NewValue
+
+
+class NodeClick(msgspec.Struct, frozen=True, tag="SceneNodeClickMessage", tag_field="type", forbid_unknown_fields=True):
+    """Something in the scene was clicked."""
+
+    name: _Name
+    ray_origin: _Vector
+    ray_direction: _Vector
+    screen_pos: tuple[_Number, _Number]
+    instance_index: _Count | None
+    modifier: _Modifier | None
+    owner: _Name = ""
+
+
+class UploadStart(
+    msgspec.Struct, frozen=True, tag="FileTransferStartUpload", tag_field="type", forbid_unknown_fields=True
+):
+    """A file is about to come."""
+
+    source_component_uuid: _Name
+    transfer_uuid: _Name
+    filename: _Name
+    mime_type: _Name
+    part_count: _Count
+    size_bytes: _Count
+
+
+class UploadPart(msgspec.Struct, frozen=True, tag="FileTransferPart", tag_field="type", forbid_unknown_fields=True):
+    """A piece of a file."""
+
+    source_component_uuid: _Name | None
+    transfer_uuid: _Name
+    part_index: _Count
+    content: Annotated[bytes, Meta(max_length=PART_BYTES)]
+
+
+class CommandTrigger(
+    msgspec.Struct, frozen=True, tag="CommandTriggerMessage", tag_field="type", forbid_unknown_fields=True
+):
+    """A command of viser's palette was chosen, or its key pressed."""
+
+    uuid: _Name
+
+
+class DrawnImage(
+    msgspec.Struct, frozen=True, tag="GetRenderResponseMessage", tag_field="type", forbid_unknown_fields=True
+):
+    """What the app asked the page to draw."""
+
+    payload: Annotated[bytes, Meta(max_length=MAX_IMAGE_BYTES)]
+    render_uuid: _Name
+
+
+ViserMessage: TypeAlias = (
+    ViewerCamera | ElementUpdate | NodeClick | UploadStart | UploadPart | CommandTrigger | DrawnImage
+)
+"""Everything that a page of ours has reason to say."""
+
+_DECODER = msgspec.msgpack.Decoder(ViserMessage)
+
+
+def read_viser_message(raw: bytes | str) -> ViserMessage | None:
+    """Read one message of a page, None where a field is not what it must be. Raises MessageError for what is none."""
+    if isinstance(raw, str):
+        raise MessageError("text where MessagePack is spoken")
+    try:
+        return _DECODER.decode(raw)
+    except msgspec.ValidationError:
+        return None
+    except (msgspec.DecodeError, RecursionError, ValueError) as error:
+        raise MessageError(f"no MessagePack: {error}") from error
+
+
+def viser_message_names() -> frozenset[str]:
+    """Return the names of every message that viser knows, in either direction; for those who make up hostile ones."""
+    return frozenset(_messages.Message._subclass_from_type_string())

@@ -1,0 +1,108 @@
+"""A page without a browser: its two sockets, opened by hand, and messages written by hand."""
+
+import http.client
+import json
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import viser
+from websockets.sync.client import ClientConnection, connect
+from websockets.sync.connection import Connection
+
+from ltvn_viz.server.guarded_server import GuardedServer
+from tests.waiting import PATIENCE_S, until
+
+CAMERA: dict[str, Any] = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.0, 0.0, 3.0],
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 100.0,
+    "image_height": 600,
+    "image_width": 800,
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 0.0, 1.0],
+}
+
+
+@dataclass(frozen=True)
+class PageSockets:
+    """One page."""
+
+    server: GuardedServer
+    key: str
+    drive: Connection
+    panels: Connection
+    client: viser.ClientHandle
+
+    @property
+    def number(self) -> int:
+        """Number of the page at the driver's seat."""
+        number = self.server._drive.client_of(self.key)
+        assert number is not None
+        return number
+
+    def ask(self, action: str, target: int | None = None) -> None:
+        """Ask for an action."""
+        self.drive.send(json.dumps({"type": "action", "action": action, "id": target}))
+
+    def here(self) -> None:
+        """Give a sign of life."""
+        self.drive.send('{"type":"here"}')
+
+    def say(self, message: dict[str, Any]) -> None:
+        """Send a message to viser."""
+        self.panels.send(msgspec.msgpack.encode(message))
+
+    def set(self, uuid: str, value: object) -> None:
+        """Use a control."""
+        self.say({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+
+    def take_seat(self) -> None:
+        """Sit down, whoever sat there."""
+        self.ask("take_over")
+        until(lambda: self.server.seat.state_of(self.number).driver == self.number)
+
+    def settle(self) -> None:
+        """Wait until everything that was said to viser before has been judged and carried out."""
+        mark = secrets.randbelow(10**6) / 1000
+        self.say(CAMERA | {"position": [mark, 0.0, 3.0]})
+        until(lambda: self.client.camera.position[0] == mark)
+
+
+@contextmanager
+def open_sockets(server: GuardedServer) -> Iterator[PageSockets]:
+    """Open both sockets of a page, as its script does, and close them at the end."""
+    key = secrets.token_hex(16)
+    known = set(server.viser.get_clients())
+    with _socket(server, f"/drive?page={key}") as drive, _socket(server, f"/?page={key}", panels=True) as panels:
+        panels.send(msgspec.msgpack.encode(CAMERA))
+        until(lambda: set(server.viser.get_clients()) - known)
+        until(lambda: server._drive.client_of(key))
+        (number,) = set(server.viser.get_clients()) - known
+        yield PageSockets(server, key, drive, panels, server.viser.get_clients()[number])
+
+
+def _socket(server: GuardedServer, path: str, *, panels: bool = False) -> ClientConnection:
+    return connect(
+        f"ws://127.0.0.1:{server.port}{path}",
+        origin=f"http://127.0.0.1:{server.port}",  # type: ignore[arg-type]
+        additional_headers={"Cookie": _cookie(server)},
+        subprotocols=[f"viser-v{viser.__version__}"] if panels else None,  # type: ignore[list-item]
+        open_timeout=PATIENCE_S,
+        max_size=None,
+    )
+
+
+def _cookie(server: GuardedServer) -> str:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE_S)
+    connection.request("GET", f"/?token={server.token}")
+    answer = connection.getresponse()
+    answer.read()
+    connection.close()
+    return (answer.getheader("Set-Cookie") or "").split(";")[0]

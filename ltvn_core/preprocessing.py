@@ -39,7 +39,8 @@ def preprocess_observation(
     Args:
         rgb: (H, W, 3) uint8.
         depth: (H, W) metres as floating-point numbers, 0 = no return, or whole units of `camera.depth_scale`; None
-            where the robot has no depth camera.
+            where the robot has no depth camera. Zero or NaN everywhere is an image without depth: it comes in, marked
+            by `Observation.has_depth`.
         odometry: (3,) x, y, yaw.
         stamp: Seconds on the robot's clock.
         step: Names the image.
@@ -55,8 +56,8 @@ def preprocess_observation(
         black pixel with depth tells that something black stands there.
 
     Raises:
-        ImageError: A wrong type or shape, a size other than the camera's, depth that is NaN, infinite, negative or zero
-            everywhere, or a pose or stamp that is not finite.
+        ImageError: A wrong type or shape, a size other than the camera's, depth with some pixels that are NaN, infinite
+            or negative, or a pose or stamp that is not finite.
     """
     image = _checked_rgb(rgb, source)
     camera = _matching_camera(image, camera, target, source)
@@ -227,10 +228,8 @@ def _checked_depth(depth: ArrayLike, scale: float, source: str) -> Depth:
             f"{source}: expected depth (height, width) as floating-point metres, got shape {metres.shape} of "
             f"{metres.dtype}; divide millimetres by 1000, or give a camera whose depth_scale is {MILLIMETRES}."
         )
+    if np.isnan(metres).all():
+        return np.zeros(metres.shape, np.float32)  # Some cameras say so where they saw nothing at all.
     if not np.all(np.isfinite(metres)) or metres.min() < 0:
         raise ImageError(f"{source}: depth holds NaN, infinite or negative values; mark pixels without a return as 0.")
-    if not metres.any():
-        raise ImageError(
-            f"{source}: depth is zero everywhere; is the depth camera running? Without one, give None as depth."
-        )
     return metres.astype(np.float32, copy=False)

@@ -58,7 +58,8 @@ class Observation:
     rgb: Rgb
     """(H, W, 3); of the size that the predictor asks for once it has come through the door."""
     depth: Depth | None
-    """(H, W), metres along the optical axis, 0 = no return; None where the robot has no depth camera at all."""
+    """(H, W), metres along the optical axis, 0 = no return; None where the robot has no depth camera at all. Zero
+    everywhere is an image without depth too: the camera stands before a wall, or looks into the open."""
     odometry: Pose
     """(3,) in the odometry frame; drifts."""
     stamp: float
@@ -70,6 +71,11 @@ class Observation:
     drawing may read it; the method never does (a test checks)."""
     original: OriginalImage | None = None
     """The camera's own picture where it was kept and is another than `rgb`."""
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether any pixel has depth. An image without is kept and recorded, and used by nothing that needs depth."""
+        return self.depth is not None and bool(self.depth.any())
 
     def require_depth(self, user: str) -> Depth:
         """Return the depth. Raises ImageError, naming the `user` that cannot do without, where there is none."""
@@ -124,7 +130,10 @@ class Renderer(Protocol):
 
 
 class Predictor(Protocol):
-    """f(o_i, o_j) -> (r, dx, dy, dtheta), in two halves so that each image is encoded once."""
+    """f(o_i, o_j) -> (r, dx, dy, dtheta), in two halves so that each image is encoded once.
+
+    A predictor that cannot work without depth says so by an attribute `needs_depth = True`, see `is_usable`.
+    """
 
     @property
     def fingerprint(self) -> str:
@@ -143,3 +152,8 @@ class Predictor(Protocol):
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare sources (N, F) or (1, F) with targets (N, F) in one batch; a single source meets all targets."""
         ...
+
+
+def is_usable(observation: Observation, predictor: Predictor) -> bool:
+    """Tell whether a predictor can compare an image: one that needs depth cannot compare an image without any."""
+    return observation.has_depth or not getattr(predictor, "needs_depth", False)

@@ -1,8 +1,10 @@
 """The source of a regression test that asserts what happened in an excerpt of a recording.
 
-Owns the text. What it asserts is what happened, right or wrong: whoever saves it says what should have happened.
+Owns the text. What it asserts is what happened, right or wrong: whoever saves it says what should have happened. A
+recording may come from anybody, so its texts stand in the source as escaped ASCII and nothing of it can become code.
 """
 
+import math
 import textwrap
 from collections.abc import Sequence
 
@@ -33,7 +35,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import {names}
 from ltvn_core.recording.reader import Recording
 
-RECORDING = Path(__file__).parent / "{file}"
+RECORDING = Path(__file__).parent / {file}
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +74,7 @@ def test_it_planned_as_it_did(moment: Recording) -> None:
 
 _OUTCOME = """
 
-def test_query_{query}_ended(moment: Recording) -> None:
+def test_query_{name}_ended(moment: Recording) -> None:
     ends = {{stamped.event.query: stamped.event for stamped in moment.events if isinstance(stamped.event, QueryEnded)}}
     assert ends[{query}].outcome is Outcome.{outcome}
     assert ends[{query}].collisions == {collisions}
@@ -98,7 +100,7 @@ def regression_test_source(events: Sequence[StampedEvent], *, file: str, about: 
     parts = [_ATTEMPTS.format(rows="\n".join(map(_attempt_row, attempts)))] if attempts else []
     if plans:
         parts.append(_PLANS.format(count=len(plans), first=_wrapped(plans[0]), last=_wrapped(plans[-1])))
-    parts += [_OUTCOME.format(query=e.query, outcome=e.outcome.name, collisions=e.collisions) for e in ends]
+    parts += [_outcome(ended) for ended in ends]
     changes = _changes(events)
     if changes or not parts:
         parts.append(_MAP.format(rows="\n".join(f"    {row}" for row in changes or ["assert graph.nodes"])))
@@ -107,17 +109,29 @@ def regression_test_source(events: Sequence[StampedEvent], *, file: str, about: 
 
 def _head(file: str, about: str, *, attempts: bool, plans: bool, ends: bool) -> str:
     names = ["AttemptEnd", "AttemptEnded"] * attempts + ["Outcome"] * ends + ["Planned"] * plans + ["QueryEnded"] * ends
-    head = _HEAD.format(about=about, names=", ".join(names), file=file)
+    head = _HEAD.format(about=_escaped(about), names=", ".join(names), file=f'"{_escaped(file)}"')
     return head if names else head.replace("from ltvn_core.navigation.events import \n", "")
 
 
 def _attempt_row(ended: AttemptEnded) -> str:
-    row = f"{ended.attempt}, {ended.source}, {ended.target}, AttemptEnd.{ended.end.name}, {ended.succeeded}"
-    return f"        ({row}),  # {ended.reason}"
+    source = None if ended.source is None else int(ended.source)
+    row = f"{int(ended.attempt)}, {source}, {int(ended.target)}, AttemptEnd.{ended.end.name}, {bool(ended.succeeded)}"
+    return f"        ({row}),  # {_escaped(ended.reason)}"
+
+
+def _outcome(ended: QueryEnded) -> str:
+    query = int(ended.query)
+    name = str(query).replace("-", "minus_")
+    return _OUTCOME.format(name=name, query=query, outcome=ended.outcome.name, collisions=int(ended.collisions))
+
+
+def _escaped(text: str) -> str:
+    """Return a text as it may stand in a comment and between double quotes: printable ASCII on one line."""
+    return ascii(text)[1:-1].replace('"', '\\"')
 
 
 def _wrapped(nodes: Sequence[NodeId]) -> str:
-    text = "".join(f"{node}, " for node in nodes)
+    text = "".join(f"{int(node)}, " for node in nodes)
     return textwrap.fill(text, 118, initial_indent=" " * 8, subsequent_indent=" " * 8)
 
 
@@ -140,7 +154,8 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
                 rows[source, target] = f"assert ({source}, {target}) not in graph.edges"
             case BeliefUpdated(source=source, target=target, belief=belief):
                 now = f"graph.edges[{source}, {target}].belief.p"
-                rows[source, target] = f"assert {now} == pytest.approx({belief.p:.6g}, abs=1e-6)"
+                p = f"{belief.p:.6g}" if math.isfinite(belief.p) else f'float("{float(belief.p)}")'
+                rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
             case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
                 pass  # It neither leads the robot nor tells what it believes.
     return list(rows.values())

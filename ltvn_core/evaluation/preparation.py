@@ -3,6 +3,7 @@
 Each file is written once, complete or not at all, so that an interrupted evaluation continues where it stopped.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.composition import open_predictor, open_simulation
+from ltvn_core.evaluation.preparation_progress import PreparationLog, PreparationPart
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system
@@ -20,13 +22,14 @@ from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.types import FrameId, Observation
+from ltvn_core.types import FrameId, Observation, is_usable
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +41,8 @@ class DriveGroundTruth:
     goals: tuple[FrameId, ...]
     collisions: int
     """Collisions during the drive."""
+    without_depth: int = 0
+    """Images without depth; none of them is a goal, and no map is built from them."""
 
     def episodes(self, count: int, seed: int) -> tuple[EpisodePlan, ...]:
         """Draw episodes; a larger number begins with the same ones."""
@@ -47,14 +52,16 @@ class DriveGroundTruth:
 
 def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
     """Create the files that are missing: drive, weights and map."""
-    drive_truth = _drive(plan, files)
+    log = PreparationLog(files.preparation)
+    drive_truth = _drive(plan, files, log)
     if not files.map().exists():
         observations = _observations(files.drive)
-        _build(plan, files, observations, drive_truth, _weights(plan, files, observations))
+        _build(plan, files, observations, drive_truth, _weights(plan, files, observations, log), log)
+        log.close()
     return drive_truth
 
 
-def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation]) -> Path:
+def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation], log: PreparationLog) -> Path:
     """Return the weights of a plan, fine-tuned on its drive if it says so; weights of the same run are made once."""
     if not plan.finetuned:
         return plan.start_weights
@@ -73,11 +80,12 @@ def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observat
         training.adapt_plan(FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)),
         provenance=FineTuningProvenance(recording=files.drive.name, system=plan.system),
         work_folder=files.weights.with_suffix(".part"),
+        on_progress=lambda share, doing, progress: log.report(PreparationPart.WEIGHTS, share),
     )
     return files.weights
 
 
-def _drive(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
+def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGroundTruth:
     """Record a scripted tour through the scene with noisy odometry."""
     if files.drive_truth.exists():
         return load_results(files.drive_truth, DriveGroundTruth)
@@ -85,21 +93,39 @@ def _drive(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
     rng = np.random.default_rng([plan.seed, 0])
     noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
     simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=noise)
-    seen = list(drive_tour(simulation.robot, simulation.scene, rng, loops=protocol.loops))
+    seen = list(
+        drive_tour(
+            simulation.robot,
+            simulation.scene,
+            rng,
+            loops=protocol.loops,
+            progress=lambda share: log.report(PreparationPart.DRIVE, share),
+        )
+    )
     settings = {"verb": "evaluate", "seed": plan.seed, "protocol": asdict(protocol)}
     if not files.drive.exists():
         with (
             atomic_output(files.drive) as part,
             RecordingWriter(part, scene=simulation.scene.address, config=settings, fingerprint="") as writer,
         ):
-            for observation in seen:
-                writer.write_frame(observation)
+            deque(record_images(seen, writer), maxlen=0)
     frames = [each.step for each in seen]
     poses = np.array([each.exact_pose for each in seen])
-    goals = choose_goals(simulation.scene, frames, poses, protocol.goals, np.random.default_rng([plan.seed, 1]))
+    has_depth = np.array([each.has_depth for each in seen])
+    goals = choose_goals(
+        simulation.scene,
+        [frame for frame, usable in zip(frames, has_depth, strict=True) if usable],
+        poses[has_depth],
+        protocol.goals,
+        np.random.default_rng([plan.seed, 1]),
+    )
     rows = tuple(pose_row(pose) for pose in poses)
     drive_truth = DriveGroundTruth(
-        frames=tuple(frames), poses=rows, goals=goals, collisions=simulation.robot.collisions
+        frames=tuple(frames),
+        poses=rows,
+        goals=goals,
+        collisions=simulation.robot.collisions,
+        without_depth=int((~has_depth).sum()),
     )
     simulation.robot.close()
     save_results(files.drive_truth, drive_truth)
@@ -112,13 +138,24 @@ def _build(
     observations: Sequence[Observation],
     drive_truth: DriveGroundTruth,
     weights: Path,
+    log: PreparationLog,
 ) -> None:
     scene = load_scene(plan.scene)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, weights, scene, maintain=False)
     keyframes = KeyframeStore(predictor)
     rng = np.random.default_rng([plan.seed, 4])
-    deltas = system.build(observations, keyframes, predictor, rng=rng, goals=drive_truth.goals)
+    # A drive of an earlier version may have a goal without depth, which then is no node: its episodes find no path.
+    usable = {seen.step for seen in observations if is_usable(seen, predictor)}
+    goals = [goal for goal in drive_truth.goals if goal in usable]
+    deltas = system.build(
+        observations,
+        keyframes,
+        predictor,
+        rng=rng,
+        goals=goals,
+        progress=lambda done, total: log.report(PreparationPart.MAP, done / max(total, 1)),
+    )
     graph = TopologicalGraph(deltas)
     kept = [keyframes.observation(frame) for frame in keyframes.frames]
     config = {"verb": "evaluate", "system": system.name, "method": asdict(system.method)}

@@ -123,6 +123,8 @@ class TrialResult:
     version: str
     command: str
     """Command that reproduces this result."""
+    without_depth: int = 0
+    """Images of the mapping drive that have no depth."""
 
 
 @dataclass(frozen=True, slots=True)

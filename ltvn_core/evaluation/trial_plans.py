@@ -118,6 +118,11 @@ class TrialFiles:
         """Return the map after so many queries."""
         return self.folder / self.label / f"map-{queries:04d}.rrd"
 
+    @property
+    def preparation(self) -> Path:
+        """Where a worker says how far it is with drive, weights and map."""
+        return self.folder / self.label / "preparation.txt"
+
     def drawing(self, queries: int = 0) -> Path:
         """Return the drawing of that map, for figures."""
         return drawing_path(self.folder, self.label, queries)

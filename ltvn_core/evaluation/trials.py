@@ -1,13 +1,13 @@
 """Runs trials (many episodes with one map) in batches, in parallel on any number of processes or machines.
 
-A finished batch is a file, so an interrupted evaluation continues where it stopped, on all machines that share the
-folder.
+A finished batch is a file, and so is each finished episode before that, so an interrupted evaluation continues where it
+stopped, on all machines that share the folder.
 """
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,12 @@ import numpy as np
 from joblib import delayed
 
 from ltvn_core.composition import open_predictor
+from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read_episodes
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
 from ltvn_core.evaluation.map_drawings import save_drawing
 from ltvn_core.evaluation.preparation import prepare
+from ltvn_core.evaluation.preparation_progress import read_share, watched_preparation
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.results import EpisodeResult, TrialResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files, open_planned_system, planned_weights
@@ -28,7 +30,11 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.registry import system_entry
 
 EPISODES_PER_BATCH = 25
-"""Episodes in a batch: few are lost by an interruption, and the map is not loaded too often."""
+"""Episodes in a batch: few enough for the cores to finish together, and the map is not loaded too often."""
+
+
+def _tell_nobody(share: float) -> None:
+    """Show nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +45,8 @@ class EvaluationProgress:
     """Called with the number of maps that are ready."""
     work_done: Callable[[int], object]
     """Called with the number of further episodes or queries that are done."""
+    preparing: Callable[[float], object] = _tell_nobody
+    """Called from a thread, with the share of all drives, weights and maps that is prepared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,16 +69,24 @@ def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
 def run_episode_batch(
     plan: TrialPlan, files: TrialFiles, queries: int, first: int, episodes: Sequence[EpisodePlan]
 ) -> int:
-    """Run episodes, numbered from `first`, with the map after a number of queries; return their number."""
+    """Run episodes, numbered from `first`, with the map after a number of queries; return their number.
+
+    Each is saved when it is over, and the next call runs only what is missing.
+    """
     path = files.episodes(queries, first, first + len(episodes))
     if not path.exists():
-        started = time.monotonic()
-        runner = cached_runner(plan, files, queries)
-        done = tuple(
-            runner.run(number, episode, episode_rng(plan.seed, number))
-            for number, episode in enumerate(episodes, first)
-        )
-        save_results(path, EpisodeBatch(done, time.monotonic() - started))
+        log = path.with_suffix(".part")
+        done = dict(read_episodes(log))
+        for number, episode in enumerate(episodes, first):
+            if number not in done:
+                started = time.monotonic()
+                result = cached_runner(plan, files, queries).run(number, episode, episode_rng(plan.seed, number))
+                done[number] = LoggedEpisode(result, time.monotonic() - started)
+                append_episode(log, done[number])
+        in_order = [done[number] for number in range(first, first + len(episodes))]
+        wall_s = sum(logged.wall_s for logged in in_order)
+        save_results(path, EpisodeBatch(tuple(logged.result for logged in in_order), wall_s))
+        log.unlink(missing_ok=True)
     return len(episodes)
 
 
@@ -116,9 +132,14 @@ def prepare_all(
     without_data: set[str] = {plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()}
     for system in without_data:
         system_entry(system).training.rehearsal().prepare()  # Once for all processes.
-    for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):
-        progress.maps_ready(ready)
+    with watched_preparation([partial(_share_prepared, files) for _, files in jobs], progress.preparing):
+        for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):
+            progress.maps_ready(ready)
     return jobs
+
+
+def _share_prepared(files: TrialFiles) -> float:
+    return 1.0 if files.map().exists() else read_share(files.preparation)
 
 
 def episode_batch_jobs(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int) -> Iterator[Any]:
@@ -169,4 +190,5 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         wall_s=sum(batch.wall_s for batch in batches),
         version=version("ltvn"),
         command=command,
+        without_depth=drive_truth.without_depth,
     )

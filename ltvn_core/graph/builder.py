@@ -4,6 +4,7 @@ Owns the passes over the images. Every image is encoded once and meets every nod
 operators (`graph.operators`) nor the map itself: it returns deltas.
 """
 
+import logging
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
@@ -17,7 +18,9 @@ from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
-from ltvn_core.types import FrameId, NodeId, Observation, Predictor
+from ltvn_core.types import FrameId, NodeId, Observation, Predictor, is_usable
+
+log = logging.getLogger(__name__)
 
 _MERGE_CANDIDATES = 3
 _NEAR_IN_TIME = 12
@@ -39,9 +42,9 @@ def build(
     """Return the deltas that build a map from a trajectory, Algorithm 1.
 
     Puts the images into `keyframes` and afterwards drops those that are neither nodes nor in reserve. Frames in `goals`
-    never merge. Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
+    never merge. Images without depth are left out where the predictor needs it. Raises MapError as `usable_trajectory`.
     """
-    check_trajectory(observations, goals)
+    observations = usable_trajectory(observations, predictor, goals)
     keyframes.add(observations)
     matcher, odometry_gate = Matcher(predictor, keyframes, method.matching), OdometryGate(observations, method.building)
     loop_closures = LoopClosureVerifier(matcher)
@@ -71,6 +74,35 @@ def check_trajectory(observations: Sequence[Observation], goals: Collection[Fram
         raise MapError("Frame numbers repeat in the trajectory; each image needs its own.")
     if unknown := set(goals) - set(frames):
         raise MapError(f"The goal frames {sorted(unknown)[:5]} are not in the trajectory.")
+
+
+def usable_trajectory(
+    observations: Sequence[Observation], predictor: Predictor, goals: Collection[FrameId] = ()
+) -> Sequence[Observation]:
+    """Return the images of a trajectory that a predictor can compare, and log how many it cannot.
+
+    Raises:
+        MapError: As `check_trajectory`; or no image has the depth that the predictor needs, or a goal has none.
+    """
+    check_trajectory(observations, goals)
+    usable = [seen for seen in observations if is_usable(seen, predictor)]
+    if len(usable) == len(observations):
+        return observations
+    left_out = [seen.step for seen in observations if not is_usable(seen, predictor)]
+    if not usable:
+        raise MapError(
+            f"None of the {len(observations)} images has depth, and the predictor needs it. Is the depth camera "
+            "running? Drive again with it, or use a predictor that works from colours alone."
+        )
+    if blind := sorted(set(goals) & set(left_out)):
+        raise MapError(f"The goal frames {blind[:5]} have no depth, which the predictor needs; choose other goals.")
+    log.warning(
+        "%d of %d images have no depth (the first is frame %d); the map is built without them.",
+        len(left_out),
+        len(observations),
+        left_out[0],
+    )
+    return usable
 
 
 def _starts(

@@ -12,7 +12,7 @@ from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import FrameId, Observation, Predictor
+from ltvn_core.types import FrameId, Observation, Predictor, is_usable
 
 MAX_RETRIES_PER_NODE = 4
 """Images kept for later that are tried again with each new node."""
@@ -33,6 +33,7 @@ class OnlineBuilder:
         """Grow `graph`; the reserve never holds more than `reserve_limit` images."""
         self._graph = graph
         self._keyframes = keyframes
+        self._predictor = predictor
         self._matcher = Matcher(predictor, keyframes, method.matching)
         self._loop_closures = LoopClosureVerifier(self._matcher)
         self._method = method
@@ -43,11 +44,11 @@ class OnlineBuilder:
     def offer(self, observation: Observation) -> tuple[GraphDelta, ...]:
         """Return what an image changes: a node with its edges, or its place in the reserve, or nothing.
 
-        An image whose frame is known already changes nothing. Images that had no neighbour before are tried again
-        when a node comes in.
+        An image whose frame is known already changes nothing, nor one without the depth that the predictor needs.
+        Images that had no neighbour before are tried again when a node comes in.
         """
         frame = observation.step
-        if frame in self._keyframes or frame in self._graph.nodes:
+        if frame in self._keyframes or frame in self._graph.nodes or not is_usable(observation, self._predictor):
             return ()
         self._keyframes.add([observation])
         if not self._graph.nodes:

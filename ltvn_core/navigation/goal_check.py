@@ -57,6 +57,8 @@ class GoalCheck:
         # The next time it turns to the other side, where there may be more to see.
         aside, odometry = _RECHECK_TURN_RAD * (-1) ** self._memory.goal_rejections, self._motion.odometry
         yield from self._turn(aside)
+        if not self._perception.is_usable:
+            return (yield from self._look_back_from(aside))
         second = self._perception.node_match(self._goal)
         if goal_estimates_agree(first.waypoint, odometry, second.waypoint, self._motion.odometry):
             yield from self._turn(-aside)
@@ -64,6 +66,13 @@ class GoalCheck:
         self._memory.goal_rejections += 1
         self._memory.plan = ()
         yield Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
+        return False
+
+    def _look_back_from(self, aside: float) -> EventGenerator[bool]:
+        """Turn back from where the image has no depth; the next time the other side is tried."""
+        yield from self._perception.missing_depth_notes()
+        self._memory.goal_rejections += 1
+        yield from self._turn(-aside)
         return False
 
     def _turn(self, angle_rad: float) -> EventGenerator[None]:

@@ -79,12 +79,14 @@ class ObstacleMemory:
         return bool(np.hypot(gap[0], gap[1]) > _UPDATE_AFTER_M or abs(gap[2]) > _UPDATE_AFTER_RAD)
 
     def add(self, observation: Observation) -> None:
-        """Remember what an image shows; the same image again changes nothing."""
+        """Remember what an image shows; the same image again changes nothing, and one without depth hides nothing."""
         if observation.step == self._last_step:
             return
         while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
             self._collisions.popleft()
         self._last_step, self._last_pose = observation.step, observation.odometry
+        if not observation.has_depth:
+            return
         here = obstacle_points(observation.depth, self._camera)
         pose = observation.odometry
         self._seen.append(transform_points(here, pose))

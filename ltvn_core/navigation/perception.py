@@ -6,12 +6,15 @@ Owns the current observation. Decides nothing.
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.loop_closures import ObservationSequence
 from ltvn_core.graph.matching import Matcher
+from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.observation_trail import ObservationTrail
-from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Waypoint
+from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Waypoint, is_usable
 
 
 class NodeMatch(NamedTuple):
@@ -41,6 +44,7 @@ class Perception:
         self._on_look = on_look
         self.trail = ObservationTrail()
         """The observations on the way that were encoded."""
+        self._told_of_no_depth = False
         self._at_step = -1
         self._observation: Observation | None = None
         self._features: Features | None = None
@@ -54,6 +58,19 @@ class Perception:
             self._features, self._node_matches = None, {}
             self._on_look(self._observation)
         return self._observation
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the current observation can be compared at all; without depth it may not, see `types.is_usable`."""
+        return is_usable(self.observation, self._predictor)
+
+    def missing_depth_notes(self) -> Iterator[Note]:
+        """Yield a note if the current observation lacks the depth that is needed; once until depth comes back."""
+        usable = self.is_usable
+        if not usable and not self._told_of_no_depth:
+            text = f"Image {self.observation.step} has no depth; the robot goes on by what it believed before."
+            yield Note(text, Severity.WARN)
+        self._told_of_no_depth = not usable
 
     @property
     def features(self) -> Features:
@@ -70,7 +87,9 @@ class Perception:
         return self.trail.relative_to(self._motion.odometry)
 
     def node_match(self, node: NodeId) -> NodeMatch:
-        """Compare the current observation with a node."""
+        """Compare the current observation with a node; one that is not usable resembles nothing."""
+        if not self.is_usable:
+            return NodeMatch(reachability=0.0, distance=np.inf, waypoint=np.zeros(3))
         image = self.features  # First, because a new observation clears what was compared with the last one.
         if node not in self._node_matches:
             found = self._matcher.match(image, (node,))

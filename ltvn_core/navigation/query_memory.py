@@ -4,7 +4,9 @@ Owns the rules against running in circles: penalties, repeats, and the node it i
 a step. Beliefs that outlive the query are the map's.
 """
 
+import itertools
 from collections import Counter
+from collections.abc import Sequence
 
 from ltvn_core.config import LocalisingConfig, PlanningConfig
 from ltvn_core.graph.topological_graph import EdgeKey
@@ -59,6 +61,11 @@ class QueryMemory:
         self._failed.add(edge)
         if self._config.failure_penalty:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
+
+    def record_failures(self, segment: Sequence[NodeId]) -> None:
+        """Remember that an attempt along a path of nodes failed; nobody knows which of its edges is to blame."""
+        for edge in itertools.pairwise(segment):
+            self.record_failure(edge)
 
     def record_failure_from(self, node: NodeId) -> None:
         """Remember that an attempt from a node failed; where that happens often, the robot is somewhere else."""

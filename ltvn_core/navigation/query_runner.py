@@ -59,8 +59,11 @@ class QueryRunner:
     def run(self) -> EventGenerator[Outcome]:
         """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
         while True:
-            if (yield from self._goal_check.check()):
+            if (yield from self._can_compare()) and (yield from self._goal_check.check()):
                 return Outcome.ARRIVED
+            if not (yield from self._can_compare()):  # Asked again, because the check may have turned the robot.
+                yield from self._turn_to_see()
+                continue
             localisation = yield from self._localise()
             if localisation.node is None:
                 yield from self._recover(Outcome.LOST)
@@ -72,6 +75,18 @@ class QueryRunner:
             self._memory.consecutive_failures = 0
             if (yield from self._follow(localisation, path)):
                 return Outcome.ARRIVED
+
+    def _can_compare(self) -> EventGenerator[bool]:
+        """Tell whether the image here can be compared with the map; without depth it may not."""
+        yield from self._perception.missing_depth_notes()
+        return self._perception.is_usable
+
+    def _turn_to_see(self) -> EventGenerator[None]:
+        """Turn as a lost robot does, but keep the plan, around which the robot is looked for first."""
+        plan = self._memory.plan
+        self._memory.assumed_node = None  # From another heading it is no longer held to be there.
+        yield from self._recover(Outcome.LOST)
+        self._memory.plan = plan
 
     def _localise(self) -> EventGenerator[Localisation]:
         """Find the node the robot is at."""
@@ -173,12 +188,17 @@ class QueryRunner:
         yield from self._enter(NavigatorState.JUDGING)
         verdict = self._judge(source, target, result)
         yield self._ended(attempt, source, target, result.end, verdict)
-        if source is not None:
+        yield from self._perception.missing_depth_notes()
+        if source is not None and self._perception.is_usable:
             yield from self._learn(attempt, segment, node_match, verdict)
+        elif source is not None:
+            self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
         return result
 
     def _judge(self, source: NodeId | None, target: NodeId, result: AttemptResult) -> AttemptVerdict:
         driven_too_often = source is not None and self._memory.count_drive((source, target))
+        if not self._perception.is_usable:
+            return AttemptVerdict(False, "the image at the end has no depth, so nothing can be said", hindered=True)
         seen, left = self._perception.node_match(target), relative(self._motion.odometry, result.goal)
         return judge_attempt(
             seen.reachability,
@@ -203,8 +223,7 @@ class QueryRunner:
         edges, context = list(itertools.pairwise(segment)), self._context
         failed_before = any(self._memory.has_failed(edge) for edge in edges)
         if not verdict.succeeded:
-            for edge in edges:  # Nobody knows which of them is to blame.
-                self._memory.record_failure(edge)
+            self._memory.record_failures(segment)
             self._memory.record_failure_from(segment[0])
         evidence = AttemptEvidence(
             source=segment[0],
@@ -240,7 +259,8 @@ class QueryRunner:
         yield from self._enter(NavigatorState.RECOVERING)
         recovering, memory = self._method.recovering, self._memory
         memory.record_localisation_failure(why)
-        if why is Outcome.LOST:
+        usable = self._perception.is_usable
+        if why is Outcome.LOST and usable:
             yield from self._remember_novel()
         if memory.consecutive_failures >= recovering.give_up_after_looks:
             raise QueryAborted(memory.give_up_outcome)
@@ -250,8 +270,9 @@ class QueryRunner:
             # Perhaps it was wrong about the way here, and about where it is not.
             self._perception.trail.clear()
             memory.clear_doubts()
-        if around and recovering.wander_m and self._attempt_driver.avoid_obstacles(ahead, recovering.wander_m) == ahead:
-            yield from self._motion.drive_straight(recovering.wander_m, ahead.linear_m_s)
+        wander_m = recovering.wander_m if around and usable else 0.0
+        if wander_m and self._attempt_driver.avoid_obstacles(ahead, wander_m) == ahead:
+            yield from self._motion.drive_straight(wander_m, ahead.linear_m_s)
         yield from self._turn(recovering.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:

@@ -47,6 +47,9 @@ class NetworkPredictor:
         self._fingerprint = fingerprint
         self._prefilter_from = prefilter_from
 
+    needs_depth = True
+    """An image without depth tells it nothing about where anything is."""
+
     @property
     def fingerprint(self) -> str:
         """Name the weights."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
+from ltvn_core.navigation.events import Note, Severity, StampedEvent
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Clock, Robot
 from ltvn_core.robots.robot_spec import RobotSpec
@@ -9,10 +10,29 @@ from ltvn_core.types import Observation, RobotState, Twist
 
 
 def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Iterator[Observation]:
-    """Write each image as it comes and pass it on, for drives that yield their images."""
+    """Write each image as it comes and pass it on, for drives that yield their images.
+
+    Where images without depth begin, a note says so.
+    """
+    without_depth = False
     for observation in images:
         writer.write_frame(observation)
+        if lost_depth(observation) and not without_depth:
+            writer.write_event(StampedEvent(observation.step, observation.stamp, missing_depth_note(observation)))
+        without_depth = lost_depth(observation)
         yield observation
+
+
+def lost_depth(observation: Observation) -> bool:
+    """Tell whether the robot has a depth camera and it returned nothing at all."""
+    return observation.depth is not None and not observation.has_depth
+
+
+def missing_depth_note(observation: Observation) -> Note:
+    """Return what the log says of the first of some images without depth."""
+    return Note(
+        f"Image {observation.step} has no depth: it is kept, and not used where depth is needed.", Severity.WARN
+    )
 
 
 class RecordedRobot:

@@ -4,7 +4,7 @@ It stands in for a person who drives the robot with the keyboard. It plans with 
 because a person sees the scene too, but it moves through the same physics, drive lease and odometry as any driver.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,17 +45,26 @@ class TourSettings:
 
 
 def drive_tour(
-    robot: SimulatedRobot, scene: Scene, rng: np.random.Generator, *, loops: int, settings: TourSettings | None = None
+    robot: SimulatedRobot,
+    scene: Scene,
+    rng: np.random.Generator,
+    *,
+    loops: int,
+    settings: TourSettings | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> Iterator[Observation]:
     """Drive through all rooms `loops` times and yield the observations taken on the way.
 
-    Every second loop goes the other way round, because the map needs both directions of a corridor.
+    Every second loop goes the other way round, because the map needs both directions of a corridor. `progress` is told
+    the share of the tour that is done, at each stop.
     """
     driver = _Driver(robot, scene.clearance, settings or TourSettings())
     yield from driver.capture()
     for loop in range(loops):
         stops = _round_trip(_stops(scene, rng, driver.settings), robot.exact_pose[:2], rng)
-        for stop in stops if loop % 2 == 0 else stops[::-1]:
+        for number, stop in enumerate(stops if loop % 2 == 0 else stops[::-1]):
+            if progress is not None:
+                progress((loop + number / len(stops)) / loops)
             yield from driver.drive_to(stop)
             if loop < driver.settings.spin_loops:
                 yield from driver.spin(float(rng.choice([-1.0, 1.0])))

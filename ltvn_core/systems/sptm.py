@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ltvn_core.config import Method
-from ltvn_core.graph.builder import ProgressCallback, check_trajectory
+from ltvn_core.graph.builder import ProgressCallback, usable_trajectory
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
@@ -97,7 +97,7 @@ def _build(
     progress: ProgressCallback | None = None,
 ) -> Deltas:
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
-    check_trajectory(observations, goals)
+    observations = usable_trajectory(observations, predictor, goals)
     ordered, features = encode_trajectory(observations, keyframes)
     rows = [found.reachability.astype(np.float32) for found in predict_all_pairs(features, predictor, progress)]
     pairs = [*itertools.pairwise(range(len(ordered))), *select_shortcuts(np.stack(rows))]

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.builder import ProgressCallback, check_trajectory
+from ltvn_core.graph.builder import ProgressCallback, usable_trajectory
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation
@@ -108,7 +108,7 @@ def _build(
     progress: ProgressCallback | None = None,
 ) -> Deltas:
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
-    check_trajectory(observations, goals)
+    observations = usable_trajectory(observations, predictor, goals)
     ordered, features = encode_trajectory(observations, keyframes)
     candidates: dict[tuple[int, int], EdgeCandidate] = {}
     for k, found in enumerate(predict_all_pairs(features, predictor, progress)):

@@ -3,6 +3,7 @@
 `ltvn_core.training_data.trajectory_pairs` labels the pairs of its images. Exact poses are never read.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, radians
@@ -11,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.errors import RecordingError
+from ltvn_core.errors import ImageError, RecordingError
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation, Pose
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +84,7 @@ def select_keyframes(
     odometry = _odometry(observations, name, selection)
     jumped = _jumps(odometry, selection)
     piece = np.concatenate([[0], np.cumsum(jumped)])
-    rows = _keyframe_rows(odometry, piece, selection)
+    rows = _rows_with_depth(_keyframe_rows(odometry, piece, selection), observations, name)
     if len(rows) < selection.fewest:
         raise RecordingError(
             f"{name}: of {len(odometry)} images only {len(rows)} are at least {selection.keep_m:g} m or "
@@ -142,6 +145,21 @@ def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer], selection: Keyfra
     return np.array(rows, np.intp)
 
 
+def _rows_with_depth(rows: NDArray[np.intp], observations: Sequence[Observation], name: str) -> NDArray[np.intp]:
+    """Leave out the images without depth, and log how many they are; a drive without any depth keeps them all."""
+    seen = np.array([observations[row].has_depth for row in rows], bool)
+    if seen.all() or not seen.any():
+        return rows  # Where none has depth the message about the camera is the better one.
+    log.warning("%s: %d of %d images have no depth and teach nothing.", name, int((~seen).sum()), len(rows))
+    return rows[seen]
+
+
 def _millimetres(observation: Observation) -> NDArray[np.uint16]:
     # 65 m is the most that 16 bits hold in millimetres.
-    return np.rint(np.clip(observation.require_depth("fine-tuning"), 0, 65) * 1000).astype(np.uint16)
+    depth = observation.require_depth("fine-tuning")
+    if not observation.has_depth:
+        raise ImageError(
+            f"Image {observation.step} and all others of the drive have no depth, and fine-tuning needs it. Is the "
+            "depth camera running? Drive again with it."
+        )
+    return np.rint(np.clip(depth, 0, 65) * 1000).astype(np.uint16)

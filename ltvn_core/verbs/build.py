@@ -17,7 +17,9 @@ class BuildSummary:
 
     map: Path
     frames: int
-    """Images the map was built from."""
+    """Images of the recording."""
+    without_depth: int
+    """Images without depth among them; a predictor that needs depth builds the map without them."""
     nodes: int
     edges: int
     reserve: int
@@ -79,6 +81,7 @@ class BuildVerb(Verb):
         return BuildSummary(
             map=self.output,
             frames=len(observations),
+            without_depth=sum(not seen.has_depth for seen in observations),
             nodes=len(graph.nodes),
             edges=len(graph.edges),
             reserve=len(graph.reserve),

@@ -14,6 +14,8 @@ class CollectSummary:
     recording: Path
     scene: str
     frames: int
+    without_depth: int
+    """Frames in which the camera found no depth at all; they are kept, and a map is built without them."""
     collisions: int
     driven_s: float
     """Robot time."""
@@ -60,11 +62,12 @@ class CollectVerb(Verb):
         with RecordingWriter(self.output, scene=simulation.scene.address, config=settings, fingerprint="") as writer:
             rng = np.random.default_rng(self.seed)
             images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)
-            frames = sum(1 for _ in tqdm(images, desc="collect", unit="frame"))
+            has_depth = [image.has_depth for image in tqdm(images, desc="collect", unit="frame")]
         return CollectSummary(
             recording=self.output,
             scene=simulation.scene.name,
-            frames=frames,
+            frames=len(has_depth),
+            without_depth=has_depth.count(False),
             collisions=robot.collisions,
             driven_s=robot.stamp,
         )

@@ -5,7 +5,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NoReturn
+from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
@@ -15,12 +15,9 @@ from ltvn_core.verbs.verb import Verb
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tqdm import tqdm
-
     from ltvn_core.evaluation.protocol import EvaluationProtocol
     from ltvn_core.evaluation.results import TrialResult
     from ltvn_core.evaluation.trial_plans import TrialPlan
-    from ltvn_core.evaluation.trials import EvaluationProgress
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,8 @@ class EvaluateSummary:
     """Edges that nobody can drive, by the simulator's truth."""
     failures: dict[str, int]
     """Episodes that failed, by cause."""
+    images_without_depth: int
+    """Images of all mapping drives in which the camera found no depth; they are in the drives and not in the maps."""
     folder: Path
     """Holds drives, weights, maps and results; called again, the verb goes on from there."""
     wall_s: float
@@ -143,6 +142,7 @@ class EvaluateVerb(ProtocolOptions):
         from ltvn_core.evaluation.trial_plans import TrialFiles
         from ltvn_core.evaluation.trials import run_trials
         from ltvn_core.evaluation.workers import workers
+        from ltvn_core.verbs.evaluation_bar import progress_on_bar
 
         if self.record_failures < 0:
             raise OptionError(f"--record-failures must be 0 or more, got {self.record_failures}.")
@@ -186,17 +186,10 @@ class EvaluateVerb(ProtocolOptions):
             edges=found.edges,
             spurious_edges=found.spurious_edges,
             failures=found.failures,
+            images_without_depth=sum(trial.without_depth for trial in trials),
             folder=self.folder,
             wall_s=wall_s,
         )
-
-
-def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> "EvaluationProgress":
-    """Return whom to tell how far it is: a progress bar, for so many maps."""
-    from ltvn_core.evaluation.trials import EvaluationProgress
-
-    bar.set_postfix_str(f"preparing {maps} maps")
-    return EvaluationProgress(lambda ready: bar.set_postfix_str(f"{ready} of {maps} maps ready"), bar.update)
 
 
 def command() -> str:

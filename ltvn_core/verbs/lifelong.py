@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.evaluate import ProtocolOptions, command, progress_on_bar
+from ltvn_core.verbs.evaluate import ProtocolOptions, command
 from ltvn_core.verbs.verb import Summary
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class LifelongVerb(ProtocolOptions):
 
         from ltvn_core.evaluation.lifelong_evaluation import Schedule, run_lifelong
         from ltvn_core.evaluation.workers import workers
+        from ltvn_core.verbs.evaluation_bar import progress_on_bar
 
         started, schedule = time.monotonic(), Schedule(self.queries, self.every, self.episodes)
         plans = self.plans(DEFAULT_SYSTEM, self.episodes)

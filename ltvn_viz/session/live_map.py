@@ -16,7 +16,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Rgb
+from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Rgb, is_usable
 from ltvn_viz.session.live_robot import LiveRobot
 
 IMAGES_AT_ONCE = 64
@@ -65,8 +65,11 @@ class LiveMap:
     def offer(self, observation: Observation) -> Sequence[GraphDelta]:
         """Let the map grow by one image; returns what changed.
 
-        Where the navigation system only builds whole maps, the image is kept for the next `rebuild`.
+        Where the navigation system only builds whole maps, the image is kept for the next `rebuild`. An image without
+        the depth that the network needs changes nothing.
         """
+        if not is_usable(observation, self._predictor):
+            return ()
         if self._online is None:
             self.keyframes.add([observation])
             return ()
@@ -90,7 +93,8 @@ class LiveMap:
 
         Until the new map is whole nothing changes. Without pictures there is no map either, and only the network does.
         """
-        seen, keyframes = self.observations(), KeyframeStore(predictor)
+        seen = [each for each in self.observations() if is_usable(each, predictor)]
+        keyframes = KeyframeStore(predictor)
         for first in range(0, len(seen), IMAGES_AT_ONCE):
             progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
             keyframes.add(seen[first : first + IMAGES_AT_ONCE])

@@ -51,9 +51,12 @@ def test_one_bad_depth_pixel_is_refused(bad: float) -> None:
         taken(rgb(), metres)
 
 
-def test_depth_that_is_zero_everywhere_is_refused() -> None:
-    with pytest.raises(ImageError, match="zero everywhere"):
-        taken(rgb(), depth(metres=0.0))
+@pytest.mark.parametrize("nothing", [0.0, np.nan], ids=["zero", "NaN"])
+def test_an_image_without_any_depth_comes_in_and_is_marked(nothing: float) -> None:
+    seen = taken(rgb(), depth(metres=nothing))
+    assert not seen.has_depth
+    assert not seen.require_depth("the test").any()
+    assert taken(rgb(), depth()).has_depth
 
 
 def test_depth_in_whole_millimetres_is_refused_with_the_cure() -> None:

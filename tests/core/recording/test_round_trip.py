@@ -1,6 +1,7 @@
 """What goes into a recording comes out again."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -204,3 +205,13 @@ def test_a_recording_that_begins_with_a_map_stands_alone(tmp_path: Path) -> None
         writer.write_map(graph, [example_recording.observation(step) for step in (0, 1, 2, 3, 4, 8)])
         writer.write_frame(example_recording.observation(20))
     assert load_map(tmp_path / "run.rrd").graph == graph
+
+
+@pytest.mark.parametrize("depth", [None, np.zeros((72, 96), np.float32)], ids=["absent", "zero"])
+def test_a_frame_without_depth_is_kept_among_the_others(path: Path, depth: np.ndarray | None) -> None:
+    with RecordingWriter(path, scene="room", config={}, fingerprint="") as writer:
+        for step in range(6):
+            seen = example_recording.observation(step)
+            writer.write_frame(replace(seen, depth=depth) if step == 3 else seen)
+    recording = Recording.open(path)
+    assert [recording.observation(frame).has_depth for frame in recording.frames] == [True] * 3 + [False] + [True] * 2

@@ -1,9 +1,11 @@
 """A drive labels itself by odometry: sure of neighbours in time, unsure after drift, and blind to the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ltvn_core.errors import RecordingError
+from ltvn_core.errors import ImageError, RecordingError
 from ltvn_core.training_data.reachability_labels import ReachabilityLimits, label_poses
 from ltvn_core.training_data.trajectory import Trajectory, select_keyframes
 from ltvn_core.training_data.trajectory_pairs import (
@@ -126,3 +128,18 @@ def test_exact_poses_make_no_difference() -> None:
     np.testing.assert_array_equal(honest.sources, deceived.sources)
     np.testing.assert_array_equal(honest.reachable, deceived.reachable)
     np.testing.assert_array_equal(honest.poses, deceived.poses)
+
+
+def test_images_without_depth_teach_nothing_and_are_said(caplog: pytest.LogCaptureFixture) -> None:
+    whole = observations_at(TOUR)
+    blind = [replace(seen, depth=np.zeros_like(seen.depth)) if k % 5 == 2 else seen for k, seen in enumerate(whole)]
+    kept = select_keyframes(blind, "drive.rrd")
+    assert kept.depth_mm.any(axis=(1, 2)).all()
+    assert len(kept.poses) < len(select_keyframes(whole, "drive.rrd").poses)
+    assert "have no depth and teach nothing" in caplog.text
+
+
+@pytest.mark.parametrize("depth", [None, np.zeros((72, 96), np.float32)], ids=["absent", "zero"])
+def test_a_drive_without_any_depth_is_refused(depth: np.ndarray | None) -> None:
+    with pytest.raises(ImageError, match="fine-tuning needs it"):
+        select_keyframes([replace(seen, depth=depth) for seen in observations_at(TOUR)], "drive.rrd")

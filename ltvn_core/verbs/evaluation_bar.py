@@ -1,0 +1,41 @@
+"""The progress bar of `ltvn evaluate` and `ltvn lifelong`: first over the preparation of maps, then over the work."""
+
+from typing import NoReturn
+
+from tqdm import tqdm
+
+from ltvn_core.evaluation.trials import EvaluationProgress
+
+
+def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> EvaluationProgress:
+    """Return whom to tell how far it is: a bar for the work, which first shows how so many maps are prepared."""
+    shown = _PreparationOnBar(bar, maps)
+    return EvaluationProgress(maps_ready=shown.maps_ready, work_done=bar.update, preparing=shown.preparing)
+
+
+class _PreparationOnBar:
+    """Borrows a bar until all maps are ready, then gives it back as it was."""
+
+    def __init__(self, bar: "tqdm[NoReturn]", maps: int) -> None:
+        self._bar = bar
+        self._maps = maps
+        self._ready = 0
+        self._work = bar.total, bar.desc, bar.unit
+        bar.desc, bar.unit = "prepare maps", "%"
+        bar.reset(total=100)
+        bar.set_postfix_str(f"0 of {maps} ready")
+
+    def preparing(self, share: float) -> None:
+        """Show the share of all preparation that is done."""
+        if self._ready < self._maps:
+            self._bar.update(round(100 * share, 1) - self._bar.n)
+
+    def maps_ready(self, ready: int) -> None:
+        """Count the maps; with the last one the bar begins to show the work."""
+        self._ready = ready
+        if ready < self._maps:
+            self._bar.set_postfix_str(f"{ready} of {self._maps} ready")
+            return
+        total, self._bar.desc, self._bar.unit = self._work
+        self._bar.reset(total=total)
+        self._bar.set_postfix_str(f"{ready} maps ready")

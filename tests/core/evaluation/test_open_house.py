@@ -1,0 +1,111 @@
+"""A building that is open to one side: images that look out of it have no depth, and end no evaluation."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from joblib import Parallel
+
+from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read_episodes
+from ltvn_core.evaluation.preparation import DriveGroundTruth
+from ltvn_core.evaluation.protocol import EvaluationProtocol
+from ltvn_core.evaluation.results import TrialResult, load_results
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
+from ltvn_core.navigation.events import Note
+from ltvn_core.recording.reader import Recording
+from tests.core.simulation.two_room_mesh import box_house, save
+
+EPISODES = 3
+
+
+def open_house(path: Path) -> Path:
+    """Save the house of two rooms without the east room's outer wall."""
+    house = box_house()
+    walls = [name for name, part in house.geometry.items() if part.bounds[0, 0] > 5.9]
+    house.delete_geometry(walls)
+    assert isinstance(house, trimesh.Scene)
+    return save(house, path)
+
+
+def run(plan: TrialPlan, folder: Path, told: list[float] | None = None) -> TrialResult:
+    progress = EvaluationProgress(
+        maps_ready=lambda ready: None,
+        work_done=lambda done: None,
+        preparing=(lambda share: None) if told is None else told.append,
+    )
+    parallel = Parallel(n_jobs=1, return_as="generator_unordered")
+    (trial,) = run_trials([plan], folder, episodes=EPISODES, command="test", parallel=parallel, progress=progress)
+    return trial
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("open")
+
+
+@pytest.fixture(scope="module")
+def plan(folder: Path) -> TrialPlan:
+    protocol = EvaluationProtocol(loops=1, goals=3, episodes=EPISODES, step_limit=150)
+    return TrialPlan(scene=str(open_house(folder / "open.glb")), seed=0, predictor="oracle", protocol=protocol)
+
+
+@pytest.fixture(scope="module")
+def told() -> list[float]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def trial(plan: TrialPlan, folder: Path, told: list[float]) -> TrialResult:
+    return run(plan, folder, told)
+
+
+def test_the_evaluation_ends_and_counts_the_images_without_depth(
+    trial: TrialResult, plan: TrialPlan, folder: Path
+) -> None:
+    files = TrialFiles.of(plan, folder)
+    drive = Recording.open(files.drive)
+    blind = [frame for frame in drive.frames if not drive.observation(frame).has_depth]
+
+    assert len(trial.episodes) == EPISODES
+    assert blind
+    assert trial.without_depth == len(blind)
+    assert not set(load_results(files.drive_truth, DriveGroundTruth).goals) & set(blind)
+    notes = [stamped.event.text for stamped in drive.events if isinstance(stamped.event, Note)]
+    assert f"Image {blind[0]} has no depth: it is kept, and not used where depth is needed." in notes
+
+
+def test_preparing_a_map_is_told_while_it_goes_on(trial: TrialResult, told: list[float]) -> None:
+    assert any(0 < share < 1 for share in told)
+    assert told == sorted(told)
+
+
+def test_an_interrupted_batch_goes_on_after_its_last_episode(trial: TrialResult, plan: TrialPlan, folder: Path) -> None:
+    files = TrialFiles.of(plan, folder)
+    batch = files.episodes(0, 0, EPISODES)
+    batch.unlink()
+    files.trial(EPISODES).unlink()
+    marked = LoggedEpisode(replace(trial.episodes[0], steps=77), wall_s=1.0)
+    append_episode(batch.with_suffix(".part"), marked)
+
+    again = run(plan, folder)
+
+    assert again.episodes[0].steps == 77, "the episode that was done is not run again"
+    assert again.episodes[1:] == trial.episodes[1:]
+    assert not batch.with_suffix(".part").exists()
+
+
+def test_a_line_that_was_cut_off_costs_its_episode_alone(trial: TrialResult, tmp_path: Path) -> None:
+    path = tmp_path / "episodes.part"
+    for episode in trial.episodes:
+        append_episode(path, LoggedEpisode(episode, 0.5))
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    for size in rng.integers(0, len(whole), 40):
+        path.write_bytes(whole[:size])
+        kept = read_episodes(path)
+        assert [logged.result for logged in kept.values()] == list(trial.episodes[: len(kept)])
+        append_episode(path, LoggedEpisode(trial.episodes[-1], 0.5))
+        assert read_episodes(path)[trial.episodes[-1].episode].result == trial.episodes[-1]

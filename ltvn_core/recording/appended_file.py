@@ -36,8 +36,8 @@ class FileEnding(Protocol):
         """Take note of a block that is in the file now."""
         ...
 
-    def encoded(self) -> bytes:
-        """Return what to write behind the last block."""
+    def encoded(self, *, complete: bool) -> bytes:
+        """Return what to write behind the last block; `complete` when all blocks are in the file."""
         ...
 
 
@@ -118,7 +118,7 @@ class AppendedFile:
     def _run(self) -> None:
         try:
             self._write_until_closed()
-            self._write(self._ending.encoded(), counted=False)
+            self._write(self._ending.encoded(complete=self.failure is None), counted=False)
             self._check()
             self._bring_to_disk()
         except Exception as error:  # The person is told, and nobody waits for a thread that is gone.

@@ -6,7 +6,6 @@ disk is `appended_file`'s.
 
 import atexit
 import logging
-import struct
 import threading
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import rerun.blueprint as rrb
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.appended_file import WAITING_BYTES, AppendedFile
+from ltvn_core.recording.closing_record import RecordingEnding
 from ltvn_core.recording.live_server import live_sink
 from ltvn_core.recording.message_stream import MessageStream
 from ltvn_core.types import FrameId
@@ -57,11 +57,13 @@ class DurableStream:
         self._failure_told = False
         self._closed = False
         self._time: tuple[int, FrameId, float] | None = None
+        self._description: rr.AsComponents | None = None
         self._lock = threading.RLock()
         """Guards what is logged; nobody waits for the disk while holding it."""
         self._taking_lock = threading.Lock()
         sinks = [] if live_port is None else [live_sink(live_port)]
-        self._file = AppendedFile(path, min_free_bytes=min_free_bytes, ending=_Ending())
+        self._ending = RecordingEnding()
+        self._file = AppendedFile(path, min_free_bytes=min_free_bytes, ending=self._ending)
         self._rerun = rr.RecordingStream(
             schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
         )
@@ -83,6 +85,7 @@ class DurableStream:
 
     def begin(self, name: str, description: rr.AsComponents, blueprint: rrb.Blueprint) -> None:
         """Write what the recording says of itself and the layout in which it opens."""
+        self._description = description
         self._rerun.send_property(schema.PROPERTIES, description)
         self._pass_on()  # First in the file, so that every cut file can still say what it is.
         self._rerun.send_recording_name(name)
@@ -96,12 +99,14 @@ class DurableStream:
                 return
             self._set_time(int(step), float(stamp))
             self._rerun.log(entity, values[0], *values[1:])
+            self._ending.rows[entity] += 1
 
     def log_static(self, entity: str, *values: rr.AsComponents) -> None:
         """Write something that holds at all times."""
         with self._lock:
             if self._taking():
                 self._rerun.log(entity, values[0], *values[1:], static=True)
+                self._ending.static_rows[entity] += 1
 
     def flush(self) -> None:
         """Bring everything to the file now; blocks, so never call it while driving."""
@@ -127,6 +132,9 @@ class DurableStream:
             self._pass_on()
         with self._lock:
             self._closed = True
+        if self._description is not None:
+            # Twice in the file, so that damage to one place leaves the other.
+            self._rerun.send_property(schema.PROPERTIES, self._description)
         self._pass_on()
         self._rerun.disconnect()
         self._file.close()
@@ -167,13 +175,3 @@ class DurableStream:
             self.close()
         except RecordingError as error:
             _LOG.error("%s", error)
-
-
-class _Ending:
-    """Rerun's end message without content, and its mark for a file without a table of chunks."""
-
-    def count(self, block: bytes) -> None:
-        """Take no note."""
-
-    def encoded(self) -> bytes:
-        return struct.pack("<QQ", 0, 0) + b"RRF2FOOT" + struct.pack("<I", 0)

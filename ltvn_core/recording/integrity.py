@@ -15,9 +15,10 @@ from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.closing_record import ClosingRecord
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rewriting import open_rewriter, rewrite_event
-from ltvn_core.recording.rrd_contents import read_contents, require_rrd
+from ltvn_core.recording.rrd_contents import read_contents, require_rrd, require_whole
 from ltvn_core.types import FrameId
 
 
@@ -29,6 +30,8 @@ class VerifiedRecording:
     frames: int
     events: int
     size_bytes: int
+    checksummed: bool
+    """Every byte has a checksum. An older recording has them only for its frames and events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +60,10 @@ def verify(path: Path | str) -> VerifiedRecording:
     Raises RecordingError otherwise; a cut or unfinished file names `ltvn repair`.
     """
     path = Path(path)
+    record = require_whole(path).record
     recording = Recording.open(path)
+    if record is not None:
+        _check_rows(recording, record)
     damaged = [frame for frame in recording.frames if not recording.stored_frame(frame).intact]
     if damaged:
         raise RecordingError(
@@ -65,7 +71,13 @@ def verify(path: Path | str) -> VerifiedRecording:
             f"{damaged[0]}. Restore the file from a copy, or run `ltvn repair {path} --output NEW.rrd` to drop them."
         )
     _check_events(recording)
-    return VerifiedRecording(path, len(recording.frames), len(recording.events), path.stat().st_size)
+    return VerifiedRecording(
+        recording=path,
+        frames=len(recording.frames),
+        events=len(recording.events),
+        size_bytes=path.stat().st_size,
+        checksummed=record is not None,
+    )
 
 
 def repair(path: Path | str, output: Path | str) -> RepairedRecording:
@@ -108,6 +120,17 @@ def open_readable_part(path: Path, found: rrd_framing.RrdFraming) -> Iterator[Re
         copy = Path(folder) / "whole.rrd"
         rrd_framing.copy_whole_messages(path, copy, found)
         yield Recording(path, read_contents(copy))
+
+
+def _check_rows(recording: Recording, record: ClosingRecord) -> None:
+    """Raise RecordingError when fewer rows can be read than were written."""
+    for entity, written in record.rows.items():
+        found = recording.row_count(entity)
+        if found is not None and found != written:
+            raise RecordingError(
+                f"{recording.path}: {written} rows of {entity} were written and {found} are there. Restore the file "
+                f"from a copy, or run `ltvn repair {recording.path} --output NEW.rrd` to get back what is there."
+            )
 
 
 def _check_events(recording: Recording) -> None:

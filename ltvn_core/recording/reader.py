@@ -23,7 +23,7 @@ from ltvn_core.recording.event_codec import EncodedEvent, current_kind, decode_e
 from ltvn_core.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.metadata import RecordingMetadata
-from ltvn_core.recording.rrd_contents import RrdContents, read_contents, require_finished
+from ltvn_core.recording.rrd_contents import RrdContents, read_contents, require_whole
 from ltvn_core.types import FrameId, Observation, OriginalImage, Pose
 
 
@@ -103,7 +103,7 @@ class Recording:
 
         Raises RecordingError for anything else, and says what to do.
         """
-        require_finished(Path(path))
+        require_whole(Path(path))
         return cls(Path(path), read_contents(Path(path)))
 
     @cached_property
@@ -177,6 +177,13 @@ class Recording:
     def final_graph(self) -> TopologicalGraph:
         """Return the map as it was at the end."""
         return _folded(self.events)
+
+    def row_count(self, entity: str) -> int | None:
+        """Return how many rows with a time the file holds of an entity, None for one that is drawn only."""
+        if entity not in schema.READ_BACK:
+            return None
+        batches = self._contents.batches_of(entity)
+        return sum(batch.num_rows for batch in batches if schema.STEP in batch.schema.names)
 
     def scene_glb(self) -> bytes | None:
         """Return the scene that is drawn, as a binary glTF, when the file holds one."""

@@ -15,9 +15,10 @@ from rerun.chunk import RrdReader
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import rrd_framing, schema
+from ltvn_core.recording.file_check import FileCheck, check_file
 from ltvn_core.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 
-_READ = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS, schema.SCENE))
+_READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
 
 
 class RrdContents(NamedTuple):
@@ -48,16 +49,20 @@ def require_rrd(path: Path) -> None:
         raise RecordingError(f"{path} {what}; name a .rrd file written by ltvn.")
 
 
-def require_finished(path: Path) -> rrd_framing.RrdFraming:
-    """Return the framing of a whole file. Raises RecordingError that names `ltvn repair` for any other."""
+def require_whole(path: Path) -> FileCheck:
+    """Check the bytes of a finished file. Raises RecordingError that names `ltvn repair` when any is wrong."""
     require_rrd(path)
-    found = rrd_framing.scan_rrd(path)
-    if not found.finished:
-        raise RecordingError(
-            f"{path} is cut or was never finished: {found.whole_bytes} of its {path.stat().st_size} bytes are whole. "
-            f"Run `ltvn repair {path} --output NEW.rrd` to get all whole frames back."
-        )
-    return found
+    found = check_file(path)
+    if found.framing.finished and found.damage is None:
+        return found
+    size, whole_bytes = path.stat().st_size, found.framing.whole_bytes
+    if found.damage is not None:
+        what = f"was damaged since it was written: {found.damage}"
+    elif rrd_framing.is_finished(path):
+        what = f"was damaged since it was written: behind byte {whole_bytes} of {size} its messages do not go on"
+    else:
+        what = f"is cut or was never finished: {whole_bytes} of its {size} bytes are whole"
+    raise RecordingError(f"{path} {what}. Run `ltvn repair {path} --output NEW.rrd` to get all whole frames back.")
 
 
 def read_contents(path: Path) -> RrdContents:

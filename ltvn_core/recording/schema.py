@@ -41,6 +41,8 @@ GRAPH_SIZE = "graph_size"
 BELIEFS = "beliefs"
 MARGIN = "margin"
 
+READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)
+"""The entities that carry data; all others are drawn only."""
 
 FRAME_ROW = "ltvn.Frame"
 """Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32."""

@@ -1,0 +1,145 @@
+"""What a finished recording says of its own bytes: a checksum of every message, and how many rows were written.
+
+It stands in the end message, as a field that Rerun skips, and covers every byte of the file: its own, the rest of the
+end message and the tail too. Owns its layout.
+"""
+
+import json
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.rrd_framing import EndMessage, MessageSum, Tail
+
+_MAGIC = b"LTVNEND1"
+_FIELD = 7000
+"""Number of the protobuf field; Rerun has no such field and skips it."""
+_SIZES = struct.Struct("<II")
+"""Length of the JSON text and number of messages."""
+_SUM = struct.Struct("<IIQ")
+_CRC = struct.Struct("<I")
+
+
+@dataclass(frozen=True, slots=True)
+class ClosingRecord:
+    """The checksums and counts of a finished recording."""
+
+    header_crc32: int
+    """Over the 12 bytes at the beginning of the file."""
+    messages: Sequence[MessageSum]
+    """Every message before the end message, in order."""
+    rows: Mapping[str, int]
+    """Entity path -> rows that were written with a time. What Rerun lost on the way shows here."""
+    static_rows: Mapping[str, int] = field(default_factory=dict)
+    """The same for rows that hold at all times."""
+
+    @property
+    def messages_end(self) -> int:
+        """Where the end message begins."""
+        return rrd_framing.HEADER_BYTES + sum(message.size for message in self.messages)
+
+
+class RecordingEnding:
+    """Ends a recording that is written block by block: first the 12 bytes of its header, then a message each."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.rows = Counter[str]()
+        """Entity path -> rows with a time, counted by whoever logs them."""
+        self.static_rows = Counter[str]()
+        """The same for rows that hold at all times."""
+        self._header_crc32: int | None = None
+        self._messages: list[MessageSum] = []
+
+    def count(self, block: bytes) -> None:
+        """Take note of the header or of a message that is in the file now."""
+        if self._header_crc32 is None:
+            self._header_crc32 = zlib.crc32(block)
+            return
+        kind, length = rrd_framing.MESSAGE_HEADER.unpack_from(block)
+        self._messages.append(MessageSum(kind, length, zlib.crc32(block)))
+
+    def encoded(self, *, complete: bool) -> bytes:
+        """Return what to write behind the last message; without `complete` no number of rows is promised."""
+        return closing_bytes(
+            ClosingRecord(
+                header_crc32=self._header_crc32 or 0,
+                messages=self._messages,
+                rows=self.rows if complete else {},
+                static_rows=self.static_rows if complete else {},
+            )
+        )
+
+
+def closing_bytes(record: ClosingRecord) -> bytes:
+    """Return what is written behind the last message: end message with the record, and the tail."""
+    counts = {"rows": dict(record.rows), "static_rows": dict(record.static_rows)}
+    text = json.dumps(counts, sort_keys=True, separators=(",", ":")).encode()
+    table = b"".join(_SUM.pack(each.kind, each.crc32, each.length) for each in record.messages)
+    body = _MAGIC + _SIZES.pack(len(text), len(record.messages)) + text + table + _CRC.pack(record.header_crc32)
+    field_start = _varint(_FIELD << 3 | 2) + _varint(len(body) + 2 * _CRC.size)
+    start = record.messages_end + rrd_framing.MESSAGE_HEADER.size
+    tail = Tail(footer_start=start, footer_bytes=0, footer_xxh32=0)
+    # The first checksum covers what stands around the record, the second the record itself with the first: so the
+    # record can be trusted when only its surroundings are damaged.
+    end = EndMessage(record.messages_end, field_start + body + bytes(2 * _CRC.size), tail)
+    body += _CRC.pack(_surroundings_crc32(end, len(body) + 2 * _CRC.size))
+    body += _CRC.pack(zlib.crc32(body))
+    return end._replace(payload=field_start + body).encoded()
+
+
+def read_closing_record(end: EndMessage) -> ClosingRecord | None:
+    """Read the record of an end message. None when there is none, or when a byte of message or tail changed."""
+    at = end.payload.find(_MAGIC, len(end.footer))
+    record = None if at < 0 else _parsed(end.payload[at:])
+    stored = end.payload[-2 * _CRC.size : -_CRC.size]
+    whole = record is not None and stored == _CRC.pack(_surroundings_crc32(end, len(end.payload) - at))
+    return record if whole else None
+
+
+def find_closing_record(data: bytes) -> ClosingRecord | None:
+    """Find the record in the last part of a damaged file. None when there is none or it changed itself."""
+    at = data.rfind(_MAGIC)
+    return None if at < 0 else _parsed(data[at : at + _size(data[at:])])
+
+
+def _size(data: bytes) -> int:
+    """Return how long the record at the beginning of `data` says it is."""
+    if len(data) < len(_MAGIC) + _SIZES.size:
+        return 0
+    text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
+    return len(_MAGIC) + _SIZES.size + text_bytes + count * _SUM.size + 3 * _CRC.size
+
+
+def _parsed(data: bytes) -> ClosingRecord | None:
+    """Read a record that takes up all of `data`; None when it changed since it was written."""
+    if not data or len(data) != _size(data) or _CRC.pack(zlib.crc32(data[: -_CRC.size])) != data[-_CRC.size :]:
+        return None
+    text_at = len(_MAGIC) + _SIZES.size
+    text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
+    table_end = text_at + text_bytes + count * _SUM.size
+    counts = json.loads(data[text_at : text_at + text_bytes])
+    table = _SUM.iter_unpack(data[text_at + text_bytes : table_end])
+    return ClosingRecord(
+        header_crc32=_CRC.unpack_from(data, table_end)[0],
+        messages=tuple(MessageSum(kind, length, crc32) for kind, crc32, length in table),
+        rows=counts["rows"],
+        static_rows=counts["static_rows"],
+    )
+
+
+def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
+    """Return the checksum of the end message without the record, and of the tail."""
+    before = rrd_framing.MESSAGE_HEADER.pack(rrd_framing.END_KIND, len(end.payload)) + end.payload[:-record_bytes]
+    return zlib.crc32(end.tail.encoded(), zlib.crc32(before))
+
+
+def _varint(number: int) -> bytes:
+    parts = bytearray()
+    while number > 0x7F:
+        parts.append(number & 0x7F | 0x80)
+        number >>= 7
+    return bytes([*parts, number])

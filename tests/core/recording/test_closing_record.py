@@ -1,0 +1,79 @@
+"""A finished recording knows every one of its bytes, and how many rows were written."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import rerun.chunk
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.recording import schema
+from ltvn_core.recording.closing_record import closing_bytes, find_closing_record
+from ltvn_core.recording.file_check import check_file
+from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.reader import Recording
+from tests.core.recording import example_recording
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("whole") / "drive.rrd"
+    example_recording.write(path)
+    return path
+
+
+def test_a_finished_recording_counts_its_rows_and_messages(whole: Path) -> None:
+    found = check_file(whole)
+    assert found.record is not None
+    assert len(found.record.messages) == found.framing.messages
+    assert found.record.rows[schema.RGB] == found.record.rows[schema.DEPTH] == 10
+    assert found.record.rows[schema.EVENTS] == len(example_recording.events())
+    assert verify(whole).checksummed
+
+
+def test_every_changed_byte_is_found_before_the_file_is_read(whole: Path, tmp_path: Path) -> None:
+    data, changed = whole.read_bytes(), tmp_path / "changed.rrd"
+    step = 397  # A prime, so that headers, names, pictures, the record and the tail are all met.
+    for place in [*range(0, len(data), step), *range(20), *range(len(data) - 40, len(data))]:
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << place % 8
+        changed.write_bytes(damaged)
+        found = check_file(changed)
+        assert found.damage is not None or not found.framing.finished, place
+    with pytest.raises(RecordingError, match="ltvn repair"):
+        Recording.open(changed)
+
+
+def test_bytes_added_or_taken_away_anywhere_are_found(whole: Path, tmp_path: Path) -> None:
+    data, changed = whole.read_bytes(), tmp_path / "changed.rrd"
+    for place in range(0, len(data), len(data) // 60):
+        for damaged in (data[:place] + b"\0" + data[place:], data[:place] + data[place + 1 :]):
+            changed.write_bytes(damaged)
+            found = check_file(changed)
+            assert found.damage is not None or not found.framing.finished, place
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_rerun_reads_a_recording_with_a_closing_record(whole: Path) -> None:
+    reader = rerun.chunk.RrdReader(whole)
+    assert [store.application_id for store in reader.recordings()] == [schema.APPLICATION_ID]
+    assert len(list(reader.stream())) > 10
+    assert reader.blueprints()
+
+
+def test_a_recording_that_lost_rows_before_it_was_finished_is_refused(whole: Path, tmp_path: Path) -> None:
+    record = check_file(whole).record
+    assert record is not None
+    fewer = tmp_path / "fewer.rrd"
+    data = whole.read_bytes()[: record.messages_end]
+    rows = {**record.rows, schema.EVENTS: record.rows[schema.EVENTS] + 1}
+    fewer.write_bytes(data + closing_bytes(replace(record, rows=rows)))
+    with pytest.raises(RecordingError, match="rows of events were written"):
+        verify(fewer)
+
+
+def test_the_record_is_found_in_a_file_that_is_damaged_elsewhere(whole: Path) -> None:
+    data, record = whole.read_bytes(), check_file(whole).record
+    assert find_closing_record(data[len(data) // 2 + 5 :]) == record
+    assert find_closing_record(data[:-40]) is None
+    assert find_closing_record(b"") is None

@@ -65,7 +65,7 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
         set_initial_camera(server.viser, *(floor_bounds(state.scene) or _floor_around(robot.drawn_pose)))
         state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
         screen = _Screen()
-        session = Session(state, server.seat, screen.publish)
+        session = Session(state, server.seat, screen.publish, absence=lambda: server.presence.absence)
         parts = build_layout(
             server.viser,
             session.send,

@@ -37,6 +37,12 @@ STYLE = f"""<style>
 .lt-buttons kbd {{ margin-left: .45em; padding: 0 .4em; border-radius: .25em; background: rgba(0,0,0,.3);
   color: #ced4da; font: .85em/1.5 ui-monospace, monospace; font-weight: 400; }}
 .lt-bar {{ height: .4em; margin-top: .45em; border-radius: .2em; background: rgba(255,255,255,.1); overflow: hidden; }}
+.lt-toggle {{ padding: 0; border: 0; background: none; font: inherit; color: #ced4da; cursor: pointer; }}
+.lt-toggle::before {{ content: ""; display: inline-block; width: 1.8em; height: 1em; margin-right: .6em;
+  border-radius: 1em; vertical-align: -.12em;
+  background: radial-gradient(circle at .5em, #f1f3f5 .36em, #495057 .4em); }}
+.lt-toggle[aria-checked="true"]::before {{
+  background: radial-gradient(circle at 1.3em, #fff .36em, #1c6fd6 .4em); }}
 .lt-bar div {{ height: 100%; background: #1c6fd6; transition: width .4s; }}
 .lt-gallery {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: .4em; }}
 .lt-gallery img {{ width: 100%; aspect-ratio: 4/3; display: block; border-radius: .35em;
@@ -92,6 +98,14 @@ class ActionButton:
 def button_row(*presses: ActionButton) -> str:
     """Return a row of buttons."""
     return f'<div class="lt lt-buttons">{"".join(press.html() for press in presses)}</div>'
+
+
+def toggle(action: Action, label: str, hint: str, *, is_on: bool) -> str:
+    """Return a switch that asks for an action with 1 to be switched on and 0 to be switched off."""
+    return (
+        f'<div class="lt"><button type="button" role="switch" aria-checked="{str(is_on).lower()}" class="lt-toggle" '
+        f'data-ltvn-action="{action}" data-id="{int(not is_on)}" title="{escape(hint)}">{escape(label)}</button></div>'
+    )
 
 
 def note(text: str) -> str:

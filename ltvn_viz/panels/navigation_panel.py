@@ -8,7 +8,7 @@ import viser
 from ltvn_core.errors import LtvnError
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId
-from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
+from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note, toggle
 from ltvn_viz.panels.image_upload import decode_upload
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.commands import Command, NavigateToImage, ReportError
@@ -22,7 +22,8 @@ class NavigationPanel:
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         """Add the controls to the tab that is open; `send` takes commands and returns at once."""
         HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there by what it sees."))
-        self.task, self.state, self.gallery = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.task, self.keep_going = HtmlBlock(gui), HtmlBlock(gui)
+        self.state, self.gallery = HtmlBlock(gui), HtmlBlock(gui)
         self._upload = gui.add_upload_button(
             "Go to an uploaded image",
             icon=viser.Icon.PHOTO_UP,
@@ -43,6 +44,7 @@ class NavigationPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Show the goals on offer and the query."""
         self.task.show(_task(snapshot))
+        self.keep_going.show(_keep_going(snapshot.keeps_going))
         self.state.show(_state(snapshot))
         self.gallery.show(
             _goal_images(snapshot.gallery, snapshot, "Drive a little: goal images appear as the map grows.")
@@ -53,13 +55,26 @@ class NavigationPanel:
 def _task(snapshot: Snapshot) -> str:
     busy, paused = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED), snapshot.mode is Mode.PAUSED
     ready = snapshot.mode is Mode.TELEOP and snapshot.selected is not None
-    pause = ActionButton(Action.PAUSE, "Resume" if paused else "Pause", "P", is_main=paused, is_enabled=busy)
+    resume = "Go on" if snapshot.pause_notice else "Resume"
+    pause = ActionButton(Action.PAUSE, resume if paused else "Pause", "P", is_main=paused, is_enabled=busy)
     return button_row(
         ActionButton(Action.GOAL, "Navigate", "G", "go to the chosen goal", is_main=True, is_enabled=ready),
         pause,
         ActionButton(Action.STEP, "Step", ".", "one control step, then pause", is_enabled=busy),
         ActionButton(Action.CANCEL, "Cancel", "Esc", "end the query", is_enabled=busy),
         ActionButton(Action.CANCEL, "Take over", "W A S D", "end the query and drive yourself", is_enabled=busy),
+    )
+
+
+def _keep_going(is_on: bool | None) -> str:
+    """Return the switch for runs that nobody watches; a real robot has none."""
+    if is_on is None:
+        return ""
+    return toggle(
+        Action.KEEP_GOING,
+        "Keep going when this page closes",
+        "for long runs in simulation; otherwise a query pauses as soon as no page is open",
+        is_on=is_on,
     )
 
 

@@ -7,7 +7,7 @@ from html import escape
 import viser
 
 from ltvn_core.navigation.events import Severity
-from ltvn_viz.panels.html_widgets import STYLE, HtmlBlock
+from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
 
@@ -26,6 +26,12 @@ _WATCHING = (
 """Shown by the page itself while it has not got the seat."""
 
 
+_GO_ON = button_row(
+    ActionButton(Action.PAUSE, "Go on", "P", "let the robot drive on to its goal", is_main=True),
+    ActionButton(Action.CANCEL, "Cancel the query", "Esc"),
+)
+
+
 class StatusPanel:
     """Status line, hint and message."""
 
@@ -33,7 +39,7 @@ class StatusPanel:
         """Add the lines at the top of the main panel."""
         gui.add_html(STYLE)
         gui.add_html(_WATCHING)
-        self.line, self.hint, self.message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.line, self.hint, self.pause, self.message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
         self._clock = clock
         self._shown: tuple[object, ...] = ()
         self._due = float("-inf")
@@ -49,6 +55,7 @@ class StatusPanel:
         self.hint.show(
             f'<div class="lt"><div class="lt-card"><strong>Next:</strong> {escape(snapshot.hint)}</div></div>'
         )
+        self.pause.show(_GO_ON if snapshot.pause_notice else "")
         self.message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
 
     def _unread(self, message: Message | None) -> str:

@@ -32,6 +32,7 @@ from ltvn_viz.server.drive_messages import (
 from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
 from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
 from ltvn_viz.server.limited_log import LimitedLog
+from ltvn_viz.server.presence import TICK_S, Presence
 
 logger = logging.getLogger(__name__)
 
@@ -51,6 +52,8 @@ class DriveListener:
     """A key was pressed or something with an id was clicked."""
     on_link: Callable[[ClientId, str], None] = lambda client, query: None
     """A page was opened by a link with this query."""
+    on_absence: Callable[[], None] = lambda: None
+    """The last page is gone."""
 
 
 class _Page:
@@ -85,8 +88,11 @@ class _Page:
 class DriveSocket:
     """Serve the pages' drive connections and tell the listener what the driver wants."""
 
-    def __init__(self, seat: DriverSeat, *, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, seat: DriverSeat, presence: Presence | None = None, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.seat = seat
+        self.presence = presence or Presence()
         self.listener = DriveListener()
         self._clock = clock
         self._ids = itertools.count(1)
@@ -105,9 +111,12 @@ class DriveSocket:
         if len(self._pages) >= MAX_PAGES:
             await connection.close(CloseCode.TRY_AGAIN_LATER, "too many pages")
             return
-        self._loop = asyncio.get_running_loop()
+        if self._loop is None:
+            self._loop = asyncio.get_running_loop()
+            self._watch_presence(self._loop)
         page = _Page(next(self._ids), connection)
         self._pages[page.client] = page
+        self.presence.hear(page.client)
         if key is not None:
             self._clients[key] = page.client
         sender = asyncio.create_task(page.send_forever())
@@ -125,7 +134,9 @@ class DriveSocket:
             if key is not None and self._clients.get(key) == page.client:
                 del self._clients[key]
             self.seat.leave(page.client)
+            self.presence.leave(page.client)
             self.settle()
+            self._tell_absence()
             await asyncio.gather(sender, return_exceptions=True)
 
     def client_of(self, key: str | None) -> ClientId | None:
@@ -173,6 +184,7 @@ class DriveSocket:
     def _obey(self, page: _Page, message: PageMessage) -> None:
         match message:
             case HereMessage():
+                self.presence.hear(page.client)
                 return
             case DriveMessage(held, epoch):
                 self.seat.receive(page.client, held, epoch)
@@ -212,6 +224,17 @@ class DriveSocket:
             callback(*arguments)
         except Exception:
             logger.exception("the app failed to take what a page asked for")
+
+    def _watch_presence(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Look for silent pages in the thread that hears them, so that its own stalls silence nobody."""
+        if self.presence.tick():
+            self._tell_absence()
+        if not self._closing:
+            loop.call_later(TICK_S, self._watch_presence, loop)
+
+    def _tell_absence(self) -> None:
+        if self.presence.absence is not None:
+            self._call(self.listener.on_absence)
 
     def _watch(self) -> None:
         """Notice expiries in a thread of its own, so that a hung server thread cannot keep the robot moving."""

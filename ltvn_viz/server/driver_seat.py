@@ -105,7 +105,7 @@ class DriverSeat:
     def __init__(
         self, *, lease_s: float = LEASE_S, idle_s: float = IDLE_S, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._lease_s = lease_s
+        self.lease_s = lease_s
         self._idle_s = idle_s
         self._clock = clock
         self._lock = threading.RLock()
@@ -117,6 +117,7 @@ class DriverSeat:
         self._reason: StopReason | None = None
         self._stopped_by: ClientId | None = None
         self._events: list[SeatEvent] = []
+        self._is_kept = False
 
     def current_twist(self, now: float | None = None) -> Twist | None:
         """Return the velocity that holds at `now` (seconds of the clock, default: now), None when nobody drives."""
@@ -137,6 +138,14 @@ class DriverSeat:
             else:
                 # A watcher's held key must not start the robot when the seat becomes free: it has to be pressed anew.
                 self._armed.discard(client)
+
+    def keep(self, *, kept: bool) -> None:
+        """Let the driver sit without any input while what they started goes on."""
+        with self._lock:
+            self._expire()
+            if self._is_kept and not kept:
+                self._active = self._clock()
+            self._is_kept = kept
 
     def try_sit(self, client: ClientId) -> bool:
         """Take the seat if it is free; return whether the client has it."""
@@ -180,8 +189,8 @@ class DriverSeat:
         """Return when something will expire by itself, in seconds of the clock; None for never."""
         with self._lock:
             if self._twist is not None:
-                return self._beat + self._lease_s
-            return None if self._driver is None else self._active + self._idle_s
+                return self._beat + self.lease_s
+            return None if self._driver is None or self._is_kept else self._active + self._idle_s
 
     def take_events(self) -> list[SeatEvent]:
         """Return what happened since the last call, expiries included, in order."""
@@ -193,9 +202,10 @@ class DriverSeat:
     def _expire(self, now: float | None = None) -> None:
         """Let time do what it has done by `now`. Every door into the seat passes here first."""
         now = self._clock() if now is None else now
-        if self._twist is not None and now - self._beat >= self._lease_s:
+        if self._twist is not None and now - self._beat >= self.lease_s:
             self._begin_epoch(self._driver, StopReason.INPUT_LOST)
-        if self._twist is None and self._driver is not None and now - self._active >= self._idle_s:
+        is_idle = self._twist is None and not self._is_kept and now - self._active >= self._idle_s
+        if self._driver is not None and is_idle:
             self._driver = None
 
     def _let_go(self, client: ClientId, epoch: int) -> None:

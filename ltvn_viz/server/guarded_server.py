@@ -33,6 +33,7 @@ from ltvn_viz.server.drive_socket import DriveListener, DriveSocket
 from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.index_page import IndexPage
 from ltvn_viz.server.page_gate import PageGate
+from ltvn_viz.server.presence import HERE_LEASE_S, Presence
 from ltvn_viz.server.request_guard import RequestGuard, is_loopback, is_websocket
 from ltvn_viz.server.routes import RouteHandler, Routes, not_found
 
@@ -68,7 +69,9 @@ class GuardedServer:
         self.port: int = listening.getsockname()[1]
         self.token = token or secrets.token_urlsafe(24)
         self.seat = seat or DriverSeat()
-        self._drive = DriveSocket(self.seat)
+        # Who is patient with a page's held keys is patient with the page.
+        self.presence = Presence(lease_s=HERE_LEASE_S if seat is None else seat.lease_s)
+        self._drive = DriveSocket(self.seat, self.presence)
         self._routes = Routes()
         self._page = IndexPage(drives=drives)
         self.gate = PageGate(self._drive.may_drive if drives else lambda key: True)

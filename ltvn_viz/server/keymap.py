@@ -37,6 +37,8 @@ class Action(StrEnum):
     CANCEL = "cancel"
     PAUSE = "pause"
     STEP = "step"
+    KEEP_GOING = "keep_going"
+    """Carries 1 to let the robot drive on when the last page closes, 0 to let it pause."""
     SEEK_BACK = "seek_back"
     SEEK_FORWARD = "seek_forward"
     EVENT_BEFORE = "event_before"

@@ -8,7 +8,6 @@ from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 from msgspec import Meta
-from viser import _messages
 
 from ltvn_viz.server.drive_messages import MessageError
 
@@ -134,8 +133,3 @@ def read_viser_message(raw: bytes | str) -> ViserMessage | None:
         return None
     except (msgspec.DecodeError, RecursionError, ValueError) as error:
         raise MessageError(f"no MessagePack: {error}") from error
-
-
-def viser_message_names() -> frozenset[str]:
-    """Return the names of every message that viser knows, in either direction; for those who make up hostile ones."""
-    return frozenset(_messages.Message._subclass_from_type_string())

@@ -109,6 +109,8 @@ class AppState:
     work: JobProgress | None = None
     """A job that the page should wait for, beside what an activity says itself."""
     queries: int = 0
+    keeps_going: bool = False
+    """A query goes on when the last page closes."""
     rerun: Callable[[Path], str] = rerun_unavailable
     """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
     viewpoint: Callable[[], Viewpoint | None] = lambda: None

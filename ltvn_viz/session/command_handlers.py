@@ -44,6 +44,8 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             state.cancel("Cancelled.")
         case c.TakeOver():
             state.cancel("You took over; the query was cancelled.")
+        case c.KeepGoing(is_on):
+            _keep_going(state, is_on=is_on)
         case c.BuildMap():
             state.activity = MapBuilding(state.live, state.worker, state.live_map.rebuild)
         case c.FineTune(minutes):
@@ -74,6 +76,12 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             _play(state, command)
         case _:
             assert_never(command)
+
+
+def _keep_going(state: AppState, *, is_on: bool) -> None:
+    if is_on and not state.live.robot.clock.is_simulated:
+        raise OptionError("Only a simulated robot may drive on with no page open; a real one needs somebody there.")
+    state.keeps_going = is_on
 
 
 def _stop(state: AppState) -> None:

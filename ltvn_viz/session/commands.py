@@ -131,6 +131,13 @@ class StepOnce(LabelledCommand):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class KeepGoing(LabelledCommand):
+    """Say whether a query goes on when the last page closes, or pauses."""
+
+    is_on: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Cancel(LabelledCommand):
     """Give up the query or the building of a map."""
 
@@ -264,6 +271,7 @@ Command: TypeAlias = (
     | PickNode
     | NavigateTo
     | NavigateToImage
+    | KeepGoing
     | Cancel
     | TakeOver
     | EditMap

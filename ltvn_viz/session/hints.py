@@ -17,6 +17,8 @@ def hint(snapshot: Snapshot) -> str:
         case Mode.NAVIGATING:
             return "Watch: yellow is the plan. Take the robot over with W A S D, stop it with Space, or pause."
         case Mode.PAUSED:
+            if snapshot.pause_notice:
+                return f"{snapshot.pause_notice} Press Go on, or cancel."
             return "Paused. Resume, go on by single steps, or cancel."
         case Mode.REPLAY:
             return "This is a recording. Drag the slider or press play; “Back to the robot” ends the replay."

@@ -31,6 +31,7 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.Cancel: frozenset({Mode.NAVIGATING, Mode.PAUSED, Mode.BUILDING}),
     c.Pause: frozenset({Mode.NAVIGATING, Mode.PAUSED, Mode.REPLAY}),
     c.StepOnce: frozenset({Mode.NAVIGATING, Mode.PAUSED}),
+    c.KeepGoing: ANYWHERE,
     c.TakeOver: frozenset({Mode.NAVIGATING, Mode.PAUSED}),
     c.StartRecording: LIVE,
     c.KeepRecording: LIVE,

@@ -15,6 +15,8 @@ from typing import Protocol
 from ltvn_core.errors import LtvnError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
+from ltvn_viz.server.limited_log import LimitedLog
+from ltvn_viz.server.presence import Absence
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
@@ -41,6 +43,10 @@ class TwistSource(Protocol):
         """Return the velocity asked for now, None when nobody drives."""
         ...
 
+    def keep(self, *, kept: bool) -> None:
+        """Keep the seat for whoever has it, also without input."""
+        ...
+
 
 class Session:
     """The running app without its page."""
@@ -51,11 +57,18 @@ class Session:
         driver: TwistSource,
         publish: Callable[[Snapshot], None],
         clock: Callable[[], float] = time.monotonic,
+        *,
+        absence: Callable[[], Absence | None] = lambda: None,
     ) -> None:
-        """Put the parts together; nothing runs before `run` or `tick`. `publish` must not block."""
+        """Put the parts together; nothing runs before `run` or `tick`. `publish` must not block.
+
+        `absence` says since when no page is there, None while one is.
+        """
         self._state, self._driver, self._publish, self._clock = state, driver, publish, clock
         self._snapshot_builder = SnapshotBuilder(clock)
         self._commands: deque[c.Command] = deque()
+        self._absence = absence
+        self._flood_log = LimitedLog(logger)
         self._awake = threading.Event()
         self._stopping = threading.Event()
 
@@ -71,11 +84,16 @@ class Session:
 
     def send(self, command: c.Command) -> None:
         """Ask for something, from any thread; never blocks."""
-        if len(self._commands) < QUEUE_LIMIT:
+        if len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
             self._commands.append(command)
         else:
-            logger.warning("too many commands at once; left out %s", command)
+            self._flood_log.log(logging.WARNING, "too many commands at once; left out %s", command)
         self.wake()
+
+    def _is_fresh_stop(self, command: c.Command) -> bool:
+        """Tell whether a command must get through, however many wait: a stop with something to stop before it."""
+        latest = next(reversed(self._commands), None)
+        return isinstance(command, c.StopRobot) and not isinstance(latest, c.StopRobot)
 
     def wake(self) -> None:
         """Let the session look at commands and driver now rather than at its next tick. Safe from any thread."""
@@ -125,6 +143,8 @@ class Session:
         state = self._state
         while self._commands:
             handle(state, self._commands.popleft())
+        _hold_without_pages(state, self._absence())
+        self._driver.keep(kept=isinstance(state.activity, Navigation))
         twist = self._driver.current_twist()
         if twist is not None and isinstance(state.activity, Navigation) and not state.activity.is_stopping:
             handle(state, c.TakeOver())
@@ -159,6 +179,15 @@ class Session:
                 f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped and what "
                 "was recorded is kept. The log on the console says more; please report it."
             )
+
+
+def _hold_without_pages(state: AppState, absence: Absence | None) -> None:
+    """Hold a query that nobody watches, unless a person wanted it to go on."""
+    query = state.activity
+    if absence is None or state.keeps_going or not isinstance(query, Navigation):
+        return
+    if query.mode is Mode.NAVIGATING and not query.is_stopping:
+        query.hold(f"Paused: the last page {absence.loss} at {absence.since:%H:%M}.")
 
 
 def _handle_breakpoint(state: AppState) -> None:

@@ -127,6 +127,10 @@ class Snapshot:
     recordings: tuple[str, ...] = ()
     """Files of the recordings folder, newest first."""
     replay: PlaybackStatus | None = None
+    pause_notice: str = ""
+    """Why the app itself paused a query; empty when it did not."""
+    keeps_going: bool | None = None
+    """A query goes on when the last page closes; None where that is not on offer."""
     selected: NodeId | None = None
     """The goal that was chosen; shown with a pin."""
     gallery: tuple[NodeId, ...] = ()

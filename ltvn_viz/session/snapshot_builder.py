@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_viz.session.activities.map_building import MapBuilding
+from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning_handlers import drive_name
@@ -68,6 +69,8 @@ class SnapshotBuilder:
             rates=replace(snapshot.rates, loop_hz=self._meter.hz),
             recording=state.live.recorder.status,
             recordings=self._recordings(state),
+            pause_notice=activity.held_because if isinstance(activity, Navigation) else "",
+            keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
             message=state.message,
             fine_tuning=_learning(state),
             inspection=state.debugger.shown,

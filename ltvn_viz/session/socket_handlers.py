@@ -42,6 +42,8 @@ def command_for(action: Action, target: int | None) -> c.Command | None:
     """Return what an action asks the session for, None when it is no business of the session's."""
     if action is Action.GOAL:
         return c.NavigateTo(target)
+    if action is Action.KEEP_GOING and target in (0, 1):
+        return c.KeepGoing(target == 1)
     if action is Action.LEARN and target is not None:
         return c.FineTune(target)
     if action is Action.SELECT and target is not None:
@@ -76,4 +78,4 @@ def drive_listener(session: Session) -> DriveListener:
         for command in asked:
             session.send(command)
 
-    return DriveListener(on_drive, on_stop, on_action, on_link)
+    return DriveListener(on_drive, on_stop, on_action, on_link, on_absence=session.wake)

@@ -37,15 +37,22 @@ class FlatApp:
 
 
 @contextmanager
-def serving(folder: Path) -> Iterator[FlatApp]:
-    """Serve the page with a map of both rooms; recordings go into `folder`."""
+def serving(folder: Path, *, lease_s: float | None = 5.0) -> Iterator[FlatApp]:
+    """Serve the page with a map of both rooms; recordings go into `folder`.
+
+    A page drawn by software may stall for longer than the lease of a real one, which `None` stands for.
+    """
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=ThreadPoolExecutor(1))
-    # A page drawn by software may stall for longer than the lease of a real one.
-    with GuardedServer(seat=DriverSeat(lease_s=5.0)) as server:
+    with GuardedServer(seat=None if lease_s is None else DriverSeat(lease_s=lease_s)) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         set_initial_camera(server.viser, (0, 0), (6, 4))
         painters: list[Painter] = []
-        session = Session(harness.state, server.seat, lambda snapshot: _show(harness, painters[0], snapshot))
+        session = Session(
+            harness.state,
+            server.seat,
+            lambda snapshot: _show(harness, painters[0], snapshot),
+            absence=lambda: server.presence.absence,
+        )
         assets = PageAssets(lambda _: _glb(harness.world), locobot_glb())
         painters.append(Painter(build_layout(server.viser, session.send, assets), server.viser.atomic))
         painters[0].start()

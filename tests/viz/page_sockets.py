@@ -3,6 +3,7 @@
 import http.client
 import json
 import secrets
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -54,6 +55,23 @@ class PageSockets:
     def here(self) -> None:
         """Give a sign of life."""
         self.drive.send('{"type":"here"}')
+
+    @contextmanager
+    def staying(self) -> Iterator[threading.Event]:
+        """Give signs of life as the page's script does, until the event is set."""
+        silent = threading.Event()
+
+        def live() -> None:
+            while not silent.wait(0.05):
+                self.here()
+
+        thread = threading.Thread(target=live, daemon=True)
+        thread.start()
+        try:
+            yield silent
+        finally:
+            silent.set()
+            thread.join()
 
     def say(self, message: dict[str, Any]) -> None:
         """Send a message to viser."""

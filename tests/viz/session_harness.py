@@ -139,6 +139,9 @@ class FakeDriver:
     def current_twist(self) -> Twist | None:
         return self.twist
 
+    def keep(self, *, kept: bool) -> None:
+        """There is no seat."""
+
 
 class SessionHarness:
     """A session with handles on all its parts."""

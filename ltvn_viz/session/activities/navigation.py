@@ -29,6 +29,8 @@ class Navigation:
         self._owed_s = 0.0
         self._step_ends_s = 0.0
         self._steps_left: int | None = None
+        self.held_because = ""
+        """Why the robot stands in the middle of a control step; empty while nobody held it so."""
         self.is_stopping = False
         """It was given up, and its last events are still to come."""
         self.over = False
@@ -39,6 +41,12 @@ class Navigation:
         """Navigating, or paused."""
         return Mode.PAUSED if self._steps_left == 0 and not self.is_stopping else Mode.NAVIGATING
 
+    def hold(self, because: str) -> None:
+        """Stand at once, until somebody says go on; `because` says why."""
+        self.pause()
+        self.held_because = because
+        self._live.robot.hold()
+
     def pause(self) -> None:
         """Hold at the end of the control step under way."""
         self._steps_left = 0
@@ -46,10 +54,12 @@ class Navigation:
     def resume(self) -> None:
         """Go on."""
         self._steps_left = None
+        self.held_because = ""
 
     def step(self) -> None:
         """Do one control step, then hold."""
         self._steps_left = 1
+        self.held_because = ""
 
     def cancel(self) -> None:
         """Stop the robot and end the query as cancelled, as soon as the navigator has finished its thought."""
@@ -62,6 +72,9 @@ class Navigation:
         if self._thinking:
             self._live.robot.hold()
         if self._thinking or self.over:
+            return
+        if self.held_because and not self.is_stopping:
+            self._live.robot.hold()
             return
         if self._owed_s > 0 and not self.is_stopping:
             self._move()

@@ -1,0 +1,106 @@
+"""Pages by hand on the whole app: what a watcher can change, and what becomes of the robot when the last page goes."""
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.session.modes import Mode
+from tests.browser.flat_app import FlatApp, serving, until_shown
+from tests.viz.hostile_messages import HostileMessages, targets_of
+from tests.viz.page_sockets import PageSockets, open_sockets
+from tests.waiting import until
+
+PAUSE_WITHIN_S = 0.3
+TRIES = 8
+"""On a machine that has other things to do, any single pause may be late: the quickest of a few counts."""
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[FlatApp]:
+    (tmp_path / "old.rrd").write_bytes(b"")
+    with serving(tmp_path, lease_s=None) as app:
+        until_shown(app, lambda now: bool(now.gallery))
+        yield app
+
+
+def start_query(app: FlatApp, page: PageSockets) -> None:
+    """Let the robot drive to the farthest node."""
+    graph = app.harness.now.moment.graph
+    away = np.hypot(*(graph.poses[:, :2] - app.harness.robot.pose[:2]).T)
+    page.ask(Action.GOAL, int(graph.ids[np.argmax(away)]))
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+
+
+@pytest.mark.parametrize("how", ["closed", "silent"])
+def test_a_query_pauses_within_300_ms_of_the_last_page(app: FlatApp, how: str) -> None:
+    took = math.inf
+    for _ in range(TRIES):
+        with ExitStack() as stack:
+            page = stack.enter_context(open_sockets(app.server))
+            silent = stack.enter_context(page.staying())
+            start_query(app, page)
+            begun = time.monotonic()
+            silent.set()
+            if how == "closed":
+                page.drive.socket.close()
+            until(lambda: app.session.mode is Mode.PAUSED, meanwhile=lambda: time.sleep(0.001))
+            took = min(took, time.monotonic() - begun)
+        with open_sockets(app.server) as page:
+            assert "the last page" in app.harness.now.pause_notice
+            page.ask(Action.CANCEL)
+            until_shown(app, lambda now: now.mode is Mode.TELEOP)
+            page.ask(Action.RELEASE)
+        if took <= PAUSE_WITHIN_S:
+            break
+    assert took <= PAUSE_WITHIN_S
+
+
+def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> None:
+    with open_sockets(app.server) as driver, driver.staying(), open_sockets(app.server) as watcher:
+        driver.take_seat()
+        before = state_of(app)
+        graph_nodes = app.harness.now.moment.graph.ids.tolist()
+        messages = HostileMessages(7, targets_of(app.server, graph_nodes, ["old.rrd"]))
+        for panels, drive in islice(zip(messages.well_formed(), messages.drive_well_formed(), strict=False), 2500):
+            watcher.panels.send(panels)
+            watcher.drive.send(drive)
+        watcher.settle()
+        watcher.ask(Action.STOP)
+        until(lambda: app.server.seat.state_of(driver.number).stopped_by == watcher.number)
+        app.session.wake()
+        until_shown(app, lambda now: now.mode is Mode.TELEOP)
+        assert state_of(app) == before
+        assert app.server.seat.state_of(driver.number).driver == driver.number
+
+
+def state_of(app: FlatApp) -> list[object]:
+    """Return everything that pages share and a person could notice."""
+    state, gui = app.harness.state, app.server.gui
+    elements = list(gui._gui_input_handle_from_uuid.values())
+    return [
+        app.session.mode,
+        state.goals.selected,
+        state.queries,
+        state.keeps_going,
+        state.shown_stamp,
+        state.message,
+        state.work,
+        state.fine_tuning.status,
+        state.live.recorder.status,
+        state.live_map.fingerprint,
+        state.live.breakpoint_monitor.breakpoints,
+        state.debugger.shown.question,
+        state.debugger.shown.selection,
+        tuple(app.harness.robot.pose),
+        sorted(path.name for path in app.harness.library.folder.iterdir()),
+        [(node.id, node.name, node.goal) for node in state.live_map.graph.nodes.values()],
+        len(state.live_map.graph.edges),
+        [(each.value, each.visible, each.disabled, each._impl.removed) for each in elements],
+    ]

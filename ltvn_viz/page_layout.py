@@ -24,11 +24,12 @@ from ltvn_viz.panels.debugger_panel import DebuggerPanel
 from ltvn_viz.panels.drive_panel import DrivePanel
 from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
 from ltvn_viz.panels.follow_camera import FollowCamera
-from ltvn_viz.panels.html_widgets import legend_html
+from ltvn_viz.panels.html_widgets import grey_for_watchers, legend_html
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import Notifications
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import StatusPanel
+from ltvn_viz.server.page_elements import shared_elements
 from ltvn_viz.session.commands import Command, PickNode
 
 PANEL_PX = 380
@@ -73,7 +74,7 @@ def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[
         replay = ReplayPanel(gui, send)
     with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
         why = DebuggerPanel(gui, send)
-    gui.add_html(legend_html())
+    gui.add_html(legend_html() + grey_for_watchers(shared_elements(gui)))
     window = gui.add_panel()
     with window.add_tab("Camera and depth", viser.Icon.CAMERA):
         camera = CameraPanel(gui)

@@ -3,6 +3,7 @@
 Owns the buttons' and cards' shape and the style sheet they share.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 
@@ -98,6 +99,12 @@ class ActionButton:
 def button_row(*presses: ActionButton) -> str:
     """Return a row of buttons."""
     return f'<div class="lt lt-buttons">{"".join(press.html() for press in presses)}</div>'
+
+
+def grey_for_watchers(elements: Iterable[str]) -> str:
+    """Return a style by which these controls of viser are grey on a page without the seat."""
+    selectors = ", ".join(f'[data-ltvn-watching] [id="{escape(element)}"]' for element in elements)
+    return f"<style>{selectors} {{ opacity: .38; filter: grayscale(1); cursor: not-allowed; }}</style>"
 
 
 def toggle(action: Action, label: str, hint: str, *, is_on: bool) -> str:

@@ -33,13 +33,24 @@ class NavigationPanel:
         )
         self._matching_nodes = HtmlBlock(gui)
 
+        self._is_decoding = False
+
         @self._upload.on_upload
         async def _(_: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
-            file = self._upload.value
-            try:
-                send(NavigateToImage(await asyncio.to_thread(decode_upload, file.name, file.content)))
-            except LtvnError as error:
-                send(ReportError(str(error)))
+            send(await self._read_upload())
+
+    async def _read_upload(self) -> NavigateToImage | ReportError:
+        """Decode the uploaded image, one at a time, and let go of the file."""
+        file, self._upload._impl.value = self._upload.value, viser.UploadedFile("", b"")
+        if self._is_decoding:
+            return ReportError(f"{file.name}: another image is still being read; upload this one once more.")
+        self._is_decoding = True
+        try:
+            return NavigateToImage(await asyncio.to_thread(decode_upload, file.name, file.content))
+        except LtvnError as error:
+            return ReportError(str(error))
+        finally:
+            self._is_decoding = False
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the goals on offer and the query."""

@@ -34,6 +34,11 @@ def takes(handle: GuiInputHandle[Any], value: Value) -> bool:
             return False  # No panel of ours has another kind; whoever adds one adds its range here.
 
 
+def shared_elements(gui: viser.GuiApi) -> list[str]:
+    """Return the names of the controls that all pages share, which viser's page gives to their elements as ids."""
+    return list(gui._gui_input_handle_from_uuid)
+
+
 def _is_between(value: object, least: float | None, most: float | None) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return False

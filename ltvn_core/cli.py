@@ -5,10 +5,15 @@ of its own: verbs are classes in the entry-point group `ltvn.verbs` (`ltvn_core.
 """
 
 import logging
+import os
+import signal
 import sys
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, version
 from pathlib import Path
+from types import FrameType
 
 import tyro
 
@@ -21,7 +26,7 @@ DESCRIPTION = "See what a robot's topological map believes: collect, build, navi
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted."""
+    """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted, 143 terminated."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given == ["--version"]:
         print(f"ltvn {version('ltvn')}")
@@ -62,14 +67,42 @@ def run_verb(program: str, verb: type[Verb], arguments: Sequence[str] | None = N
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     chosen = tyro.cli(verb, prog=program, args=arguments)
     try:
-        with naming_the_extra():
+        with naming_the_extra(), _unwinding_at_sigterm():
             report(chosen)
     except LtvnError as error:
         return _say(error)
+    except _Terminated:
+        print("ltvn: terminated", file=sys.stderr)
+        return 143
     except KeyboardInterrupt:
         print("ltvn: interrupted", file=sys.stderr)
         return 130
     return 0
+
+
+class _Terminated(KeyboardInterrupt):
+    """Somebody asked the program to end, politely."""
+
+
+@contextmanager
+def _unwinding_at_sigterm() -> Iterator[None]:
+    """Let SIGTERM end the block as Ctrl-C does, so that files are finished; a second one ends the process at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Python allows no one else to say what a signal does.
+        return
+    process = os.getpid()
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        if os.getpid() != process:
+            os.kill(os.getpid(), number)  # A child that was forked from here ends as it would have.
+        raise _Terminated
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def report(verb: Verb) -> None:

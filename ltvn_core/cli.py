@@ -26,7 +26,7 @@ DESCRIPTION = "See what a robot's topological map believes: collect, build, navi
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted, 143 terminated."""
+    """Run one verb and return the exit code: 0 done, 1 an error, 2 wrong usage, 130 interrupted, 143 terminated."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given == ["--version"]:
         print(f"ltvn {version('ltvn')}")

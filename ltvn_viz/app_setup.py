@@ -13,7 +13,7 @@ import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.composition import open_method, open_system
-from ltvn_core.errors import LtvnError, OptionError, SceneError
+from ltvn_core.errors import OptionError, SceneError
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
@@ -66,7 +66,11 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     live_map = LiveMap(predictor, system, np.random.default_rng(options.seed))
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
     robot = live_robot(backend, predictor, known)
-    recorder = Recorder(library, lambda path: _new_recording(path, options, backend, robot, live_map))
+    recorder = Recorder(
+        library,
+        lambda path: _new_recording(path, options, backend, robot, live_map),
+        take_map=lambda: (live_map.graph.copy(), live_map.map_observations()),
+    )
     live = LiveRun(robot, recorder, Timeline())
     if known is not None:
         logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
@@ -135,11 +139,11 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
 def _new_recording(
     path: Path, options: AppOptions, backend: Backend, robot: LiveRobot, live_map: LiveMap
 ) -> RecordingWriter:
-    """Begin a recording that holds the map as it is, so that it needs no other file."""
+    """Begin a recording; never waits for the disk, because the robot does not wait either."""
     if backend.robot is None:
         raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
     scene = backend.scene
-    writer = RecordingWriter(
+    return RecordingWriter(
         path,
         scene=options.scene if scene is None else scene.address,
         config={"verb": "app", "system": live_map.system.name, "method": asdict(live_map.system.method)},
@@ -147,14 +151,8 @@ def _new_recording(
         camera=robot.spec.camera,
         scene_glb=None if scene is None else scene.glb(with_ceiling=False),
         live_port=options.stream,
+        patience_s=0,
     )
-    try:
-        if live_map.graph.nodes:
-            writer.write_map(live_map.graph, live_map.map_observations())
-    except LtvnError:
-        writer.close()
-        raise
-    return writer
 
 
 def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:

@@ -21,7 +21,7 @@ from ltvn_core.recording import event_drawing, map_drawing, schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, number_column, text_column
 from ltvn_core.recording.blueprint import blueprint
 from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, DurableStream
+from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream
 from ltvn_core.recording.event_codec import EncodedEvent
 from ltvn_core.recording.frame_codec import EncodedFrame, camera_text, encode_frame
 from ltvn_core.recording.map_drawing import DrawnEntity
@@ -43,7 +43,7 @@ class RecordingWriter:
     """Writes one new recording; a context manager.
 
     Raises RecordingError when the file exists or cannot be made, and once from any method when the disk stops taking
-    data; rows after that are dropped and `failure` says why. Nothing here waits for the disk except `close`.
+    data; rows after that are dropped and `failure` says why. Writing waits only for a disk that is far behind.
     """
 
     def __init__(
@@ -59,12 +59,14 @@ class RecordingWriter:
         started_at: str = "",
         min_free_bytes: int = MIN_FREE_DISK_BYTES,
         live_port: int | None = None,
+        patience_s: float = PATIENCE_S,
     ) -> None:
         """Begin a recording at `path`.
 
         `config` must be sayable in JSON. `scene_glb` is drawn and makes the file larger by its size. `recording_id` and
         `started_at` are for rewriting an older recording. Recording stops when the disk has less than `min_free_bytes`.
-        Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken.
+        Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken. Where the disk is
+        far behind, writing waits for it up to `patience_s`; 0 is for a robot in real time.
         """
         camera, recording_id = camera or LOCOBOT.camera, recording_id or str(uuid4())
         started_at = started_at or datetime.now(UTC).isoformat(timespec="seconds")
@@ -81,7 +83,11 @@ class RecordingWriter:
         )
         description = metadata_row(meta)
         self._stream = DurableStream(
-            Path(path), recording_id=recording_id, min_free_bytes=min_free_bytes, live_port=live_port
+            Path(path),
+            recording_id=recording_id,
+            min_free_bytes=min_free_bytes,
+            live_port=live_port,
+            patience_s=patience_s,
         )
         self._frames: set[FrameId] = set()
         self._events = 0

@@ -4,6 +4,7 @@ Owns the meaning of each command. Whether it is legal now is `modes`; runs in th
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import assert_never
 
 from ltvn_core.errors import LtvnError, OptionError
@@ -180,16 +181,20 @@ def _find_and_go(state: AppState, rgb: Rgb) -> None:
 
 def _record(state: AppState, command: c.RecordingCommand) -> None:
     recorder = state.live.recorder
-    # What the map has learned must be in the timeline before a recording begins with it, or ends.
-    state.worker.settle()
+
+    def kept(path: Path) -> None:
+        state.last_recording = path.name
+        state.say(f"Kept as {state.last_recording}. Open it under “Replay”.")
+
     match command:
         case c.StartRecording():
-            state.live.begin_recording(state.worker)
+            state.live.begin_recording()
         case c.KeepRecording():
-            state.last_recording = recorder.keep().name
-            state.say(f"Kept as {state.last_recording}. Open it under “Replay”.")
+            recorder.keep(kept)
         case c.DiscardRecording():
-            state.say(f"The recording was set aside as {recorder.discard()}; delete it there if you like.")
+            recorder.discard(
+                lambda place: state.say(f"The recording was set aside as {place}; delete it there if you like.")
+            )
         case _:
             assert_never(command)
 

@@ -8,7 +8,6 @@ from ltvn_core.navigation.events import Event, StampedEvent
 from ltvn_core.types import Observation
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.recorder import Recorder
-from ltvn_viz.session.worker import Worker
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
 TICK_S = 1 / 30
@@ -43,9 +42,9 @@ class LiveRun:
         """Take a picture to be shown, and for nothing else."""
         self.view = self.robot.glance()
 
-    def begin_recording(self, worker: Worker) -> None:
+    def begin_recording(self) -> None:
         """Begin a recording with a picture of now; raises RecordingError. Nobody else may use the robot meanwhile."""
-        self.recorder.start(worker)
+        self.recorder.start()
         before = self.observation
         if self.capture() is before and before is not None:
             self.recorder.write_frame(before)

@@ -1,28 +1,46 @@
 """Records the live run into a file of the library, whatever happens.
 
-Owns the life of one recording: start, keep, discard, and what becomes of it when writing fails. Nothing that was
-recorded is ever deleted.
+Owns the life of one recording: start, keep, discard, and what becomes of it when writing fails. Files are opened and
+closed in a thread of its own, so that the session never waits for a disk. Nothing that was recorded is ever deleted.
 """
 
 import logging
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from ltvn_core.errors import LtvnError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import StampedEvent
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, Observation
+from ltvn_viz.session.daemon_executor import DaemonExecutor
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import RecordingStatus
 from ltvn_viz.session.worker import Worker
 
 logger = logging.getLogger(__name__)
 
+_OPEN_S = 10.0
+"""A folder that takes no file for so long does not answer."""
+_CLOSE_S = 45.0
+"""Longer than this the end of the app does not wait for a disk."""
+
 
 class RecordingSink(Protocol):
-    """Writes one recording."""
+    """Writes one recording; used by one thread at a time."""
+
+    @property
+    def failure(self) -> str | None:
+        """Why nothing more is written, or None."""
+        ...
+
+    def write_map(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> None:
+        """Begin with a whole map and its images."""
+        ...
 
     def write_frame(self, observation: Observation) -> None:
         """Append an image."""
@@ -41,6 +59,31 @@ class RecordingSink(Protocol):
         ...
 
 
+WholeMap: TypeAlias = tuple[TopologicalGraph, Sequence[Observation]]
+"""A map that nobody changes any more, with its images."""
+
+
+@dataclass(eq=False)
+class _RecordingUnderWay:
+    """One recording from the wish for it to its finished file."""
+
+    began_s: float
+    path: Path | None = None
+    """Known once the file exists."""
+    writer: RecordingSink | None = None
+    has_map: bool = False
+    """The map was taken; what it learns from now on is for the recording to tell."""
+    ready: bool = False
+    """The map is in the file, so that rows may follow."""
+    finished: Callable[[Path], None] | None = None
+    """It is to end; called with its file then."""
+    closing: bool = False
+    waiting: list[Callable[[RecordingSink], None]] = field(default_factory=list)
+    frames: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+
+
 class Recorder:
     """At most one recording at a time."""
 
@@ -49,113 +92,204 @@ class Recorder:
         library: RecordingLibrary,
         open_writer: Callable[[Path], RecordingSink],
         clock: Callable[[], datetime] = datetime.now,
+        *,
+        take_map: Callable[[], WholeMap] = lambda: (TopologicalGraph(), ()),
+        executor: Executor | None = None,
     ) -> None:
-        """Write into `library`; `open_writer` starts a new file with the map as it is, in the worker's thread."""
-        self._library, self._open, self._clock = library, open_writer, clock
-        self._path: Path | None = None
-        self._writer: RecordingSink | None = None
-        self._waiting: list[Callable[[RecordingSink], None]] = []
-        self._frames = 0
-        self._first_s = self._last_s = 0.0
+        """Write into `library`.
+
+        `open_writer` starts a new file, in the recorder's thread. `take_map` returns a copy of the map for the file to
+        begin with, and is called while nobody changes it. `executor` has a single thread.
+        """
+        self._library, self._open, self._clock, self._take_map = library, open_writer, clock, take_map
+        self._files = Worker(executor or DaemonExecutor("recorder"))
+        self._current: _RecordingUnderWay | None = None
+        self._failure: str | None = None
 
     @property
     def status(self) -> RecordingStatus:
-        """What is being recorded now."""
-        if self._path is None:
+        """What is being recorded now; nothing before its file exists."""
+        current = self._current
+        if current is None or current.path is None:
             return RecordingStatus()
-        return RecordingStatus(self._path.name, self._frames, self._last_s - self._first_s)
+        return RecordingStatus(current.path.name, current.frames, current.last_s - current.first_s)
 
     @property
     def is_on(self) -> bool:
-        """Whether a recording is under way."""
-        return self._path is not None
+        """Whether a recording is under way, or about to be."""
+        return self._current is not None
 
-    def start(self, worker: Worker) -> None:
-        """Begin a recording; raises RecordingError when one is under way or the folder cannot be written.
+    def start(self) -> None:
+        """Begin a recording; raises RecordingError when one is under way. `tick` does the rest.
 
-        The file is begun in the worker's thread; what happens until it is ready waits and goes in first.
+        What happens until the file is ready waits and goes in first.
         """
-        if self._path is not None:
-            raise RecordingError(f"{self._path.name} is being recorded already; keep or discard it first.")
-        path = self._library.new_path(self._clock())
-        self._path, self._frames, self._first_s, self._last_s = path, 0, 0.0, 0.0
-        worker.submit(lambda: self._try_open(path), self._opened)
+        if (before := self._current) is not None:
+            name = "A recording" if before.path is None else before.path.name
+            if before.finished is not None:
+                raise RecordingError(f"{name} is being finished; record again in a moment.")
+            raise RecordingError(f"{name} is being recorded already; keep or discard it first.")
+        current = self._current = _RecordingUnderWay(time.monotonic())
+        self._files.submit(self._try_open, lambda opened: self._opened(current, opened))
 
     def write_frame(self, observation: Observation) -> None:
-        """Append an image, if a recording is under way; a failure ends the recording and raises RecordingError."""
-        if self._path is None:
+        """Append an image, if a recording is under way; a failure ends the recording, see `take_failure`."""
+        if (current := self._current) is None:
             return
-        if not self._frames:
-            self._first_s = observation.stamp
+        if not current.frames:
+            current.first_s = observation.stamp
         # The mapper may hand in an image again, which the file then holds once.
-        self._frames += not self._frames or observation.stamp > self._last_s
-        self._last_s = max(self._last_s, observation.stamp)
-        self._write(lambda writer: writer.write_frame(observation))
+        current.frames += not current.frames or observation.stamp > current.last_s
+        current.last_s = max(current.last_s, observation.stamp)
+        self._write(current, lambda writer: writer.write_frame(observation))
 
     def write_event(self, stamped: StampedEvent) -> None:
-        """Append an event, if a recording is under way; a failure ends the recording and raises RecordingError."""
-        self._write(lambda writer: writer.write_event(stamped))
+        """Append an event, if a recording is under way; a failure ends the recording, see `take_failure`."""
+        current = self._current
+        if current is None or (isinstance(stamped.event, GraphChanged) and not current.has_map):
+            return  # What the map learned before it was taken is in it.
+        self._write(current, lambda writer: writer.write_event(stamped))
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map for the viewer, if a recording is under way; nobody may change the map meanwhile."""
-        if self._writer is not None:
-            self._write(lambda writer: writer.draw_graph(graph, step, stamp))
+        if self._current is not None and self._current.ready:
+            self._write(self._current, lambda writer: writer.draw_graph(graph, step, stamp))
 
-    def keep(self) -> Path:
-        """End the recording and return its file; raises RecordingError when none is under way."""
-        path = self._require()
-        self._end()
-        return path
+    def keep(self, then: Callable[[Path], None]) -> None:
+        """End the recording soon and call `then` with its finished file; raises RecordingError when there is none."""
+        current = self._require()
+        current.finished = current.finished or then
 
-    def discard(self) -> Path:
-        """End the recording, move it aside and return where it is now; raises RecordingError when none is under way."""
-        path = self._require()
-        self._end()
-        return self._library.discard(path)
+    def discard(self, then: Callable[[Path], None]) -> None:
+        """End the recording soon, move it aside and call `then` with its place; raises RecordingError without one."""
 
-    def _require(self) -> Path:
-        if self._path is None:
+        def moved(place: Path | Exception) -> None:
+            if isinstance(place, Exception):
+                raise RecordingError(f"The recording could not be set aside: {place}. It is kept where it is.")
+            then(place)
+
+        self.keep(lambda path: self._files.submit(lambda: _tried(lambda: self._library.discard(path)), moved))
+
+    def tick(self, *, map_is_still: bool) -> None:
+        """Go on with what is to do; `map_is_still` says that nobody changes the map and all its changes were told.
+
+        Raises RecordingError when a recording could not be started, finished or set aside.
+        """
+        self._files.collect()
+        current = self._current
+        if current is None or current.closing:
+            return
+        if current.writer is not None and current.writer.failure is not None:
+            self._broken(current, current.writer.failure)
+        elif current.writer is None and time.monotonic() - current.began_s > _OPEN_S:
+            self._current = None
+            raise RecordingError(f"The recording could not be started: {self._library.folder} does not answer.")
+        elif map_is_still:
+            self._go_on(current)
+            self._files.collect()
+
+    def take_failure(self) -> str | None:
+        """Return once why a recording ended by itself; None when none did since this was asked last."""
+        failure, self._failure = self._failure, None
+        return failure
+
+    def close(self) -> Path | None:
+        """End the recording under way, wait for its file and return it; nobody may change the map meanwhile.
+
+        Waits for a disk only so long. Raises RecordingError as `tick` does, and when there is no answer.
+        """
+        kept = list[Path]()
+        if self._current is not None:
+            self.keep(kept.append)
+        until = time.monotonic() + _CLOSE_S
+        while (self._current is not None or self._files.pending) and time.monotonic() < until:
+            self.tick(map_is_still=True)
+            self._files.wait(0.1)
+        if self._current is not None:
+            raise RecordingError(f"{self._library.folder} does not answer; what was recorded last may be missing.")
+        return kept[0] if kept else None
+
+    def _require(self) -> _RecordingUnderWay:
+        if self._current is None:
             raise RecordingError("Nothing is being recorded; press R to start.")
-        return self._path
+        return self._current
 
-    def _try_open(self, path: Path) -> RecordingSink | Exception:
+    def _try_open(self) -> tuple[Path, RecordingSink] | Exception:
         try:
-            return self._open(path)
+            path = self._library.new_path(self._clock())
+            return path, self._open(path)
         except (OSError, LtvnError) as error:
             return error
 
-    def _opened(self, writer: RecordingSink | Exception) -> None:
-        waiting, self._waiting = self._waiting, []
-        if isinstance(writer, Exception):
-            self._path = None
-            raise RecordingError(f"The recording could not be started: {writer}") from writer
-        self._writer = writer
+    def _opened(self, current: _RecordingUnderWay, opened: tuple[Path, RecordingSink] | Exception) -> None:
+        if isinstance(opened, Exception):
+            if current is self._current:
+                self._current = None
+            raise RecordingError(f"The recording could not be started: {opened}") from opened
+        current.path, current.writer = opened
+        if current is not self._current:
+            self._close(current, lambda _outcome: None)
+
+    def _go_on(self, current: _RecordingUnderWay) -> None:
+        """Take the next step on the way of a recording: the map, and in the end the end."""
+        writer = current.writer
+        if writer is None:
+            return
+        if not current.has_map:
+            graph, observations = self._take_map()
+            current.has_map = True
+            self._files.submit(
+                lambda: _tried(lambda: graph.nodes and writer.write_map(graph, observations)),
+                lambda outcome: self._ready(current, outcome),
+            )
+        elif current.ready and current.finished is not None and not current.closing:
+            current.closing = True
+            self._close(current, lambda outcome: self._closed(current, outcome))
+
+    def _ready(self, current: _RecordingUnderWay, outcome: object) -> None:
+        if isinstance(outcome, Exception):
+            self._broken(current, str(outcome))
+        current.ready = True
+        waiting, current.waiting = current.waiting, []
         for write in waiting:
-            self._write(write)
+            self._write(current, write)
 
-    def _write(self, write: Callable[[RecordingSink], None]) -> None:
-        if self._path is None:
+    def _write(self, current: _RecordingUnderWay, write: Callable[[RecordingSink], None]) -> None:
+        if current is not self._current or current.closing:
             return
-        if self._writer is None:
-            self._waiting.append(write)
+        if current.writer is None or not current.ready:
+            current.waiting.append(write)
             return
         try:
-            write(self._writer)
+            write(current.writer)
         except (OSError, LtvnError) as error:
-            raise self._broken(error) from error
+            self._broken(current, str(error))
 
-    def _end(self) -> None:
-        writer, self._writer, self._path = self._writer, None, None
-        if writer is not None:
-            writer.close()
+    def _close(self, current: _RecordingUnderWay, then: Callable[[object], None]) -> None:
+        assert current.writer is not None
+        close = current.writer.close
+        self._files.submit(lambda: _tried(close), then)
 
-    def _broken(self, error: Exception) -> RecordingError:
-        path = self._require()
-        try:
-            self._end()
-        except (OSError, LtvnError):
-            logger.warning("could not finish %s", path, exc_info=True)
-        return RecordingError(
-            f"Recording stopped: {error} What was recorded so far is kept in {path}. Free some space, then record "
-            "again; `ltvn verify` checks the file and `ltvn repair` mends it."
-        )
+    def _closed(self, current: _RecordingUnderWay, outcome: object) -> None:
+        self._current = None
+        assert current.path is not None
+        assert current.finished is not None
+        if isinstance(outcome, Exception):
+            raise RecordingError(str(outcome)) from outcome
+        current.finished(current.path)
+
+    def _broken(self, current: _RecordingUnderWay, why: str) -> None:
+        """End a recording that cannot go on; its file is finished as well as it can be."""
+        if current is not self._current:
+            return
+        self._current, self._failure = None, f"Recording stopped, driving goes on. {why}"
+        logger.warning("recording %s stopped: %s", current.path, why)
+        self._close(current, lambda _outcome: None)
+
+
+def _tried(job: Callable[[], object]) -> object:
+    """Return what a job returns, or what went wrong with it."""
+    try:
+        return job()
+    except (OSError, LtvnError) as error:
+        return error

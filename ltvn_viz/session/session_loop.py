@@ -135,8 +135,12 @@ class Session:
         self._state.worker.close()
         self._guarded(self._state.worker.collect)
         self._state.fine_tuning.close()
-        if self._state.live.recorder.is_on:
-            logger.info("kept the recording %s", self._state.live.recorder.keep())
+        self._guarded(self._keep_recording)
+
+    def _keep_recording(self) -> None:
+        kept = self._state.live.recorder.close()
+        if kept is not None:
+            logger.info("kept the recording %s", kept)
 
     def _react(self) -> None:
         """Let commands and held keys reach the robot."""
@@ -154,6 +158,7 @@ class Session:
         """Let a tick of robot time pass."""
         state = self._state
         state.worker.collect()
+        self._record()
         state.fine_tuning.collect()
         state.activity.tick()
         _handle_breakpoint(state)
@@ -164,7 +169,18 @@ class Session:
             now = state.live.robot.state()
             state.live.recorder.draw_graph(state.live_map.graph, now.step, now.stamp)
 
+    def _record(self) -> None:
+        """Let the recorder go on; what goes wrong with a file keeps nobody from driving."""
+        state = self._state
+        try:
+            state.live.recorder.tick(map_is_still=state.worker.pending == 0)
+        except LtvnError as error:
+            state.say(str(error), Severity.ERROR)
+
     def _show(self) -> None:
+        failure = self._state.live.recorder.take_failure()
+        if failure is not None:
+            self._state.say(failure, Severity.ERROR)
         self._publish(self._snapshot_builder.build(self._state))
 
     def _guarded(self, part: Callable[[], None]) -> None:

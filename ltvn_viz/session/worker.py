@@ -51,6 +51,11 @@ class Worker:
             wait([self._jobs[0].future])
             self.collect()
 
+    def wait(self, at_most_s: float) -> None:
+        """Wait for the oldest job, but not for long; `collect` deals with it."""
+        if self._jobs:
+            wait([self._jobs[0].future], at_most_s)
+
     def close(self) -> None:
         """Wait for the job under way and drop the rest."""
         self._executor.shutdown(wait=True, cancel_futures=True)

@@ -37,7 +37,7 @@ from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.recorder import Recorder
+from ltvn_viz.session.recorder import Recorder, RecordingSink
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
@@ -113,6 +113,14 @@ class FakeWriter:
     events: list[StampedEvent] = field(default_factory=list)
     closed: bool = False
     full: bool = False
+    failure: str | None = None
+
+    def write_map(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> None:
+        for seen in observations:
+            self.write_frame(seen)
+        last = max((seen.step for seen in observations), default=0)
+        for delta in graph.deltas():
+            self.write_event(StampedEvent(last, last * CONTROL_STEP_S, GraphChanged(delta)))
 
     def write_frame(self, observation: Observation) -> None:
         if self.full:
@@ -154,6 +162,8 @@ class SessionHarness:
         way: Sequence[Sequence[float]] = WAY,
         mapped: bool = True,
         executor: Executor | None = None,
+        recording_executor: Executor | None = None,
+        open_writer: Callable[[Path], RecordingSink] | None = None,
         fine_tuning: FineTuning | None = None,
         own_robot: Robot | None = None,
         predictor: Predictor | None = None,
@@ -174,7 +184,14 @@ class SessionHarness:
         worker = Worker(executor or InlineExecutor())
         live_map = LiveMap(predictor or FlatPredictor(self.world), ltvn_system(ROBUST), np.random.default_rng(0))
         robot = LiveRobot(own_robot or self.robot, ground_truth=None if own_robot else lambda: self.robot.pose)
-        live = LiveRun(robot, Recorder(self.library, self._open_writer, lambda: datetime(2030, 1, 2)), Timeline())
+        recorder = Recorder(
+            self.library,
+            open_writer or self._open_writer,
+            lambda: datetime(2030, 1, 2),
+            take_map=lambda: (live_map.graph.copy(), live_map.map_observations()),
+            executor=recording_executor or InlineExecutor(),
+        )
+        live = LiveRun(robot, recorder, Timeline())
         goals = Goals(live_map, worker, self.thumbnails)
         teleop = Teleop(live, worker, live_map.offer)
         self.inspector = Inspector(all_questions(live.breakpoint_monitor), worker)
@@ -237,12 +254,6 @@ class SessionHarness:
         path.touch(exist_ok=False)
         writer = FakeWriter(path)
         self.writers.append(writer)
-        live_map = self.state.live_map
-        for seen in live_map.map_observations():
-            writer.write_frame(seen)
-        last = max((seen.step for seen in live_map.map_observations()), default=0)
-        for delta in live_map.graph.deltas():
-            writer.write_event(StampedEvent(last, last * CONTROL_STEP_S, GraphChanged(delta)))
         return writer
 
 

@@ -56,14 +56,13 @@ def test_the_app_drives_a_map_with_its_own_system_and_weights_and_records_that(d
     BuildVerb(recording=drive, output=built, system="ving").run()
     with ExitStack() as stack:
         state = open_app_state(AppOptions(map=built, recordings=tmp_path), stack, ThumbnailStore())
-        state.live.begin_recording(state.worker)
-        state.worker.settle()
-        state.worker.collect()
-        recorded = state.live.recorder.keep()
+        state.live.begin_recording()
+        recorded = state.live.recorder.close()
         nodes = len(state.live_map.graph.nodes)
         seen = state.live_map.observations()[0]
         assert state.live_map.offer(replace(seen, step=10**6)) == ()
         state.live_map.rebuild(lambda _done, _total: None)
+    assert recorded is not None
     assert Recording.open(recorded).meta.config["system"] == state.live_map.system.name == "ving"
     assert state.live_map.fingerprint == weights_fingerprint(system_entry("ving").weights)
     assert state.fine_tuning.weights == system_entry("ving").weights

@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, TypeVar
 
 from ltvn_core.errors import LtvnError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -21,6 +21,8 @@ from ltvn_viz.session.daemon_executor import DaemonExecutor
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import RecordingStatus
 from ltvn_viz.session.worker import Worker
+
+T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
 
@@ -287,7 +289,7 @@ class Recorder:
         self._close(current, lambda _outcome: None)
 
 
-def _tried(job: Callable[[], object]) -> object:
+def _tried(job: Callable[[], T]) -> T | Exception:
     """Return what a job returns, or what went wrong with it."""
     try:
         return job()

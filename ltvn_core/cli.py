@@ -1,53 +1,106 @@
 """`ltvn`: one program, one verb per job.
 
-Parses, runs, prints, and turns every error a user can cause into one clear line and a non-zero exit code. Owns no job
-of its own: verbs are classes in the entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`).
+Parses, runs, prints, and turns every failure that is no programming mistake into one clear line and a non-zero exit
+code; `--debug`, or the variable LTVN_DEBUG, shows the traceback too. Owns no job of its own: verbs are classes in the
+entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`). Imports almost nothing before `main`, so that Ctrl-C is
+met there too.
 """
 
-import logging
+import errno
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from importlib.metadata import EntryPoint, version
-from pathlib import Path
-from types import FrameType
-
-import tyro
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
 
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.extras import naming_the_extra
-from ltvn_core.verbs.discovery import GROUP, find_verbs, load_verb, load_verbs
-from ltvn_core.verbs.verb import Summary, Verb, to_json, to_text
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+    from pathlib import Path
+    from types import FrameType
+
+    from ltvn_core.verbs.verb import Summary, Verb
 
 DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."
 
+FAILED = 1
+INTERRUPTED = 130
+"""As shells say it: 128 and the number of SIGINT."""
+CLOSED_PIPE = 141
+"""128 and the number of SIGPIPE: who read the output, such as `head`, had enough."""
+TERMINATED = 143
+"""128 and the number of SIGTERM."""
+
+_ADVICE = {
+    errno.ENOSPC: "free some space, or name another place (TMPDIR names the folder of temporary files)",
+    errno.EDQUOT: "free some space, or name another place (TMPDIR names the folder of temporary files)",
+    errno.EROFS: "name a place that can be written to",
+    errno.EACCES: "name a place that you may use, or change its permissions",
+    errno.EPERM: "name a place that you may use, or change its permissions",
+    errno.ENAMETOOLONG: "give it a shorter name",
+    errno.EMFILE: "close other programs, or raise the limit of open files (ulimit -n)",
+}
+"""What to do next, by the system's error number."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb and return the exit code: 0 done, 1 an error, 2 wrong usage, 130 interrupted, 143 terminated."""
+    """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted, 141 pipe closed."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    return _exit_code(lambda: _main(given), debug="--debug" in given)
+
+
+def run_verb(program: str, verb: "type[Verb]", arguments: Sequence[str] | None = None) -> int:
+    """Parse a verb's options, run it and return the exit code; prints what came of it.
+
+    Args:
+        program: What a person types for this verb, for its help.
+        verb: The class whose fields are the options.
+        arguments: The options; those of the command line if not given.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    return _exit_code(lambda: _run(program, verb, given), debug="--debug" in given)
+
+
+def report(verb: "Verb") -> None:
+    """Run the verb and print its summary, or write it as JSON where the user asked for that."""
+    from ltvn_core.verbs.verb import to_json, to_text
+
+    summary = verb.run()
+    if verb.json is None:
+        print(to_text(summary))
+    elif str(verb.json) == "-":
+        print(to_json(summary))
+    else:
+        _write_summary(verb.json, summary)
+
+
+def _main(given: Sequence[str]) -> int:
+    from importlib.metadata import version
+
+    from ltvn_core.verbs.discovery import GROUP, find_verbs, load_verb
+
     if given == ["--version"]:
         print(f"ltvn {version('ltvn')}")
         return 0
     verbs = find_verbs()
     if not verbs:
-        print(f"ltvn: no package offers {GROUP}; install the toolkit: pip install ltvn (or -e .)", file=sys.stderr)
-        return 1
+        raise OptionError(f"no package offers {GROUP}; install the toolkit: pip install ltvn (or -e .)")
     if given and given[0] in verbs:
         name, *options = given
-        try:
-            verb = load_verb(verbs[name])
-        except LtvnError as error:
-            return _say(error)
-        return run_verb(f"ltvn {name}", verb, options)
+        return _run(f"ltvn {name}", load_verb(verbs[name]), options)
     _show_all(verbs, given)
     return 2
 
 
-def _show_all(verbs: Mapping[str, EntryPoint], given: Sequence[str]) -> None:
+def _show_all(verbs: "Mapping[str, EntryPoint]", given: Sequence[str]) -> None:
     """Show the help of all verbs, or say what is wrong with the usage, and exit."""
+    import tyro
+
+    from ltvn_core.verbs.discovery import load_verbs
+
     loaded = load_verbs(verbs)
     for line in loaded.broken:
         print(f"ltvn: {line}", file=sys.stderr)
@@ -56,27 +109,17 @@ def _show_all(verbs: Mapping[str, EntryPoint], given: Sequence[str]) -> None:
     )
 
 
-def run_verb(program: str, verb: type[Verb], arguments: Sequence[str] | None = None) -> int:
-    """Parse a verb's options, run it and return the exit code; prints what came of it.
+def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
+    import logging
 
-    Args:
-        program: What a person types for this verb, for its help.
-        verb: The class whose fields are the options.
-        arguments: The options; those of the command line if not given.
-    """
+    import tyro
+
+    from ltvn_core.extras import naming_the_extra
+
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
-    chosen = tyro.cli(verb, prog=program, args=arguments)
-    try:
-        with naming_the_extra(), _unwinding_at_sigterm():
-            report(chosen)
-    except LtvnError as error:
-        return _say(error)
-    except _Terminated:
-        print("ltvn: terminated", file=sys.stderr)
-        return 143
-    except KeyboardInterrupt:
-        print("ltvn: interrupted", file=sys.stderr)
-        return 130
+    chosen = tyro.cli(verb, prog=program, args=given)
+    with naming_the_extra(), _unwinding_at_sigterm():
+        report(chosen)
     return 0
 
 
@@ -92,7 +135,7 @@ def _unwinding_at_sigterm() -> Iterator[None]:
         return
     process = os.getpid()
 
-    def end(number: int, _frame: FrameType | None) -> None:
+    def end(number: int, _frame: "FrameType | None") -> None:
         signal.signal(number, signal.SIG_DFL)
         if os.getpid() != process:
             os.kill(os.getpid(), number)  # A child that was forked from here ends as it would have.
@@ -105,27 +148,83 @@ def _unwinding_at_sigterm() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def report(verb: Verb) -> None:
-    """Run the verb and print its summary, or write it as JSON where the user asked for that."""
-    summary = verb.run()
-    if verb.json is None:
-        print(to_text(summary))
-    elif verb.json == Path("-"):
-        print(to_json(summary))
-    else:
-        _write_summary(verb.json, summary)
+def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
+    """Do a job and return its exit code; the one place where a failure of any verb is met."""
+    _allow_any_file_name()
+    try:
+        try:
+            code = job()
+        finally:
+            sys.stdout.flush()  # A closed pipe is met here, and not when Python ends.
+        return code
+    except _Terminated as terminated:
+        return _say("terminated", terminated, TERMINATED, debug=debug)
+    except KeyboardInterrupt as interrupted:
+        return _say("interrupted", interrupted, INTERRUPTED, debug=debug)
+    except BrokenPipeError as error:
+        if _is_output_closed():
+            return CLOSED_PIPE
+        return _say(_system_failure(error), error, FAILED, debug=debug)
+    except LtvnError as error:
+        return _say(str(error), error, FAILED, debug=debug)
+    except OSError as error:
+        return _say(_system_failure(error), error, FAILED, debug=debug)
+    except MemoryError as error:
+        text = f"there is not enough memory ({error or 'no more to be had'}); close other programs, or ask for less."
+        return _say(text, error, FAILED, debug=debug)
+    except UnicodeError as error:
+        text = f"a name or a text is not UTF-8 ({error}); rename the file, or save the text as UTF-8."
+        return _say(text, error, FAILED, debug=debug)
+    except OverflowError as error:
+        return _say(f"a number is too large ({error}); give a smaller one.", error, FAILED, debug=debug)
 
 
-def _say(error: LtvnError) -> int:
-    print(f"ltvn: {error}", file=sys.stderr)
-    return 1
+def _system_failure(error: OSError) -> str:
+    """Return what the operating system refused, where, and what to do next."""
+    names = " and ".join(str(name) for name in (error.filename, error.filename2) if name is not None)
+    what = error.strerror or str(error) or type(error).__name__
+    advice = _ADVICE.get(error.errno or 0, "check that it is there and that you may use it")
+    if "temporary directory" in what:
+        advice = "set TMPDIR to a folder with free space"
+    return f"{names}: {what}; {advice}." if names else f"{what}; {advice}."
 
 
-def _write_summary(path: Path, summary: Summary) -> None:
+def _say(text: str, error: BaseException, code: int, *, debug: bool) -> int:
+    """Print a failure as one line, after its traceback where somebody wants that; return the code."""
+    if debug or os.environ.get("LTVN_DEBUG"):
+        import traceback
+
+        traceback.print_exception(error)
+    line = " ".join(part.strip() for part in text.splitlines() if part.strip())
+    print(f"ltvn: {line}", file=sys.stderr)
+    return code
+
+
+def _allow_any_file_name() -> None:
+    """Let a name that is not UTF-8 be printed with its odd bytes escaped, instead of ending the program."""
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="backslashreplace")
+
+
+def _is_output_closed() -> bool:
+    """Tell whether nobody reads the output any more; if so, let the rest of it go nowhere."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        with suppress(OSError, ValueError):  # Python flushes once more at its end, and would complain.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return True
+    return False
+
+
+def _write_summary(path: "Path", summary: "Summary") -> None:
     """Write a summary; where the file cannot be written, print it, so that nothing of a long run is lost."""
+    from ltvn_core.verbs.verb import to_json
+
     try:
         path.write_text(to_json(summary) + "\n")
-    except OSError as error:
+    except (OSError, ValueError) as error:
         print(to_json(summary))
         raise OptionError(f"{path}: the summary could not be written ({error}); it is printed instead.") from error
 

@@ -1,4 +1,4 @@
-"""What all verbs share: the `--json` option and the shape of a summary. Owns no job."""
+"""What all verbs share: the options of every verb and the shape of a summary. Owns no job."""
 
 import json
 from dataclasses import asdict, dataclass, fields, is_dataclass
@@ -19,6 +19,8 @@ class Verb:
 
     json: Path | None = None
     """Write a machine-readable summary to this file; - is standard output."""
+    debug: bool = False
+    """Show the traceback of a failure before its one line; the variable LTVN_DEBUG does it for every verb."""
 
     def run(self) -> Summary:
         """Do the job and return its summary."""

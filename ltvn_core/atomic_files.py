@@ -63,6 +63,7 @@ def write_text_atomically(path: Path, text: str) -> None:
 
 def create_new_file(path: Path) -> None:
     """Make the folder and an empty file which nobody made before. Raises RecordingError."""
+    require_usable_name(path)
     _make_folder(path)
     try:
         path.touch(exist_ok=False)
@@ -77,6 +78,7 @@ def open_new_file(path: Path) -> int:
 
     Its folder is made too. Raises RecordingError.
     """
+    require_usable_name(path)
     _make_folder(path)
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o600)
@@ -86,8 +88,27 @@ def open_new_file(path: Path) -> int:
         raise _refused(path, error) from error
 
 
+def require_usable_name(path: Path) -> None:
+    """Raise RecordingError for a name that no file can have, or that the libraries for recordings cannot open."""
+    shown = str(path).encode("utf-8", "backslashreplace").decode()
+    if "\0" in shown:
+        raise RecordingError(f"{shown!r} holds a NUL character, which no file name can; name another file.")
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise RecordingError(
+            f"{shown}: this name is not UTF-8, and recordings are opened by UTF-8 names alone; rename the file or its "
+            "folder, for instance with `mv`."
+        ) from error
+    try:
+        path.exists()
+    except OSError as error:
+        raise RecordingError(f"{shown:.120}...: {error.strerror}; give it a shorter name.") from error
+
+
 def require_new_path(path: Path) -> None:
-    """Raise RecordingError where there is a file of this name already; ask it before long work."""
+    """Raise RecordingError for an unusable name, or where there is a file of this name; ask it before long work."""
+    require_usable_name(path)
     if path.exists():
         raise _exists(path)
 

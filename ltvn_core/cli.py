@@ -8,6 +8,7 @@ met there too.
 
 import errno
 import os
+import select
 import signal
 import sys
 import threading
@@ -47,7 +48,10 @@ _ADVICE = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb and return the exit code: 0 done, 1 a clear error, 2 wrong usage, 130 interrupted, 141 pipe closed."""
+    """Run one verb and return the exit code.
+
+    0 done, 1 an error, 2 wrong usage, 130 interrupted, 141 nobody reads the output any more, 143 terminated.
+    """
     given = list(sys.argv[1:] if arguments is None else arguments)
     return _exit_code(lambda: _main(given), debug="--debug" in given)
 
@@ -209,12 +213,13 @@ def _allow_any_file_name() -> None:
 
 def _is_output_closed() -> bool:
     """Tell whether nobody reads the output any more; if so, let the rest of it go nowhere."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        with suppress(OSError, ValueError):  # Python flushes once more at its end, and would complain.
+    with suppress(OSError, ValueError, AttributeError):  # A stream without a file, or a system without poll.
+        pipe = select.poll()
+        pipe.register(sys.stdout.fileno(), 0)
+        if any(what & select.POLLERR for _, what in pipe.poll(0)):
+            # Python flushes once more at its end, and would complain.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return True
+            return True
     return False
 
 

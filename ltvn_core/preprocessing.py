@@ -5,7 +5,9 @@ Owns the rules for a valid image. Every image leaves it with the size and lens t
 caller says so in `source`.
 """
 
+import operator
 from dataclasses import replace
+from typing import SupportsFloat, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,18 @@ from ltvn_core.types import Depth, FrameId, Observation, OriginalImage, Pose, Rg
 
 ORIGINAL_SIZE = OriginalSize()
 """Originals are kept as JPEGs of at most 320 x 240."""
+
+MAX_MEDIAN_DEPTH_M = 100.0
+"""No depth camera sees so far (the best reach 30 m), but 0.1 m in millimetres is 100: half of the pixels of an image
+that are farther mean another unit."""
+_EVERY_PIXEL = 4
+"""Of these the median is taken."""
+MAX_STAMP_S = 4e9
+"""Seconds; the year 2096 on a clock that counts from 1970. Nanoseconds of the same clock are 10^18."""
+MAX_STEP = 2**53
+"""The largest whole number that every part of a recording keeps exactly."""
+MAX_ODOMETRY_M = 1e6
+"""A thousand kilometres from where odometry began."""
 
 
 def preprocess_observation(
@@ -57,7 +71,8 @@ def preprocess_observation(
 
     Raises:
         ImageError: A wrong type or shape, a size other than the camera's, depth with some pixels that are NaN, infinite
-            or negative, or a pose or stamp that is not finite.
+            or negative, depth in another unit, a pose that is not finite, a stamp that is no time in seconds, or a step
+            that is no whole number.
     """
     image = _checked_rgb(rgb, source)
     camera = _matching_camera(image, camera, target, source)
@@ -111,23 +126,56 @@ def check_observation(
 ) -> Observation:
     """Return an observation of the size it came in. Raises ImageError as `preprocess_observation` does."""
     image = _checked_rgb(rgb, source)
+    pose, seconds, number = check_instant(odometry, stamp=stamp, step=step, source=source)
     metres = None if depth is None else _checked_depth(depth, depth_scale, source)
     if metres is not None and image.shape[:2] != metres.shape:
         raise ImageError(
             f"{source}: the image is {image.shape[1]} x {image.shape[0]} but its depth is "
             f"{metres.shape[1]} x {metres.shape[0]}; both must have one size."
         )
-    if not (np.all(np.isfinite(odometry)) and np.shape(odometry) == (3,) and np.isfinite(stamp)):
-        raise ImageError(f"{source}: odometry must be three finite numbers and the stamp finite, got {odometry}.")
     return Observation(
         rgb=image,
         depth=metres,
-        odometry=np.asarray(odometry, np.float64),
-        stamp=stamp,
-        step=step,
+        odometry=pose,
+        stamp=seconds,
+        step=number,
         exact_pose=exact_pose,
         original=original,
     )
+
+
+def check_instant(
+    odometry: ArrayLike, *, stamp: SupportsFloat, step: SupportsIndex, source: str
+) -> tuple[Pose, float, FrameId]:
+    """Return where and when an image was taken: the pose (3,), seconds and the step. Raises ImageError."""
+    try:
+        pose = np.asarray(odometry, np.float64)
+    except (ValueError, TypeError, OverflowError):
+        pose = np.empty(0)
+    if pose.shape != (3,) or not np.all(np.isfinite(pose)) or np.abs(pose).max() > MAX_ODOMETRY_M:
+        raise ImageError(
+            f"{source}: odometry must be three finite numbers (x and y in metres, yaw in radians), got "
+            f"{odometry!s:.60}."
+        )
+    try:
+        seconds = float(stamp)
+    except (ValueError, TypeError, OverflowError):
+        seconds = np.nan
+    if not abs(seconds) <= MAX_STAMP_S:
+        raise ImageError(
+            f"{source}: expected the stamp finite and in seconds, got {stamp!s:.60}; divide nanoseconds (as ROS counts "
+            "them) by 1e9."
+        )
+    try:
+        number = operator.index(step)
+    except TypeError:
+        number = -MAX_STEP - 1
+    if abs(number) > MAX_STEP:
+        raise ImageError(
+            f"{source}: the step must be a whole number of at most 2^53, got {step!s:.60}; count control steps from 0, "
+            "and keep nanoseconds in the stamp, in seconds."
+        )
+    return pose, seconds, number
 
 
 def rectify_observation(
@@ -211,7 +259,7 @@ def _assumed_camera(width: int, height: int, target: CameraModel) -> CameraModel
 
 
 def _checked_rgb(rgb: ArrayLike, source: str) -> Rgb:
-    image = np.asarray(rgb)
+    image = _as_array(rgb, source)
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
         raise ImageError(
             f"{source}: expected an RGB picture (height, width, 3) of uint8, got shape {image.shape} of {image.dtype}."
@@ -219,8 +267,15 @@ def _checked_rgb(rgb: ArrayLike, source: str) -> Rgb:
     return image
 
 
+def _as_array(value: ArrayLike, source: str) -> np.ndarray:
+    try:
+        return np.asarray(value)
+    except (ValueError, TypeError, OverflowError) as error:  # Rows of different lengths.
+        raise ImageError(f"{source}: this is no picture, for its rows differ in length ({error!s:.80}).") from error
+
+
 def _checked_depth(depth: ArrayLike, scale: float, source: str) -> Depth:
-    metres = np.asarray(depth)
+    metres = _as_array(depth, source)
     if scale != 1.0 and np.issubdtype(metres.dtype, np.number):
         metres = metres * np.float32(scale)
     if metres.ndim != 2 or 0 in metres.shape or not np.issubdtype(metres.dtype, np.floating):
@@ -230,6 +285,14 @@ def _checked_depth(depth: ArrayLike, scale: float, source: str) -> Depth:
         )
     if np.isnan(metres).all():
         return np.zeros(metres.shape, np.float32)  # Some cameras say so where they saw nothing at all.
+    with np.errstate(over="ignore"):
+        metres = metres.astype(np.float32, copy=False)  # First, because what is too large becomes infinite here.
     if not np.all(np.isfinite(metres)) or metres.min() < 0:
         raise ImageError(f"{source}: depth holds NaN, infinite or negative values; mark pixels without a return as 0.")
-    return metres.astype(np.float32, copy=False)
+    sparse = metres[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+    if sparse.max() > MAX_MEDIAN_DEPTH_M and (middle := float(np.median(sparse[sparse > 0]))) > MAX_MEDIAN_DEPTH_M:
+        raise ImageError(
+            f"{source}: half of the image is farther than {middle:,.0f} m, so its depth is not in metres; divide "
+            f"millimetres by 1000, or give a camera whose depth_scale is {MILLIMETRES}."
+        )
+    return metres

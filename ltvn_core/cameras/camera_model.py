@@ -26,6 +26,9 @@ from ltvn_core.errors import CameraError
 MILLIMETRES = 0.001
 """`depth_scale` of depth images in whole millimetres, as ROS's 16UC1."""
 
+MAX_SIDE_PX = 65_535
+"""The widest and the highest picture that a JPEG holds."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraModel:
@@ -189,10 +192,10 @@ class CameraModel:
         return pitch @ roll @ np.linalg.matrix_power(quarter, self.quarter_turns).astype(np.float64)
 
     def _check_size_and_lens(self) -> None:
-        if not (isinstance(self.width, int) and isinstance(self.height, int) and min(self.width, self.height) > 0):
+        if not (_is_side(self.width) and _is_side(self.height)):
             raise CameraError(
-                f"A camera's width and height must be whole numbers of pixels, at least 1, got {self.width} x "
-                f"{self.height}."
+                f"A camera's width and height must be whole numbers of pixels, at least 1 and at most {MAX_SIDE_PX:,}, "
+                f"got {self.width} x {self.height}."
             )
         if not (_finite(self.fx, self.fy, self.cx, self.cy) and min(self.fx, self.fy) > 0):
             raise CameraError(
@@ -221,8 +224,15 @@ class CameraModel:
             )
 
 
+def _is_side(pixels: object) -> bool:
+    return isinstance(pixels, int) and not isinstance(pixels, bool) and 0 < pixels <= MAX_SIDE_PX
+
+
 def _finite(*values: float) -> bool:
-    return all(math.isfinite(value) for value in values)
+    try:
+        return all(math.isfinite(value) for value in values)
+    except (TypeError, OverflowError):  # No number at all, or one too large for any unit.
+        return False
 
 
 def _sin_cos(angle_rad: float) -> tuple[float, float]:

@@ -17,6 +17,9 @@ _ARCHITECTURES: dict[str, type[AnyArchitecture]] = {
     each().name: each for each in (PairArchitecture, StackedArchitecture)
 }
 
+_MAX_WIDTH = 65_536
+"""No layer is wider; a description that says so is damaged."""
+
 NETWORK_FAMILIES = tuple(_ARCHITECTURES)
 """The names of all families."""
 
@@ -38,6 +41,8 @@ def read_architecture(description: Mapping[str, Any]) -> AnyArchitecture:
     kind = type(default_architecture(str(description.get("name"))))
     try:
         sizes: dict[str, Any] = {each.name: int(description[each.name]) for each in fields(kind) if each.name != "name"}
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise WeightsError(f"the description of the architecture is damaged ({error}).") from error
+    if wrong := {name: size for name, size in sizes.items() if not 0 < size <= _MAX_WIDTH}:
+        raise WeightsError(f"the architecture has impossible sizes: {wrong!s:.100}; each is 1 to {_MAX_WIDTH:,}.")
     return kind(**sizes)

@@ -69,11 +69,15 @@ def load_weights(path: Path) -> "AnyNetwork":
         raise WeightsError(
             f"{path}: not a whole safetensors file ({error}); fetch or train the weights again."
         ) from error
-    network = build_network(size)
     try:
+        network = build_network(size)
         network.load_state_dict(state)
-    except RuntimeError as error:
-        raise WeightsError(f"{path}: the weights do not fit the architecture they name; {error}") from error
+    except (RuntimeError, ValueError, TypeError, AssertionError, ZeroDivisionError, MemoryError) as error:
+        first = (str(error).splitlines() or [type(error).__name__])[:2]
+        raise WeightsError(
+            f"{path}: the weights do not fit the architecture they name ({' '.join(map(str.strip, first)):.200}); "
+            "fetch or train them again."
+        ) from error
     if not all(torch.isfinite(value).all() for value in state.values()):
         raise WeightsError(f"{path}: the weights hold numbers that are not finite; train them again.")
     return network.eval()
@@ -103,11 +107,17 @@ def card_path(path: Path) -> Path:
 def read_card(path: Path) -> dict[str, Any]:
     """Return the card of weights, empty where there is none. Raises WeightsError if it cannot be read as JSON."""
     try:
-        return json.loads(card_path(path).read_text(encoding="utf-8"))
+        card = json.loads(card_path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise WeightsError(f"{card_path(path)}: not a readable card ({error}).") from error
+    if not isinstance(card, dict):
+        raise WeightsError(
+            f"{card_path(path)}: not a card, which is a JSON object with a fingerprint; move the file away, or restore "
+            "it from a copy."
+        )
+    return card
 
 
 def matching_card(path: Path) -> dict[str, Any]:
@@ -153,10 +163,11 @@ def _architecture(metadata: Mapping[str, str], path: Path) -> AnyArchitecture:
 
     try:
         found = json.loads(metadata["ltvn"])
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, RecursionError):
         found = {}
-    if found.get("schema") != SCHEMA:
-        raise WeightsError(f"{path}: holds {found.get('schema', 'something else')!r}, not {SCHEMA!r}.")
+    if not isinstance(found, dict) or found.get("schema") != SCHEMA:
+        schema = found.get("schema", "something else") if isinstance(found, dict) else "something else"
+        raise WeightsError(f"{path}: holds {schema!r}, not {SCHEMA!r}.")
     try:
         return read_architecture(found)
     except WeightsError as error:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import pyarrow as pa
 from rerun.chunk import RrdReader
 
+from ltvn_core.atomic_files import require_usable_name
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import rrd_framing, schema
 from ltvn_core.recording.file_check import FileCheck, check_file
@@ -35,6 +36,7 @@ class RrdContents(NamedTuple):
 
 def require_rrd(path: Path) -> None:
     """Raise RecordingError when `path` is no Rerun file at all."""
+    require_usable_name(path)
     if not path.exists():
         raise RecordingError(f"There is no file {path}; `ltvn collect` and `ltvn demo` make recordings.")
     if not path.is_file():

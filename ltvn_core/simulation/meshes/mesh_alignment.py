@@ -7,7 +7,10 @@ in every format.
 
 import json
 import logging
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +29,15 @@ _SLAB_M = 0.1
 _LEAST_SPAN_M = 1.0
 _MOST_SPAN_M = 150.0
 _MOST_HEIGHT_M = 40.0
+
+_UNITS = (0.001, 0.01, 0.0254, 0.3048, 10.0, 100.0, 1000.0)
+"""Metres per unit that are tried for a hint: millimetres, centimetres, inches, feet, and models of buildings."""
+_MISSPELT = 0.65
+"""Least similarity of an unknown key with a known one that makes it a misspelling. Keys that a person adds for others,
+such as `name`, `bounds` or `licence`, are below 0.5."""
+_OTHER_WORDS = {"units": "scale", "unit": "scale", "up_axis": "up", "axis": "up", "floor": "floor_height"}
+"""What people call a setting who did not read what it is called here."""
+_METRES = ("m", "metre", "metres", "meter", "meters")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,22 +62,44 @@ def read_mesh_settings(mesh: Path) -> MeshSettings:
     if not path.is_file():
         return MeshSettings()
     try:
-        content: Any = json.loads(path.read_text())
+        content: Any = json.loads(path.read_text(encoding="utf-8"))
         floor = content.get("floor_height")
         settings = MeshSettings(
             up=content.get("up"),
-            scale=float(content.get("scale", 1.0)),
-            floor_height=None if floor is None else float(floor),
+            scale=_number(content.get("scale", 1.0)),
+            floor_height=None if floor is None else _number(floor),
         )
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise SceneError(
             f'{path} is not understood ({error}). Write for instance {{"up": "z", "scale": 1.0}}.'
         ) from error
-    if settings.up not in (None, "y", "z") or not 0 < settings.scale < np.inf:
+    _check_keys(content, path)
+    if settings.up not in (None, "y", "z") or settings.scale <= 0:
         raise SceneError(
             f'{path}: "up" is "y" or "z" and "scale" a positive number, got {settings.up!r}, {settings.scale}.'
         )
     return settings
+
+
+def _number(value: object) -> float:
+    """Return a finite number. Raises ValueError for anything else, such as NaN, which JSON should not hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{value!r} is no finite number")
+    return float(value)
+
+
+def _check_keys(content: Mapping[str, object], path: Path) -> None:
+    """Raise SceneError for a key that is meant to be a setting and is none; other keys are a person's own notes."""
+    known = [field.name for field in fields(MeshSettings)]
+    for key, value in content.items():
+        close = get_close_matches(key.lower(), known, n=1, cutoff=_MISSPELT)
+        meant = _OTHER_WORDS.get(key.lower()) or (close[0] if close else None)
+        if key in known or meant is None or (meant == "scale" and value in _METRES):
+            continue
+        raise SceneError(
+            f'{path}: "{key}" is not a setting; "{meant}" is meant, as it seems. The settings are "up" ("y" or "z"), '
+            '"scale" (metres per unit, 0.001 for millimetres) and "floor_height" (metres).'
+        )
 
 
 def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfaces:
@@ -130,9 +164,17 @@ def _check_size(size: NDArray[np.float64], mesh: Path) -> None:
     height = float(size[2])
     if _LEAST_SPAN_M <= span <= _MOST_SPAN_M and height <= _MOST_HEIGHT_M:
         return
-    factor = next((f for f in (1.0, 0.01, 0.001, 1000.0) if 3 <= span * f <= 60 and height * f <= 15), 0.001)
+    factor = _likely_unit(span, height)
     raise SceneError(
         f"{mesh} measures {size[0]:.4g} x {size[1]:.4g} x {height:.4g}, which is no indoor scene in metres (a floor is "
         f"{_LEAST_SPAN_M:g} to {_MOST_SPAN_M:g} m wide). If it has another unit, write the metres per unit into "
         f'{mesh.with_suffix(".json")}, for instance {{"scale": {factor:g}}}.'
     )
+
+
+def _likely_unit(span: float, height: float) -> float:
+    """Return metres per unit with which something so wide and high would be a building."""
+    for unit in _UNITS:
+        if 3 <= span * unit <= 60 and height * unit <= 15:
+            return unit
+    return 10.0 ** round(math.log10(10.0 / max(span, height, 1e-9)))

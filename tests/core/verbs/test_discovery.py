@@ -107,3 +107,9 @@ def test_help_needs_no_heavy_library() -> None:
     )
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert run.stderr.strip() == "[]"
+
+
+def test_ctrl_c_while_a_verb_is_imported_ends_with_one_line(tmp_path: Path) -> None:
+    install(tmp_path, "slow", "raise KeyboardInterrupt", "slow = slow:SlowVerb")
+    run = ltvn(tmp_path, "slow")
+    assert (run.returncode, run.stderr) == (130, "ltvn: interrupted\n")

@@ -1,0 +1,192 @@
+"""A failure ends with one line that says what to do, and with the exit code that shells expect."""
+
+import errno
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pytest
+import tyro
+
+from ltvn_core.atomic_files import require_new_path
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cli import CLOSED_PIPE, FAILED, INTERRUPTED, run_verb
+from ltvn_core.errors import CameraError, ImageError, OptionError, RecordingError, WeightsError
+from ltvn_core.network.weights_file import read_card
+from ltvn_core.preprocessing import preprocess_observation
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.verbs.verb import Summary, Verb
+
+FAILURES: dict[str, tuple[BaseException, int, str]] = {
+    "full": (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/disk/a.rrd"), FAILED, "free some space"),
+    "read-only": (OSError(errno.EROFS, os.strerror(errno.EROFS), "/disk/a.rrd"), FAILED, "can be written to"),
+    "forbidden": (PermissionError(errno.EACCES, os.strerror(errno.EACCES), "/disk/a.rrd"), FAILED, "you may use"),
+    "long": (OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), "x" * 300), FAILED, "shorter name"),
+    "temporary": (
+        FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']"),
+        FAILED,
+        "set TMPDIR",
+    ),
+    "interrupted": (KeyboardInterrupt(), INTERRUPTED, "interrupted"),
+    "memory": (MemoryError("Unable to allocate 5 TiB"), FAILED, "not enough memory (Unable to allocate 5 TiB)"),
+    "text": (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"), FAILED, "not UTF-8"),
+    "huge": (OverflowError("int too large to convert to float"), FAILED, "a number is too large"),
+    "lines": (OptionError("first line\n  second line"), FAILED, "ltvn: first line second line"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailingVerb(Verb):
+    """Fails as it is told."""
+
+    how: Annotated[str, tyro.conf.arg(help="A key of FAILURES.")] = "full"
+
+    def run(self) -> Summary:
+        raise FAILURES[self.how][0]
+
+
+@pytest.mark.parametrize("how", FAILURES)
+def test_a_failure_becomes_one_line(how: str, capfd: pytest.CaptureFixture[str]) -> None:
+    _, code, said = FAILURES[how]
+
+    assert run_verb("ltvn fail", FailingVerb, ["--how", how]) == code
+
+    (line,) = capfd.readouterr().err.strip().splitlines()
+    assert line.startswith("ltvn: ")
+    assert said in line
+
+
+def test_the_traceback_is_there_for_who_asks(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_verb("ltvn fail", FailingVerb, ["--debug"])
+    assert "Traceback" in capfd.readouterr().err
+    monkeypatch.setenv("LTVN_DEBUG", "1")
+    run_verb("ltvn fail", FailingVerb, [])
+    assert "Traceback" in capfd.readouterr().err
+
+
+def test_a_mistake_of_a_programmer_is_shown_as_one() -> None:
+    class Mistaken(FailingVerb):
+        def run(self) -> Summary:
+            raise AssertionError("our own fault")
+
+    with pytest.raises(AssertionError, match="our own fault"):
+        run_verb("ltvn fail", Mistaken, [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "code", "said"),
+    [
+        ("{ltvn} --help", CLOSED_PIPE, ""),
+        ("{ltvn} info {odd}", FAILED, "not UTF-8"),
+        ("TMPDIR=/proc/none {ltvn} verify {odd}/.. ", FAILED, "ltvn: "),
+        ("{ltvn} info {long}", FAILED, "shorter name"),
+    ],
+    ids=["closed pipe", "name that is not UTF-8", "no temporary folder", "very long name"],
+)
+def test_the_program_itself_never_shows_a_traceback(tmp_path: Path, command: str, code: int, said: str) -> None:
+    odd = os.path.join(os.fsencode(tmp_path), b"caf\xe9.rrd")
+    Path(os.fsdecode(odd)).write_bytes(b"RRF2")
+    program = f"{sys.executable} -m ltvn_core.cli"
+    line = command.format(ltvn=program, odd=os.fsdecode(odd), long="x/" * 3000).encode("utf-8", "surrogateescape")
+    closed, end = os.pipe()
+    os.close(closed)
+    run = subprocess.run(line, shell=True, stdout=end if code == CLOSED_PIPE else None, stderr=subprocess.PIPE)
+    os.close(end)
+    assert run.returncode == code, run.stderr
+    assert b"Traceback" not in run.stderr
+    assert b"Exception ignored" not in run.stderr
+    assert said.encode() in run.stderr
+
+
+def image(**changed: object) -> object:
+    good = {
+        "rgb": np.zeros((72, 96, 3), np.uint8),
+        "depth": np.ones((72, 96), np.float32),
+        "odometry": np.zeros(3),
+        "stamp": 0.0,
+        "step": 0,
+    }
+    return preprocess_observation(**{**good, **changed})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"rgb": [[1, 2], [3]]}, "rows differ in length"),
+        ({"depth": [[1.0, 2.0], [3.0]]}, "rows differ in length"),
+        ({"odometry": [[1, 2], 3]}, "three finite numbers"),
+        ({"odometry": ["a", "b", "c"]}, "three finite numbers"),
+        ({"odometry": None}, "three finite numbers"),
+        ({"odometry": [10**400, 0, 0]}, "three finite numbers"),
+        ({"odometry": [1e300, 0, 0]}, "three finite numbers"),
+        ({"stamp": "now"}, "stamp finite"),
+        ({"stamp": None}, "stamp finite"),
+        ({"stamp": 10**400}, "stamp finite"),
+        ({"stamp": 1.7e18}, "divide nanoseconds"),
+        ({"step": 10**30}, "at most 2\\^53"),
+        ({"step": 1.5}, "whole number"),
+        ({"step": float("nan")}, "whole number"),
+        ({"depth": np.full((72, 96), 1e300)}, "infinite"),
+        ({"depth": np.full((72, 96), 2100.0)}, "divide millimetres by 1000"),
+    ],
+)
+def test_what_a_robot_of_ones_own_gets_wrong_is_said_at_the_door(changed: dict[str, object], said: str) -> None:
+    with pytest.raises(ImageError, match=said):
+        image(**changed)
+
+
+@pytest.mark.parametrize("step", [2**31, 2**40, 2**53])
+def test_large_steps_are_kept_exactly(tmp_path: Path, step: int) -> None:
+    seen = image(step=np.int64(step))
+    with RecordingWriter(tmp_path / "late.rrd", scene="", config={}, fingerprint="") as writer:
+        writer.write_frame(seen)  # type: ignore[arg-type]
+    (frame,) = Recording.open(tmp_path / "late.rrd").frames
+    assert frame == step
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"width": 10**30},
+        {"width": True},
+        {"fx": 10**400},
+        {"fx": "wide"},
+        {"cx": [1, 2]},
+        {"height_m": None},
+        {"depth_scale": 10**400},
+        {"distortion": ((1, 2), 3, 4, 5)},
+    ],
+)
+def test_numbers_that_no_camera_has_are_refused(changed: dict[str, object]) -> None:
+    good = {"width": 96, "height": 72, "fx": 69.0, "fy": 69.0, "cx": 47.5, "cy": 35.5}
+    with pytest.raises(CameraError):
+        CameraModel(**{**good, **changed})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("a\0b.rrd", "NUL"), ("caf\udce9.rrd", "not UTF-8"), ("x" * 300, "shorter name"), ("y/" * 3000, "shorter name")],
+    ids=["NUL", "not UTF-8", "long name", "long path"],
+)
+def test_a_name_that_no_file_can_have_is_said(tmp_path: Path, name: str, said: str) -> None:
+    path = tmp_path / name
+    for use in (Recording.open, require_new_path):
+        with pytest.raises(RecordingError, match=said):
+            use(path)
+    with pytest.raises(RecordingError):
+        RecordingWriter(path, scene="", config={}, fingerprint="")
+
+
+@pytest.mark.parametrize("text", ["[]", '"card"', "3", "{", "\xff"])
+def test_a_card_that_is_none_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / "net.card.json").write_bytes(text.encode("latin-1"))
+    with pytest.raises(WeightsError, match=r"net\.card\.json"):
+        read_card(tmp_path / "net.safetensors")

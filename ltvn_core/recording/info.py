@@ -1,13 +1,14 @@
-"""What a recording holds, in a few numbers. Reads; judges nothing, so that it works on a cut file too."""
+"""What a recording holds, in a few numbers; of a damaged one, what can be saved of it."""
 
+import tempfile
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ltvn_core.navigation.events import Collided, Judged, QueryEnded
-from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.integrity import open_readable_part
+from ltvn_core.recording.file_check import check_file
+from ltvn_core.recording.integrity import repair
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import require_rrd
 
@@ -18,7 +19,7 @@ class RecordingInfo:
 
     recording: Path
     whole: bool
-    """Finished and not cut; otherwise the numbers tell what `ltvn repair` can give back."""
+    """Finished, not cut, and as it was written; otherwise the numbers tell what `ltvn repair` can give back."""
     scene: str
     started_at: str
     """Wall-clock time, ISO 8601 in UTC."""
@@ -44,20 +45,24 @@ class RecordingInfo:
 
 
 def read_info(path: Path | str) -> RecordingInfo:
-    """Summarise a recording, whole or cut. Raises RecordingError when it is not ours or nothing is readable."""
+    """Summarise a recording, whole or damaged. Raises RecordingError when it is not ours or nothing is readable."""
     path = Path(path)
     require_rrd(path)
-    found = rrd_framing.scan_rrd(path)
-    with open_readable_part(path, found) as recording:
-        return _summary(recording, found.finished, path.stat().st_size)
+    found = check_file(path)
+    if found.framing.finished and found.damage is None:
+        return _summary(Recording.open(path), path, whole=True)
+    with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
+        repaired = Path(folder) / "repaired.rrd"
+        repair(path, repaired)
+        return _summary(Recording.open(repaired), path, whole=False)
 
 
-def _summary(recording: Recording, whole: bool, size_bytes: int) -> RecordingInfo:
+def _summary(recording: Recording, path: Path, *, whole: bool) -> RecordingInfo:
     events, stamps = [stamped.event for stamped in recording.events], recording.poses.stamps
     graph, meta = recording.final_graph(), recording.meta
     verdicts = [event.reached for event in events if isinstance(event, Judged)]
     return RecordingInfo(
-        recording=recording.path,
+        recording=path,
         whole=whole,
         scene=meta.scene,
         started_at=meta.started_at,
@@ -73,5 +78,5 @@ def _summary(recording: Recording, whole: bool, size_bytes: int) -> RecordingInf
         fingerprint=meta.fingerprint,
         schema=meta.schema,
         versions=meta.versions,
-        size_bytes=size_bytes,
+        size_bytes=path.stat().st_size,
     )

@@ -3,9 +3,7 @@
 Owns `verify` and `repair`. Never changes the file it is given and never overwrites another.
 """
 
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,11 +12,12 @@ from ltvn_core.errors import MapError, RecordingError
 from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
-from ltvn_core.recording import rrd_framing
 from ltvn_core.recording.closing_record import ClosingRecord
+from ltvn_core.recording.losses import Losses, find_losses
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rewriting import open_rewriter, rewrite_event
-from ltvn_core.recording.rrd_contents import read_contents, require_rrd, require_whole
+from ltvn_core.recording.rrd_contents import open_contents, require_file
+from ltvn_core.recording.salvage import open_salvage
 from ltvn_core.types import FrameId
 
 
@@ -47,79 +46,81 @@ class RepairedRecording:
     last_step: int | None
     """Step of the last frame saved."""
     damaged_frames: int
-    """Frames left out because their checksum is wrong."""
+    """Frames left out because a part of them is missing or changed, as far as that is known."""
     damaged_events: int
-    """Events left out because their checksum is wrong or the images that they speak of are lost."""
+    """Events left out because they are missing or changed, or because the images that they speak of are lost."""
     lost_bytes: int
-    """Bytes after the cut, of which nothing could be saved."""
+    """Bytes of which nothing could be saved."""
+    left_out: tuple[str, ...]
+    """What is missing in the output, a line each."""
 
 
 def verify(path: Path | str) -> VerifiedRecording:
     """Check that a recording is finished, of our making, and that every frame and event is as it was written.
 
-    Raises RecordingError otherwise; a cut or unfinished file names `ltvn repair`.
+    Raises RecordingError otherwise; a cut, unfinished or damaged file names `ltvn repair`.
     """
     path = Path(path)
-    record = require_whole(path).record
-    recording = Recording.open(path)
-    if record is not None:
-        _check_rows(recording, record)
-    damaged = [frame for frame in recording.frames if not recording.stored_frame(frame).intact]
+    contents = open_contents(path)
+    recording = Recording(path, contents)
+    if contents.record is not None:
+        _check_rows(recording, contents.record)
+    if recording.half_frames:
+        raise _changed(path, f"of frame {recording.half_frames[0]} only the picture or only the depth is there")
+    damaged = [frame for frame in recording.frames if not recording.is_intact(frame)]
     if damaged:
-        raise RecordingError(
-            f"{path}: {len(damaged)} of {len(recording.frames)} frames changed since they were written, the first is "
-            f"{damaged[0]}. Restore the file from a copy, or run `ltvn repair {path} --output NEW.rrd` to drop them."
-        )
+        changed = f"{len(damaged)} of {len(recording.frames)} frames changed since they were written, the first is"
+        raise _changed(path, f"{changed} {damaged[0]}")
     _check_events(recording)
     return VerifiedRecording(
         recording=path,
         frames=len(recording.frames),
         events=len(recording.events),
         size_bytes=path.stat().st_size,
-        checksummed=record is not None,
+        checksummed=contents.record is not None,
     )
 
 
 def repair(path: Path | str, output: Path | str) -> RepairedRecording:
     """Write all whole frames and events of a damaged or unfinished recording to a new file `output`.
 
-    Raises RecordingError when `output` exists, when `path` is not ours, or when nothing in it is whole.
+    What is damaged is left out and named. Raises RecordingError when `output` exists, when `path` is not ours, or when
+    it is damaged and no frame and no event in it is whole.
     """
     path, output = Path(path), Path(output)
-    require_rrd(path)
-    found = rrd_framing.scan_rrd(path)
-    with open_readable_part(path, found) as recording:
-        frames = [frame for frame in recording.frames if recording.stored_frame(frame).intact]
-        events = list(_consistent_events(recording, frames))
-        with atomic_output(output) as part:
-            _rewrite(recording, part, frames, events)
-        return RepairedRecording(
-            recording=path,
-            output=output,
-            frames=len(frames),
-            events=len(events),
-            last_step=frames[-1] if frames else None,
-            damaged_frames=len(recording.frames) - len(frames),
-            damaged_events=len(recording.stored_events) - len(events),
-            lost_bytes=0 if found.finished else path.stat().st_size - found.whole_bytes,
-        )
+    require_file(path)
+    salvage = open_salvage(path)
+    recording = salvage.recording
+    frames = [frame for frame in recording.frames if recording.is_intact(frame)]
+    losses = find_losses(salvage, frames)
+    events = list(_consistent_events(recording, losses.without_image(recording, frames)))
+    # Of a recording that was cut before its first frame, the description and the scene are all there is.
+    if not frames and not events and (salvage.ended or salvage.lost_places):
+        raise RecordingError(f"{path} holds no whole frame and no whole event; nothing in it can be saved.")
+    with atomic_output(output) as part:
+        _rewrite(recording, part, frames, events)
+    return _report(recording, output, frames, events, losses)
 
 
-@contextmanager
-def open_readable_part(path: Path, found: rrd_framing.RrdFraming) -> Iterator[Recording]:
-    """Open the whole messages of a Rerun file, from a temporary copy when it is cut.
-
-    Raises RecordingError when not even the description at its beginning is whole.
-    """
-    if found.finished:
-        yield Recording(path, read_contents(path))
-        return
-    if found.messages == 0:
-        raise RecordingError(f"{path} was cut before its first whole frame; nothing in it can be saved.")
-    with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
-        copy = Path(folder) / "whole.rrd"
-        rrd_framing.copy_whole_messages(path, copy, found)
-        yield Recording(path, read_contents(copy))
+def _report(
+    recording: Recording,
+    output: Path,
+    frames: Sequence[FrameId],
+    events: Sequence[StampedEvent],
+    losses: Losses,
+) -> RepairedRecording:
+    damaged_events = losses.events_written - len(events)
+    return RepairedRecording(
+        recording=recording.path,
+        output=output,
+        frames=len(frames),
+        events=len(events),
+        last_step=frames[-1] if frames else None,
+        damaged_frames=losses.frame_count,
+        damaged_events=damaged_events,
+        lost_bytes=losses.lost_bytes,
+        left_out=(*losses.lines, *([f"{damaged_events} events"] if damaged_events else [])),
+    )
 
 
 def _check_rows(recording: Recording, record: ClosingRecord) -> None:
@@ -127,45 +128,39 @@ def _check_rows(recording: Recording, record: ClosingRecord) -> None:
     for entity, written in record.rows.items():
         found = recording.row_count(entity)
         if found is not None and found != written:
-            raise RecordingError(
-                f"{recording.path}: {written} rows of {entity} were written and {found} are there. Restore the file "
-                f"from a copy, or run `ltvn repair {recording.path} --output NEW.rrd` to get back what is there."
-            )
+            raise _changed(recording.path, f"{written} rows of {entity} were written and {found} are there")
 
 
 def _check_events(recording: Recording) -> None:
     for place, stored in enumerate(recording.stored_events):
         if not stored.intact or stored.event.sequence != place:
-            raise RecordingError(
-                f"{recording.path}: event {place} is missing or changed since it was written. Restore the file from a "
-                f"copy, or run `ltvn repair {recording.path} --output NEW.rrd` to leave it out."
-            )
+            raise _changed(recording.path, f"event {place} is missing or changed since it was written")
     recording.final_graph()  # Raises MapError when the deltas do not fit together.
 
 
-def _consistent_events(recording: Recording, frames: Sequence[FrameId]) -> Iterator[StampedEvent]:
+def _changed(path: Path, what: str) -> RecordingError:
+    return RecordingError(
+        f"{path}: {what}. Restore the file from a copy, or run `ltvn repair {path} --output NEW.rrd` to get back what "
+        "is whole."
+    )
+
+
+def _consistent_events(recording: Recording, without_image: Set[FrameId]) -> Iterator[StampedEvent]:
     """Yield the events that are intact and whose changes of the map fit what was saved."""
-    graph, saved = TopologicalGraph(), frozenset(frames)
-    lost = frozenset(recording.frames) - saved
-    last = max(saved, default=None)
+    graph = TopologicalGraph()
     for stored in recording.stored_events:
         if not stored.intact:
             continue
         stamped = stored.event.decoded()
         change = stamped.event
         if isinstance(change, GraphChanged):
-            if isinstance(change.delta, NodeAdded) and _is_image_lost(change.delta.node.id, lost, saved, last):
+            if isinstance(change.delta, NodeAdded) and change.delta.node.id in without_image:
                 continue
             try:
                 graph.apply(change.delta)
             except MapError:
                 continue
         yield stamped
-
-
-def _is_image_lost(node: FrameId, lost: frozenset[FrameId], saved: frozenset[FrameId], last: FrameId | None) -> bool:
-    # A recording may have been made without images; then nothing of them can be lost.
-    return node in lost or (last is not None and node > last and node not in saved)
 
 
 def _rewrite(recording: Recording, output: Path, frames: Sequence[FrameId], events: Sequence[StampedEvent]) -> None:

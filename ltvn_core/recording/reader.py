@@ -14,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.errors import RecordingError
+from ltvn_core.errors import CameraError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording import schema
@@ -23,7 +23,7 @@ from ltvn_core.recording.event_codec import EncodedEvent, current_kind, decode_e
 from ltvn_core.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.metadata import RecordingMetadata
-from ltvn_core.recording.rrd_contents import RrdContents, read_contents, require_whole
+from ltvn_core.recording.rrd_contents import RrdContents, open_contents
 from ltvn_core.types import FrameId, Observation, OriginalImage, Pose
 
 
@@ -96,6 +96,7 @@ class Recording:
         self._rows: Mapping[FrameId, tuple[_BatchRow, _BatchRow]] = {
             step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
         }
+        self._halves = tuple(sorted(rgb.keys() ^ depth.keys()))
 
     @classmethod
     def open(cls, path: Path | str) -> Self:
@@ -103,13 +104,17 @@ class Recording:
 
         Raises RecordingError for anything else, and says what to do.
         """
-        require_whole(Path(path))
-        return cls(Path(path), read_contents(Path(path)))
+        return cls(Path(path), open_contents(Path(path)))
 
     @cached_property
     def frames(self) -> Sequence[FrameId]:
         """Ids of all frames, in order."""
         return tuple(self._rows)
+
+    @property
+    def half_frames(self) -> Sequence[FrameId]:
+        """Ids of frames of which only the picture or only the depth row is in the file; they cannot be read."""
+        return self._halves
 
     def observation(self, frame: FrameId) -> Observation:
         """Decode one frame. Raises RecordingError when there is none, ImageError when it cannot be looked at."""
@@ -135,6 +140,13 @@ class Recording:
         sums = rgb.numbers(f"{schema.FRAME_ROW}:crc32"), depth.numbers(f"{schema.DEPTH_ROW}:crc32")
         original_sum = 0 if original is None else int(original.numbers(f"{schema.ORIGINAL_ROW}:crc32")[0])
         return StoredFrame(encoded, int(sums[0][0]), int(sums[1][0]), original_sum)
+
+    def is_intact(self, frame: FrameId) -> bool:
+        """Tell whether a frame can be read and is as it was written."""
+        try:
+            return self.stored_frame(frame).intact
+        except (LookupError, ValueError, TypeError, CameraError):
+            return False
 
     @cached_property
     def poses(self) -> FramePoses:

@@ -1,7 +1,8 @@
 """Opens a `.rrd` file as one of ours and hands out its rows entity by entity.
 
 Owns the checks that the file is a finished recording of this application and schema, and the clear errors otherwise.
-Knows nothing of frames and events.
+Rerun's reader sees a file only when its checksums are right, or when a process of its own has read it first. Knows
+nothing of frames and events.
 """
 
 import warnings
@@ -16,18 +17,31 @@ from rerun.chunk import RrdReader
 from ltvn_core.atomic_files import require_usable_name
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import rrd_framing, schema
+from ltvn_core.recording.closing_record import ClosingRecord
 from ltvn_core.recording.file_check import FileCheck, check_file
 from ltvn_core.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
+from ltvn_core.recording.reading_trial import reading_failure
 
+DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
 _READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
 
 
+class StoreRows(NamedTuple):
+    """The rows of the recording in a file, still as Arrow; pictures are compressed."""
+
+    recording_id: str
+    rows: Mapping[str, Sequence[pa.RecordBatch]]
+    """Entity path with a leading slash -> batches in the order of the file."""
+
+
 class RrdContents(NamedTuple):
-    """What is read back from a recording, still as Arrow; pictures are compressed."""
+    """What is read back from a recording."""
 
     meta: RecordingMetadata
     rows: Mapping[str, Sequence[pa.RecordBatch]]
     """Entity path with a leading slash -> batches in the order of the file."""
+    record: ClosingRecord | None = None
+    """What the file says of its own bytes and rows; an older one has none."""
 
     def batches_of(self, entity: str) -> Sequence[pa.RecordBatch]:
         """Return the batches of one entity."""
@@ -36,11 +50,7 @@ class RrdContents(NamedTuple):
 
 def require_rrd(path: Path) -> None:
     """Raise RecordingError when `path` is no Rerun file at all."""
-    require_usable_name(path)
-    if not path.exists():
-        raise RecordingError(f"There is no file {path}; `ltvn collect` and `ltvn demo` make recordings.")
-    if not path.is_file():
-        raise RecordingError(f"{path} is no file; name a single .rrd recording.")
+    require_file(path)
     try:
         genuine = rrd_framing.is_rrd(path)
     except OSError as error:
@@ -49,6 +59,15 @@ def require_rrd(path: Path) -> None:
         size = path.stat().st_size
         what = "is empty" if size == 0 else f"is no Rerun recording ({size} bytes of another format)"
         raise RecordingError(f"{path} {what}; name a .rrd file written by ltvn.")
+
+
+def require_file(path: Path) -> None:
+    """Raise RecordingError when `path` is no file."""
+    require_usable_name(path)
+    if not path.exists():
+        raise RecordingError(f"There is no file {path}; `ltvn collect` and `ltvn demo` make recordings.")
+    if not path.is_file():
+        raise RecordingError(f"{path} is no file; name a single .rrd recording.")
 
 
 def require_whole(path: Path) -> FileCheck:
@@ -67,11 +86,26 @@ def require_whole(path: Path) -> FileCheck:
     raise RecordingError(f"{path} {what}. Run `ltvn repair {path} --output NEW.rrd` to get all whole frames back.")
 
 
-def read_contents(path: Path) -> RrdContents:
-    """Read all rows of a file whose messages are whole. Raises RecordingError for a foreign one."""
+def open_contents(path: Path) -> RrdContents:
+    """Read all rows of a whole and finished recording. Raises RecordingError for anything else, and says what to do."""
+    found = require_whole(path)
+    if found.record is None and (failure := reading_failure(path)) is not None:
+        raise _damaged_inside(path, failure)
+    store = read_store(path)
+    # First, since a newer schema may have other columns.
+    meta = read_description(path, store)
+    for entity, batches in store.rows.items():
+        for batch in batches:
+            if not has_expected_columns(entity, batch):
+                raise _damaged_inside(path, f"a column of {entity} is missing or of another kind")
+    return RrdContents(meta, store.rows, found.record)
+
+
+def read_store(path: Path) -> StoreRows:
+    """Read all rows of a file of which it is known that Rerun's reader survives it. Raises RecordingError."""
     try:
         with warnings.catch_warnings():
-            # A file without its footer is what `repair` is for; that it is cut has been said already.
+            # Our files have no table of chunks, since it would grow for as long as a recording lasts.
             warnings.filterwarnings("ignore", message="RRD file has no footer")
             reader = RrdReader(path)
         stores = reader.recordings()
@@ -79,7 +113,7 @@ def read_contents(path: Path) -> RrdContents:
         chunks = reader.stream() if stores else ()
         batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if _is_read(chunk.entity_path)]
     except Exception as error:
-        raise RecordingError(f"{path} is damaged inside: {error}. Restore it from a copy.") from error
+        raise _damaged_inside(path, str(error)) from error
     if not stores:
         raise RecordingError(f"{path} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
     if stores[0].application_id != schema.APPLICATION_ID:
@@ -89,7 +123,33 @@ def read_contents(path: Path) -> RrdContents:
     rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
     for entity, batch in batches:
         rows[entity].append(batch)
-    return RrdContents(_meta(path, rows, stores[0].recording_id), rows)
+    return StoreRows(stores[0].recording_id, rows)
+
+
+def read_description(path: Path, store: StoreRows) -> RecordingMetadata:
+    """Read what a recording says of itself. Raises RecordingError when it does not, or has another schema."""
+    try:
+        row = store.rows[DESCRIPTION][-1]
+        version = read_schema_version(row)
+    except (IndexError, KeyError, ValueError, TypeError) as error:
+        raise RecordingError(f"{path} does not say what it holds; name a .rrd file written by `ltvn`.") from error
+    if version != schema.SCHEMA_VERSION:
+        raise RecordingError(
+            f"{path} has schema {version}, this program reads schema {schema.SCHEMA_VERSION}; use the version of ltvn "
+            "that wrote it."
+        )
+    try:
+        return read_metadata(row, store.recording_id)
+    except (LookupError, ValueError, TypeError) as error:
+        raise _damaged_inside(path, f"its description cannot be read ({error})") from error
+
+
+def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
+    """Tell whether the rows of an entity are laid out as we write them; those without a time are not looked at."""
+    if schema.STEP not in batch.schema.names:
+        return True
+    found = {column.name: str(column.type) for column in batch.schema}
+    return all(found.get(name) == kind for name, kind in schema.COLUMNS.get(entity.removeprefix("/"), {}).items())
 
 
 def _is_read(entity: str) -> bool:
@@ -97,17 +157,7 @@ def _is_read(entity: str) -> bool:
     return entity in _READ or entity.startswith("/__properties")
 
 
-def _meta(path: Path, rows: Mapping[str, Sequence[pa.RecordBatch]], recording_id: str) -> RecordingMetadata:
-    described = rows.get(f"/__properties/{schema.PROPERTIES}", ())
-    try:
-        row = described[-1]
-        version = read_schema_version(row)
-    except (IndexError, KeyError, ValueError) as error:
-        raise RecordingError(f"{path} does not say what it holds; name a .rrd file written by `ltvn`.") from error
-    if version != schema.SCHEMA_VERSION:
-        raise RecordingError(
-            f"{path} has schema {version}, this program reads schema {schema.SCHEMA_VERSION}; use the version of ltvn "
-            "that "
-            "wrote it."
-        )
-    return read_metadata(row, recording_id)
+def _damaged_inside(path: Path, why: str) -> RecordingError:
+    return RecordingError(
+        f"{path} is damaged inside: {why}. Run `ltvn repair {path} --output NEW.rrd` to get back what is whole."
+    )

@@ -56,3 +56,30 @@ NODE_ROW = "ltvn.Nodes"
 """Columns beside the drawn nodes: node_id."""
 EDGE_ROW = "ltvn.Edges"
 """Columns beside the drawn edges: source, target, p, mu, sigma2."""
+
+COLUMNS = {
+    RGB: {
+        STEP: "int64",
+        f"{FRAME_ROW}:stamp": "list<item: double>",
+        f"{FRAME_ROW}:odometry": "list<item: double>",
+        f"{FRAME_ROW}:exact_pose": "list<item: double>",
+        f"{FRAME_ROW}:crc32": "list<item: int64>",
+        "EncodedImage:blob": "list<item: list<item: uint8 not null>>",
+    },
+    DEPTH: {STEP: "int64", f"{DEPTH_ROW}:crc32": "list<item: int64>"},
+    ORIGINAL: {
+        STEP: "int64",
+        f"{ORIGINAL_ROW}:camera": "list<item: string>",
+        f"{ORIGINAL_ROW}:crc32": "list<item: int64>",
+        "EncodedImage:blob": "list<item: list<item: uint8 not null>>",
+    },
+    EVENTS: {
+        STEP: "int64",
+        f"{EVENT_ROW}:sequence": "list<item: int64>",
+        f"{EVENT_ROW}:stamp": "list<item: double>",
+        f"{EVENT_ROW}:kind": "list<item: string>",
+        f"{EVENT_ROW}:json": "list<item: string>",
+        f"{EVENT_ROW}:crc32": "list<item: int64>",
+    },
+}
+"""Entity -> column -> Arrow type, for what is read back with a time."""

@@ -1,0 +1,166 @@
+"""Opens what is left of a damaged recording, message by message.
+
+Owns which messages are left out, and the temporary file of the others. Without a closing record each message is first
+read in a process of its own, since a damaged one can end the process that reads it.
+"""
+
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.recording import schema
+from ltvn_core.recording.closing_record import ClosingRecord
+from ltvn_core.recording.message_search import FoundMessages, find_messages
+from ltvn_core.recording.metadata import RecordingMetadata, package_versions, read_schema_version
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.reading_trial import reading_failure, unreadable_messages
+from ltvn_core.recording.rrd_contents import (
+    DESCRIPTION,
+    RrdContents,
+    StoreRows,
+    has_expected_columns,
+    read_description,
+    read_store,
+)
+from ltvn_core.recording.rrd_framing import MESSAGE_HEADER, TAIL_BYTES, Tail
+from ltvn_core.robots.robot_spec import LOCOBOT
+
+_FILE_HEADER = b"RRF2\x00\x29\x00\x00\x01\x02\x00\x00"
+"""As Rerun 0.41 writes it: magic, version, LZ4, protobuf."""
+_CHUNK_KIND = 2
+_STORE_KIND = 1
+_ROW_ID = b"\n\x12\t" + bytes(8) + b"\x11" + bytes(8)
+_STORE_SOURCE = b"*\x0c\x08\x02\x12\x08\n\x06\x08\x03\x10\x0b\x18\x07"
+"""Python 3.11; Rerun asks for some source and we for none."""
+_EVENTS = f"/{schema.EVENTS}"
+_RECORDING_STORE = b"\x08\x01"
+
+
+class Salvage(NamedTuple):
+    """What is left of a damaged recording."""
+
+    recording: Recording
+    record: ClosingRecord | None
+    """What the file said of itself when it was finished, where that is still to be read."""
+    described: bool
+    """The description could be read; else another stands in for it."""
+    lost_bytes: int
+    """Of messages that are left out, or were cut."""
+    lost_places: Sequence[tuple[int, int]]
+    """Where those before the cut begin and how long they are, in bytes."""
+    ended: bool
+    """The file was finished once."""
+
+
+def open_salvage(path: Path) -> Salvage:
+    """Open what is whole of a damaged or unfinished recording. Raises RecordingError when nothing is."""
+    data = path.read_bytes()
+    found = find_messages(data)
+    chunks = [each for each in found.messages if _store(each.data) is not None]
+    store = _main_store([each.data for each in chunks])
+    if store is None:
+        raise RecordingError(f"{path} holds no whole message of a recording; nothing in it can be saved.")
+    with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
+        kept = Path(folder) / "kept.rrd"
+        messages = [each.data for each in chunks]
+        _write(kept, store, messages)
+        # With a closing record all are as they were written.
+        doubtful = found.record is None and reading_failure(kept) is not None
+        bad = unreadable_messages(kept, len(messages)) if doubtful else {}
+        if bad:
+            _write(kept, store, [message for place, message in enumerate(messages) if place not in bad])
+        contents = _contents(path, read_store(kept), found.record)
+    lost = [(chunks[place].position, len(chunks[place].data)) for place in bad]
+    lost += [(each.position, each.size) for each in found.lost]
+    return Salvage(
+        recording=Recording(path, contents.contents),
+        record=found.record,
+        described=contents.described,
+        lost_bytes=sum(size for _, size in lost) + (0 if found.cut is None else found.cut.size),
+        lost_places=sorted(lost),
+        ended=_ended(data, found),
+    )
+
+
+def _ended(data: bytes, found: FoundMessages) -> bool:
+    return found.record is not None or Tail.read(data[-TAIL_BYTES:]) is not None
+
+
+class _Described(NamedTuple):
+    contents: RrdContents
+    described: bool
+
+
+def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> _Described:
+    rows = {entity: [batch for batch in batches if _is_usable(entity, batch)] for entity, batches in store.rows.items()}
+    for place in range(len(rows.get(DESCRIPTION, ())), 0, -1):
+        # The last copy first; a recording has two of them.
+        try:
+            described = store._replace(rows={DESCRIPTION: rows[DESCRIPTION][:place]})
+            meta = read_description(path, described)
+        except RecordingError:
+            if _has_other_schema(rows[DESCRIPTION][place - 1]):
+                raise
+            continue
+        return _Described(RrdContents(meta, rows, record), described=True)
+    return _Described(RrdContents(_stand_in(store.recording_id), rows, record), described=False)
+
+
+def _is_usable(entity: str, batch: pa.RecordBatch) -> bool:
+    if not has_expected_columns(entity, batch):
+        return False
+    # Of an event each column has one value.
+    single = [name for name in schema.COLUMNS[schema.EVENTS] if name != schema.STEP] if entity == _EVENTS else []
+    return all(len(batch.column(name).flatten()) == batch.num_rows for name in single)
+
+
+def _has_other_schema(row: pa.RecordBatch) -> bool:
+    try:
+        return read_schema_version(row) != schema.SCHEMA_VERSION
+    except (LookupError, ValueError, TypeError):
+        return False
+
+
+def _stand_in(recording_id: str) -> RecordingMetadata:
+    """Return a description for a recording whose own one is lost."""
+    return RecordingMetadata(
+        scene="unknown",
+        config={},
+        fingerprint="",
+        camera=LOCOBOT.camera,
+        schema=schema.SCHEMA_VERSION,
+        versions=package_versions(),
+        started_at="",
+        recording_id=recording_id,
+    )
+
+
+def _write(path: Path, store: bytes, messages: Sequence[bytes]) -> None:
+    info = _ROW_ID + _field(2, _field(2, store) + _STORE_SOURCE)
+    described = MESSAGE_HEADER.pack(_STORE_KIND, len(info)) + info
+    path.write_bytes(b"".join((_FILE_HEADER, described, *messages)))
+
+
+def _store(message: bytes) -> bytes | None:
+    """Return to which store a message's rows belong, as Rerun writes it; None for the viewer's layout and the like."""
+    kind, _ = MESSAGE_HEADER.unpack_from(message)
+    payload = message[MESSAGE_HEADER.size :]
+    if kind != _CHUNK_KIND or len(payload) < 2 or payload[0] != 10 or payload[1] > 127:
+        return None
+    store = payload[2 : 2 + payload[1]]
+    return store if store.startswith(_RECORDING_STORE) else None
+
+
+def _main_store(messages: Sequence[bytes]) -> bytes | None:
+    stores = Counter(store for message in messages if (store := _store(message)) is not None)
+    return stores.most_common(1)[0][0] if stores else None
+
+
+def _field(number: int, content: bytes) -> bytes:
+    """Return a protobuf field of fewer than 128 bytes."""
+    return bytes([number << 3 | 2, len(content)]) + content

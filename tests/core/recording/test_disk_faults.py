@@ -1,0 +1,109 @@
+"""Disks that fill up, folders that go away: said at once, nobody waits, and what was written can be read."""
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.recording.appended_file import AppendedFile
+from ltvn_core.recording.integrity import repair, verify
+from tests.core.recording.disk_faults import FAULTS, kill_while_recording, may_mount, strike
+from tests.waiting import until
+
+EXPECTED_WORDS = {
+    "the file is deleted": "was deleted",
+    "the folder is deleted": "was deleted",
+    "the file may not grow": "File too large",
+    "the disk fills up": "is full",
+    "the disk fills up to the last byte": "No space left",
+    "the disk is full at once": "No space left",
+}
+LOST_S = 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_disk_that_fails_is_said_once_and_what_was_written_can_be_read(tmp_path: Path, name: str) -> None:
+    fault = FAULTS[name]
+    if fault.needs_mount and not may_mount(tmp_path / "probe"):
+        pytest.skip("making a small disk needs the right to mount one, as root has; other faults need no right")
+    with strike(fault, tmp_path) as outcome:
+        assert EXPECTED_WORDS.get(name, "no longer in its place") in outcome.told, outcome.errors
+        assert " AND " not in outcome.told
+        assert outcome.steps_after >= 20, outcome.errors
+        assert (outcome.exit_code, outcome.errors) == (0, "")
+        if outcome.recording is not None:
+            kept = frames_of(outcome.recording, tmp_path / "repaired.rrd", finished=not fault.leaves_no_room)
+            lost = [at for step, at in outcome.step_times.items() if step >= kept and at < outcome.struck_s - LOST_S]
+            assert not lost
+            assert kept >= 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [1, 7, 80])
+def test_a_process_that_is_killed_leaves_all_but_the_last_half_second(tmp_path: Path, steps: int) -> None:
+    killed = kill_while_recording(tmp_path / "killed.rrd", steps_before=steps)
+    saved = repair(killed.recording, tmp_path / "repaired.rrd")
+    assert killed.lost_s(saved.last_step) <= LOST_S
+    assert verify(tmp_path / "repaired.rrd").frames == saved.frames
+
+
+def frames_of(recording: Path, repaired: Path, *, finished: bool) -> int:
+    """Return how many frames can be read, at once or, where the file found no room for its end, after a repair."""
+    if finished:
+        return verify(recording).frames
+    repair(recording, repaired)
+    return verify(repaired).frames
+
+
+class _PlainEnding:
+    """Ends a file with a word and counts nothing."""
+
+    def count(self, block: bytes) -> None:
+        """Take no note."""
+
+    def encoded(self, *, complete: bool) -> bytes:
+        return b" end" if complete else b" cut"
+
+
+def appended(path: Path, blocks: Sequence[bytes]) -> AppendedFile:
+    file = AppendedFile(path, min_free_bytes=1, ending=_PlainEnding())
+    for block in blocks:
+        file.append([block])
+    return file
+
+
+def test_blocks_stand_in_the_file_in_their_order_and_then_the_ending(tmp_path: Path) -> None:
+    file = appended(tmp_path / "a", [b"one", b"two"])
+    assert file.wait_until_written(at_most_s=60)
+    assert (tmp_path / "a").read_bytes() == b"onetwo"
+    file.close()
+    assert (tmp_path / "a").read_bytes() == b"onetwo end"
+    assert file.failure is None
+
+
+def test_only_the_owner_may_read_a_recording(tmp_path: Path) -> None:
+    appended(tmp_path / "a", []).close()
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_disk_that_is_far_behind_ends_the_recording_instead_of_filling_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, free = __import__("os").write, threading.Event()
+
+    def stuck(file: int, data: bytes) -> int:
+        free.wait()
+        return write(file, data)
+
+    monkeypatch.setattr("ltvn_core.recording.appended_file.os.write", stuck)
+    file = appended(tmp_path / "a", [])
+    block = bytes(1 << 20)
+    for _ in range(1000):
+        file.append([block])  # Never waits.
+    assert "does not keep up" in (file.failure or "")
+    assert file.waiting_bytes < 80 << 20
+    free.set()
+    file.close()
+    assert until(lambda: (tmp_path / "a").read_bytes().endswith(b" cut"))

@@ -4,6 +4,7 @@ Owns no step of the method: Algorithm 1 is `ltvn_core.graph.builder`, the file f
 This is what a program holds that builds a map or drives by one.
 """
 
+import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,14 +16,18 @@ from ltvn_core.composition import open_method
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.map_check import map_doubts
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
+from ltvn_core.robots.observation_check import sequence_doubts
 from ltvn_core.robots.robot import Robot
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system, system_entry
 from ltvn_core.types import FrameId, Observation, Predictor
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -138,9 +143,18 @@ def build_map(
     deltas = system.build(
         observations, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress
     )
-    return TopologicalMap(
+    built = TopologicalMap(
         graph=TopologicalGraph(deltas), keyframes=keyframes, predictor=predictor, system=system, scene=scene
     )
+    for doubt in build_doubts(observations, built.graph):
+        log.warning(doubt)
+    return built
+
+
+def build_doubts(observations: Sequence[Observation], graph: TopologicalGraph) -> tuple[str, ...]:
+    """Return what is doubtful of a drive and of the map that was built from it, in words."""
+    in_order = sorted(observations, key=lambda seen: seen.step)
+    return (*sequence_doubts(in_order), *map_doubts(graph, len(observations)))
 
 
 def _network(entry: SystemEntry) -> Predictor:

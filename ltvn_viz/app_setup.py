@@ -53,9 +53,11 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     if options.replay is not None:
         library.path(options.replay)
     own_robot = _open_own_robot(options, stack)
+    named = options.scene
     options = replace(options, scene=options.scene or (DEMO_SCENE if own_robot is None else own_robot.spec.name))
     chosen = None if options.map is None else load_map(options.map)
     if chosen is not None:
+        _check_same_scene(named, chosen, own_robot)
         options = replace(options, scene=chosen.meta.scene, system=recorded_system(chosen.meta.config).name)
     system = _open_system(options)
     predictor = predictor_for(options)
@@ -91,6 +93,27 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
         rerun=RerunViewers(stack).address,
     )
+
+
+def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) -> None:
+    """Raise OptionError where --scene names another scene than the map's; a robot of one's own is anywhere."""
+    if not named or own_robot is not None or named == chosen.meta.scene:
+        return
+    if _scene_address(named) != _scene_address(chosen.meta.scene):
+        raise OptionError(
+            f"--scene {named} contradicts --map, which was made in {chosen.meta.scene}; leave --scene out, or name a "
+            "map of that scene."
+        )
+
+
+def _scene_address(name: str) -> str:
+    """Return by what recordings know a scene; a name that no scene has stands for itself."""
+    from ltvn_core.simulation.scene_registry import load_scene
+
+    try:
+        return load_scene(name).address
+    except SceneError:
+        return name
 
 
 def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:

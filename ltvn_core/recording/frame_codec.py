@@ -64,12 +64,15 @@ def camera_text(camera: CameraModel) -> str:
 
 
 def encode_frame(observation: Observation) -> EncodedFrame:
-    """Compress an observation; nothing of it is shared with the result."""
+    """Compress an observation; nothing of it is shared with the result. Raises ImageError for an impossible instant."""
     exact = observation.exact_pose
+    odometry, stamp, step = preprocessing.check_instant(
+        observation.odometry, stamp=observation.stamp, step=observation.step, source="recording"
+    )
     return EncodedFrame(
-        step=int(observation.step),
-        stamp=float(observation.stamp),
-        odometry=np.array(observation.odometry, np.float64),
+        step=step,
+        stamp=stamp,
+        odometry=odometry.copy(),
         exact_pose=None if exact is None else np.array(exact, np.float64),
         rgb=image_codec.encode_rgb(observation.rgb),
         depth=None if observation.depth is None else image_codec.encode_depth(observation.depth),

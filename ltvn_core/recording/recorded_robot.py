@@ -1,22 +1,28 @@
-"""A robot whose every look is written down. Owns nothing but that."""
+"""A robot whose every look is written down, with a note where a look cannot be right. Owns nothing but that."""
 
+import logging
 from collections.abc import Iterable, Iterator
 
 from ltvn_core.navigation.events import Note, Severity, StampedEvent
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.observation_check import ObservationCheck
 from ltvn_core.robots.robot import Clock, Robot
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Observation, RobotState, Twist
+
+log = logging.getLogger(__name__)
 
 
 def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Iterator[Observation]:
     """Write each image as it comes and pass it on, for drives that yield their images.
 
-    Where images without depth begin, a note says so.
+    Where images without depth begin, a note says so, and where they cannot be right.
     """
     without_depth = False
+    check = ObservationCheck()
     for observation in images:
         writer.write_frame(observation)
+        _write_doubts(check, observation, writer)
         if lost_depth(observation) and not without_depth:
             writer.write_event(StampedEvent(observation.step, observation.stamp, missing_depth_note(observation)))
         without_depth = lost_depth(observation)
@@ -41,6 +47,7 @@ class RecordedRobot:
     def __init__(self, robot: Robot, writer: RecordingWriter) -> None:
         self._robot = robot
         self._writer = writer
+        self._check = ObservationCheck()
 
     @property
     def spec(self) -> RobotSpec:
@@ -68,4 +75,11 @@ class RecordedRobot:
         """Take an image and record it."""
         observation = self._robot.observe()
         self._writer.write_frame(observation)
+        _write_doubts(self._check, observation, self._writer)
         return observation
+
+
+def _write_doubts(check: ObservationCheck, observation: Observation, writer: RecordingWriter) -> None:
+    for text in check.doubts(observation):
+        log.warning(text)
+        writer.write_event(StampedEvent(observation.step, observation.stamp, Note(text, Severity.WARN)))

@@ -25,6 +25,8 @@ class BuildSummary:
     reserve: int
     pieces: int
     """Parts between which no path leads there and back; 1 is what one wants."""
+    doubts: tuple[str, ...] = ()
+    """What is doubtful of the drive or of the map, in words; nothing where all is well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +57,7 @@ class BuildVerb(Verb):
         from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.connectivity import count_strongly_connected_components
         from ltvn_core.recording.reader import Recording
-        from ltvn_core.topological_map import build_map
+        from ltvn_core.topological_map import build_doubts, build_map
 
         require_new_path(self.output)
         recording = Recording.open(self.recording)
@@ -86,4 +88,5 @@ class BuildVerb(Verb):
             edges=len(graph.edges),
             reserve=len(graph.reserve),
             pieces=count_strongly_connected_components(graph),
+            doubts=build_doubts(observations, graph),
         )

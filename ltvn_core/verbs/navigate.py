@@ -1,5 +1,6 @@
 """`ltvn navigate`: drive by a saved map."""
 
+import logging
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from ltvn_core.recording.map_file import LoadedMap
     from ltvn_core.types import NodeId, Pose
     from ltvn_core.verbs.headless_runner import HeadlessRunner, QueriesSummary
+
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,8 @@ class NavigateVerb(Verb):
             raise MapError(f"{self.map} has no node {self.goal}; its {len(nodes)} nodes are {nodes[0]} to {nodes[-1]}.")
         if self.output is not None:
             require_new_path(self.output)
+        if len(graph.nodes) == 1:
+            _LOG.warning("%s has one node, so the robot goes nowhere; build a map of a longer drive.", self.map)
 
     def goals(self, runner: "HeadlessRunner", rng: "np.random.Generator") -> "Sequence[NodeId]":
         """Go to the one goal, or to random nodes."""

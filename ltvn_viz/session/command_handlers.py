@@ -48,7 +48,9 @@ def _carry_out(state: AppState, command: c.Command) -> None:
         case c.KeepGoing(is_on):
             _keep_going(state, is_on=is_on)
         case c.BuildMap():
-            state.activity = MapBuilding(state.live, state.worker, state.live_map.rebuild)
+            state.activity = MapBuilding(
+                state.live, state.worker, state.live_map.rebuild, doubts=lambda: state.live_map.doubts
+            )
         case c.FineTune(minutes):
             start_fine_tuning(state, minutes)
         case c.UseWeights():

@@ -11,6 +11,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta, NodeDropped
 from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.map_check import map_doubts
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
@@ -32,6 +33,8 @@ class LiveMap:
         self._rng = rng
         self.graph = TopologicalGraph()
         self.keyframes = KeyframeStore(predictor)
+        self.doubts: Sequence[str] = ()
+        """What is doubtful of the map that was built last, in words."""
         self._online = self._new_online()
         self._navigator: Navigator | None = None
 
@@ -84,7 +87,7 @@ class LiveMap:
         if not seen:
             raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
         built = self.system.build(seen, self.keyframes, self._predictor, rng=self._rng, progress=progress)
-        return self._replaced(built)
+        return self._replaced(built, len(seen))
 
     def rebuild_with(
         self, predictor: Predictor, system: NavigationSystem, progress: Callable[[int, int], None]
@@ -102,16 +105,17 @@ class LiveMap:
         self._predictor = predictor
         self.system = system
         self.keyframes = keyframes
-        return self._replaced(built)
+        return self._replaced(built, len(seen))
 
     def observations(self) -> Sequence[Observation]:
         """Return all pictures at hand in the order they were taken."""
         return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
 
-    def _replaced(self, built: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
+    def _replaced(self, built: Sequence[GraphDelta], images: int) -> Sequence[GraphDelta]:
         fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
         released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
         self._replace(TopologicalGraph(built))
+        self.doubts = map_doubts(self.graph, images)
         return [*fell, *released, *built]
 
     def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:

@@ -6,9 +6,9 @@ thinks. Knows no simulator.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from queue import SimpleQueue
 
+from ltvn_core.preprocessing import check_observation
 from ltvn_core.robots.robot import Clock, Robot
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose, RobotState, Twist
@@ -78,9 +78,21 @@ class LiveRobot:
         taken = self._robot.observe()
         step = taken.step + self._added_steps
         if self._observation is None or step != self._observation.step:
-            added = self._added_steps or self._added_s
-            self._observation = replace(taken, step=step, stamp=taken.stamp + self._added_s) if added else taken
+            self._observation = self._checked(taken, step)
         return self._observation
+
+    def _checked(self, taken: Observation, step: FrameId) -> Observation:
+        """Return an image as it counts here. Raises ImageError where it, its place or its time cannot be."""
+        return check_observation(
+            taken.rgb,
+            taken.depth,
+            taken.odometry,
+            stamp=taken.stamp + self._added_s,
+            step=step,
+            exact_pose=taken.exact_pose,
+            original=taken.original,
+            source=self._robot.spec.name,
+        )
 
     def taken(self) -> Iterator[Observation]:
         """Yield, once each, the images that `observe` took."""

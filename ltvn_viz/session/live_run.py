@@ -3,12 +3,17 @@
 Owns the rule that every image and event goes to timeline and recording together. Decides nothing.
 """
 
+import logging
+
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.navigation.events import Event, StampedEvent
+from ltvn_core.navigation.events import Event, Note, Severity, StampedEvent
+from ltvn_core.robots.observation_check import ObservationCheck
 from ltvn_core.types import Observation
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
+
+logger = logging.getLogger(__name__)
 
 TICK_S = 1 / 30
 """Robot time between two pictures of the page."""
@@ -22,6 +27,7 @@ class LiveRun:
         self.robot, self.recorder, self.timeline = robot, recorder, timeline
         self.breakpoint_monitor = BreakpointMonitor()
         """What a person wants to stop at."""
+        self._check = ObservationCheck()
         self.observation: Observation | None = None
         """The newest image of timeline and recording."""
         self.view: Observation | None = None
@@ -53,7 +59,9 @@ class LiveRun:
         """Let an event have happened now."""
         self._take_in()  # Events name images by their step, so the images come first.
         now = self.robot.state()
-        stamped = StampedEvent(now.step, now.stamp, event)
+        self._append(StampedEvent(now.step, now.stamp, event))
+
+    def _append(self, stamped: StampedEvent) -> None:
         self.timeline.append_event(stamped)
         self.recorder.write_event(stamped)
         self.breakpoint_monitor.consume(self.timeline)
@@ -68,3 +76,6 @@ class LiveRun:
                 observation.odometry if observation.exact_pose is None else observation.exact_pose,
             )
             self.recorder.write_frame(observation)
+            for text in self._check.doubts(observation):
+                logger.warning(text)
+                self._append(StampedEvent(observation.step, observation.stamp, Note(text, Severity.WARN)))

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Sequence
 
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.navigation.events import GraphChanged, Note, Severity
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import JobProgress
@@ -21,6 +21,11 @@ def _nothing() -> None:
     """Nothing follows."""
 
 
+def _no_doubts() -> Sequence[str]:
+    """Nothing is doubtful."""
+    return ()
+
+
 class MapBuildingCancelled(Exception):
     """A person gave up building."""
 
@@ -30,9 +35,20 @@ class MapBuilding:
 
     mode = Mode.BUILDING
 
-    def __init__(self, live: LiveRun, worker: Worker, rebuild: Rebuild, then: Callable[[], None] = _nothing) -> None:
-        """Stop the robot and start building in the worker's thread; `then` follows in the session's if it was built."""
-        self._live, self._then = live, then
+    def __init__(
+        self,
+        live: LiveRun,
+        worker: Worker,
+        rebuild: Rebuild,
+        then: Callable[[], None] = _nothing,
+        *,
+        doubts: Callable[[], Sequence[str]] = _no_doubts,
+    ) -> None:
+        """Stop the robot and start building in the worker's thread; `then` follows in the session's if it was built.
+
+        `doubts` says afterwards, in words, what is doubtful of the new map.
+        """
+        self._live, self._then, self._doubts = live, then, doubts
         self._cancelled = threading.Event()
         self._share = 0.0
         self.over = False
@@ -65,6 +81,9 @@ class MapBuilding:
     def _built(self, deltas: Sequence[GraphDelta] | None) -> None:
         for delta in deltas or ():
             self._live.emit(GraphChanged(delta))
+        if deltas is not None:
+            for text in self._doubts():
+                self._live.emit(Note(text, Severity.WARN))
         self.over = True
         if deltas is not None:
             self._then()

@@ -221,3 +221,42 @@ def test_other_formats_and_wrong_notes_are_refused(plain: Path) -> None:
     path.with_suffix(".json").write_text('{"up": "north"}')
     with pytest.raises(SceneError, match='"up" is "y" or "z"'):
         load_scene(str(path))
+
+
+@pytest.mark.parametrize(
+    ("note", "said"),
+    [
+        ('{"scael": 0.001}', '"scael" is not a setting; "scale" is meant'),
+        ('{"Up": "z"}', '"Up" is not a setting; "up" is meant'),
+        ('{"floor_hight": 0.0}', '"floor_height" is meant'),
+        ('{"units": "mm"}', '"scale" is meant'),
+        ('{"scale": true}', "is no finite number"),
+        ('{"scale": 1e999}', "is no finite number"),
+        (f'{{"scale": {10**400}}}', "too large"),
+        ('{"floor_height": NaN}', "is no finite number"),
+        ("[1, 2]", "is not understood"),
+    ],
+)
+def test_a_note_that_is_misspelt_or_no_number_is_refused(plain: Path, note: str, said: str) -> None:
+    plain.with_suffix(".json").write_text(note)
+    with pytest.raises(SceneError) as refused:
+        load_scene(str(plain))
+    assert said in str(refused.value)
+    assert "plain.json" in str(refused.value)
+
+
+def test_what_a_person_notes_for_others_is_let_alone(plain: Path) -> None:
+    notes = '{"name": "a", "description": "b", "units": "m", "bounds": [[0, 0, 0], [1, 1, 1]], "triangles": 3, '
+    plain.with_suffix(".json").write_text(
+        notes + '"textures": 2, "free_area_m2": 1.0, "licence": "MIT", "file_mb": 1.0, "scale": 1.0, "up": "z"}'
+    )
+    assert load_scene(str(plain)).area_m2 == pytest.approx(24.0, rel=0.15)
+
+
+@pytest.mark.parametrize("side_m", [1e-4, 0.003, 0.05, 0.3, 0.9, 200.0, 5e3, 6e4, 1e7])
+def test_the_hint_of_a_unit_makes_a_scene_of_the_size_of_a_building(tmp_path: Path, side_m: float) -> None:
+    path = save(trimesh.Scene([trimesh.creation.box(extents=(side_m, side_m, side_m / 2))]), tmp_path / "cube.glb")
+    with pytest.raises(SceneError, match="no indoor scene in metres") as refused:
+        load_scene(str(path))
+    hint = str(refused.value).rpartition('"scale": ')[2]
+    assert 1 < side_m * float(hint.rstrip("}.")) < 150

@@ -108,10 +108,10 @@ def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) ->
 
 def _scene_address(name: str) -> str:
     """Return by what recordings know a scene; a name that no scene has stands for itself."""
-    from ltvn_core.simulation.scene_registry import load_scene
+    from ltvn_core.simulation.scene_registry import load_scene, scene_names
 
     try:
-        return load_scene(name).address
+        return name if name in scene_names() else load_scene(name).address
     except SceneError:
         return name
 

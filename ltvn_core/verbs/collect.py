@@ -1,10 +1,16 @@
 """`ltvn collect`: a scripted tour of a scene becomes a recording."""
 
+import logging
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ltvn_core.errors import OptionError
+from ltvn_core.errors import OptionError, SceneError
 from ltvn_core.verbs.verb import Summary, Verb
+
+log = logging.getLogger(__name__)
+
+MANY_WITHOUT_DEPTH = 0.3
+"""Share of images without depth that is doubtful; in a house that is open to one side it is about a tenth."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +25,8 @@ class CollectSummary:
     collisions: int
     driven_s: float
     """Robot time."""
+    doubts: tuple[str, ...] = ()
+    """What is doubtful of the drive, in words; nothing where all is well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +72,7 @@ class CollectVerb(Verb):
             images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)
             has_depth = [image.has_depth for image in tqdm(images, desc="collect", unit="frame")]
         return CollectSummary(
+            doubts=_doubts(self.output, has_depth),
             recording=self.output,
             scene=simulation.scene.name,
             frames=len(has_depth),
@@ -71,3 +80,18 @@ class CollectVerb(Verb):
             collisions=robot.collisions,
             driven_s=robot.stamp,
         )
+
+
+def _doubts(recording: Path, has_depth: list[bool]) -> tuple[str, ...]:
+    """Return, and log, that many images show nothing. Raises SceneError where none does."""
+    share = has_depth.count(False) / len(has_depth)
+    if share == 1.0:
+        raise SceneError(
+            f"None of the {len(has_depth)} images in {recording} shows anything within reach of the depth camera; is "
+            "the scene a mesh of rooms, the right way up?"
+        )
+    if share < MANY_WITHOUT_DEPTH:
+        return ()
+    doubt = f"{share:.0%} of the images have no depth; is the scene open on all sides, or the wrong way up?"
+    log.warning(doubt)
+    return (doubt,)

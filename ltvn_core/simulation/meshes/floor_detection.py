@@ -38,6 +38,9 @@ _LEAST_FLOOR_M2 = 1.0
 _START_CLEARANCE_M = 0.4
 """Clearance that some place of the floor needs, so that a robot can turn there."""
 
+_GROUND_SHARE = 0.5
+"""Of a floor that a map promises, so much is in the mesh; scans have holes, but not over half of the floor."""
+
 KnownFloor = Callable[[NDArray[np.float64], NDArray[np.float64]], Mask]
 """Returns for x (columns,) and y (rows,) in metres which cells (rows, columns) are known to be free floor."""
 
@@ -133,6 +136,8 @@ def _survey(triangles: Triangles, height_m: float, known: KnownFloor | None) -> 
     else:
         y, x = (grid.origin[1 - axis] + (np.arange(cells) + 0.5) * CELL_M for axis, cells in enumerate(low.shape))
         floor = known(x, y)
+        if np.count_nonzero(floor & _closed(_coarse(grid.cover(ground[level])), 0.3)) < _GROUND_SHARE * floor.sum():
+            floor = np.zeros_like(floor)
     return _cropped(height_m, floor, low, _closed(tall, 0.3) & _closed(low, 0.3), grid.origin)
 
 

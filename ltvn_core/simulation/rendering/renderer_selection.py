@@ -21,6 +21,10 @@ log = logging.getLogger(__name__)
 
 _TIMED_IMAGES = 10
 """Images that are rendered to measure the speed."""
+_LOOKS = 12
+"""Places from which a scene is looked at until something is seen."""
+_SEEN_SHARE = 0.05
+"""In rooms most pixels have depth; so few mean the edge of a floor in the open."""
 _BLANK_SPREAD = 2.0
 """An image is blank if the standard deviation of its bytes is below this."""
 
@@ -50,11 +54,10 @@ def open_renderer(scene: RenderableScene, camera: CameraModel = LOCOBOT.camera) 
     Logs which one it is and how fast it renders for `camera`.
 
     Raises:
-        SceneError: The first image is blank, or no renderer is installed.
+        SceneError: Nothing is seen from anywhere, or no renderer is installed.
     """
     renderer = _installed_renderer(scene)
-    pose = scene.clearance.sample_poses(np.random.default_rng(0), 1)[0]
-    _check_first_image(renderer, camera, pose, scene.name)
+    pose = _pose_with_a_view(renderer, camera, scene)
     start = time.perf_counter()
     for _ in range(_TIMED_IMAGES):
         renderer.render(pose, camera)
@@ -84,10 +87,19 @@ def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
     return PyBulletRenderer(scene.surfaces)
 
 
-def _check_first_image(renderer: _NamedRenderer, camera: CameraModel, pose: Pose, name: str) -> None:
-    rgb, depth = renderer.render(pose, camera)
-    if not depth.any() or rgb.std() < _BLANK_SPREAD:
-        raise SceneError(
-            f"The first image of scene {name} by {renderer.name} is blank. Check that the scene has surfaces around "
-            f"x {pose[0]:.1f} m, y {pose[1]:.1f} m, or reinstall embreex."
-        )
+def _pose_with_a_view(renderer: _NamedRenderer, camera: CameraModel, scene: RenderableScene) -> Pose:
+    """Return a pose (3,) from which something is seen; one that looks into the open or at a bare wall proves nothing.
+
+    Raises SceneError where there is none.
+    """
+    poses = scene.clearance.sample_poses(np.random.default_rng(0), _LOOKS)
+    for pose in poses:
+        rgb, depth = renderer.render(pose, camera)
+        if (depth > 0).mean() >= _SEEN_SHARE and rgb.std() >= _BLANK_SPREAD:
+            return pose
+    raise SceneError(
+        f"The first image of scene {scene.name} by {renderer.name}, and those from {_LOOKS - 1} more places on its "
+        "floor, are blank. Is it a mesh of rooms, the right way up? Set the axis that points up or the height of the "
+        'floor in the JSON file beside a mesh, for instance {"up": "z", "floor_height": 0.0}; in a scene of ours, '
+        "reinstall embreex."
+    )

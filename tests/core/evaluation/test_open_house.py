@@ -16,6 +16,7 @@ from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
 from ltvn_core.navigation.events import Note
 from ltvn_core.recording.reader import Recording
+from ltvn_core.verbs.collect import CollectSummary, CollectVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 
 EPISODES = 3
@@ -75,6 +76,13 @@ def test_the_evaluation_ends_and_counts_the_images_without_depth(
     assert not set(load_results(files.drive_truth, DriveGroundTruth).goals) & set(blind)
     notes = [stamped.event.text for stamped in drive.events if isinstance(stamped.event, Note)]
     assert f"Image {blind[0]} has no depth: it is kept, and not used where depth is needed." in notes
+
+
+def test_a_collected_drive_says_how_many_images_have_no_depth(plan: TrialPlan, tmp_path: Path) -> None:
+    collected = CollectVerb(output=tmp_path / "tour.rrd", scene=plan.scene, loops=1).run()
+    assert isinstance(collected, CollectSummary)
+    assert 0 < collected.without_depth < collected.frames
+    assert collected.doubts == ()
 
 
 def test_preparing_a_map_is_told_while_it_goes_on(trial: TrialResult, told: list[float]) -> None:

@@ -260,3 +260,23 @@ def test_the_hint_of_a_unit_makes_a_scene_of_the_size_of_a_building(tmp_path: Pa
         load_scene(str(path))
     hint = str(refused.value).rpartition('"scale": ')[2]
     assert 1 < side_m * float(hint.rstrip("}.")) < 150
+
+
+def test_a_map_of_a_floor_that_the_mesh_does_not_have_is_refused(tmp_path: Path) -> None:
+    folder, house = tmp_path / "Space", box_house()
+    house.delete_geometry([name for name, part in house.geometry.items() if part.bounds[1, 2] < 0.05])
+    save(house, folder / "mesh_z_up.obj")
+    (folder / "floors.txt").write_text("0.0\n")
+    cv2.imwrite(str(folder / "floor_trav_0.png"), np.full((1600, 1600), 255, np.uint8))
+    with pytest.raises(SceneError, match="no floor that is wide enough"):
+        load_scene(str(folder))
+
+
+def test_a_mesh_in_which_nothing_is_seen_is_refused_before_anything_is_driven(tmp_path: Path) -> None:
+    # A small floor far below a roof, without walls: the camera looks into the open everywhere.
+    parts = [((0, 0, -0.1), (1.6, 1.6, 0.0)), ((0, 0, 9.0), (1.6, 1.6, 9.1))]
+    scene = trimesh.Scene([trimesh.creation.box(bounds=part) for part in parts])
+    path = save(scene, tmp_path / "platform.glb")
+    (tmp_path / "platform.json").write_text('{"up": "z", "floor_height": 0.0}')
+    with pytest.raises(SceneError, match="those from 11 more places on its floor, are blank"):
+        open_simulation(str(path), seed=0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.errors import LtvnError, MapError, RecordingError, SceneError
+from ltvn_core.errors import LtvnError, MapError, OptionError, RecordingError, SceneError
 from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.writer import RecordingWriter
@@ -23,6 +23,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from tests.core.flat_world import tour
+from tests.repository import DEMO_MAP
 from tests.viz.session_harness import FakeDriver, SessionHarness
 
 
@@ -119,6 +120,13 @@ def test_a_map_of_other_weights_is_refused(tmp_path: Path, open_state: Callable[
     save_map(path, live_map.graph, live_map.map_observations(), scene="demo", config={}, fingerprint="older weights")
     with pytest.raises(MapError, match="older weights"):
         open_state(AppOptions(map=path, predictor="oracle", recordings=tmp_path))
+
+
+def test_a_scene_that_contradicts_the_map_is_refused(
+    tmp_path: Path, open_state: Callable[[AppOptions], AppState]
+) -> None:
+    with pytest.raises(OptionError, match="--scene train-00 contradicts --map, which was made in demo"):
+        open_state(AppOptions(scene="train-00", map=DEMO_MAP, predictor="oracle", recordings=tmp_path))
 
 
 def test_a_recording_to_watch_that_is_not_there_is_named(

@@ -16,7 +16,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.appended_file import WAITING_BYTES, AppendedFile
 from ltvn_core.recording.closing_record import RecordingEnding
-from ltvn_core.recording.live_server import live_sink
+from ltvn_core.recording.live_server import LiveServer
 from ltvn_core.recording.message_stream import MessageStream
 from ltvn_core.types import FrameId
 
@@ -61,13 +61,17 @@ class DurableStream:
         self._lock = threading.RLock()
         """Guards what is logged; nobody waits for the disk while holding it."""
         self._taking_lock = threading.Lock()
-        sinks = [] if live_port is None else [live_sink(live_port)]
         self._ending = RecordingEnding()
-        self._file = AppendedFile(path, min_free_bytes=min_free_bytes, ending=self._ending)
+        self._live = None if live_port is None else LiveServer(live_port, path)
+        try:
+            self._file = AppendedFile(path, min_free_bytes=min_free_bytes, ending=self._ending)
+        except BaseException:
+            self._close_live()
+            raise
         self._rerun = rr.RecordingStream(
             schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
         )
-        self._messages = MessageStream(self._rerun, *sinks)
+        self._messages = MessageStream(self._rerun)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recording-rows", daemon=True)
         self._thread.start()
@@ -90,6 +94,8 @@ class DurableStream:
         self._pass_on()  # First in the file, so that every cut file can still say what it is.
         self._rerun.send_recording_name(name)
         self._rerun.send_blueprint(blueprint)
+        if self._live is not None:
+            self._live.start()
 
     def log(self, step: FrameId, stamp: float, entity: str, *values: rr.AsComponents) -> None:
         """Write one row of an entity at a moment; both timelines are always set together, here only."""
@@ -138,6 +144,11 @@ class DurableStream:
         self._pass_on()
         self._rerun.disconnect()
         self._file.close()
+        self._close_live()
+
+    def _close_live(self) -> None:
+        if self._live is not None:
+            self._live.close()
 
     def _pass_on(self) -> None:
         """Hand to the file what was logged since the last time."""

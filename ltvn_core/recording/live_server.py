@@ -1,23 +1,35 @@
-"""A recording that can be watched while it is written: a Rerun server on 127.0.0.1 beside the file.
+"""A recording that can be watched while it is written: the file itself, served as it grows, to who knows the address.
 
-Owns the port and the address. What is streamed is what goes into the file, and the file never waits for a viewer.
+Listens on 127.0.0.1, answers under a secret path and for its own Host alone, as Rerun's own server would not: a page of
+another site could read that one under a name that leads here. Owns port and address. The file never waits for a viewer.
 """
 
+import http.server
+import logging
 import re
-import socket
-
-import rerun as rr
+import secrets
+import threading
+from functools import partial
+from http import HTTPStatus
+from pathlib import Path
+from typing import BinaryIO
 
 from ltvn_core.errors import ServerError
 
-_MEMORY = "256MiB"
-"""So much is kept for viewers that come late."""
-_ADDRESS = re.compile(r"rerun\+http://127\.0\.0\.1:(?P<port>[1-9][0-9]{0,4})/proxy", re.ASCII)
+_LOG = logging.getLogger(__name__)
+_SECRET = secrets.token_urlsafe(16)
+"""One for as long as the process lives, so that its next recordings are at the same address."""
+_ADDRESS = re.compile(r"http://127\.0\.0\.1:(?P<port>[1-9][0-9]{0,4})/[\w-]{16,64}/live\.rrd", re.ASCII)
+_BLOCK_BYTES = 1 << 16
+_LOOK_S = 0.1
+"""How often a watched file is looked at for more."""
+_IDLE_S = 30.0
+"""Who says nothing or takes nothing for so long is hung up on."""
 
 
 def live_address(port: int) -> str:
-    """Return what a Rerun viewer opens to watch, for `rerun ADDRESS` and `ltvn view ADDRESS`."""
-    return f"rerun+http://127.0.0.1:{port}/proxy"
+    """Return what a Rerun viewer opens to watch this process record, for `rerun ADDRESS` and `ltvn view ADDRESS`."""
+    return f"http://127.0.0.1:{port}/{_SECRET}/live.rrd"
 
 
 def port_of(address: str) -> int | None:
@@ -26,17 +38,83 @@ def port_of(address: str) -> int | None:
     return None if found is None else int(found["port"])
 
 
-def live_sink(port: int) -> rr.GrpcServerSink:
-    """Return a sink that viewers of this machine can connect to. Raises ServerError when the port is taken.
+def is_own_host(handler: http.server.BaseHTTPRequestHandler) -> bool:
+    """Tell whether a request names this machine as browsers here do, and no other name that leads here."""
+    port = handler.connection.getsockname()[1]
+    return handler.headers.get("Host") in (f"127.0.0.1:{port}", f"localhost:{port}")
 
-    Rerun itself would only log that it cannot listen.
-    """
-    try:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", port))
-    except (OSError, OverflowError) as error:
-        raise ServerError(
-            f"Port {port} on 127.0.0.1 cannot be used for streaming ({error}); name another with --stream. Rerun's own "
-            "program listens on 9876."
-        ) from error
-    return rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_MEMORY)
+
+class LiveServer:
+    """Serves one growing file until it is finished. Raises ServerError when the port is taken."""
+
+    def __init__(self, port: int, path: Path) -> None:
+        """Listen; the file need not exist yet."""
+        self._finished = threading.Event()
+        handler = partial(_Handler, f"/{_SECRET}/live.rrd", path, self._finished)
+        try:
+            self._server = _Server(("127.0.0.1", port), handler)
+        except (OSError, OverflowError) as error:
+            raise ServerError(
+                f"Port {port} on 127.0.0.1 cannot be used for streaming ({error}); name another with --stream."
+            ) from error
+        self._thread = threading.Thread(target=self._server.serve_forever, name="recording-live", daemon=True)
+
+    def start(self) -> None:
+        """Answer from now on."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Let the port go; whoever watches still gets the rest of the file."""
+        self._finished.set()
+        if self._thread.is_alive():
+            self._server.shutdown()
+        self._server.server_close()
+
+
+class _Server(http.server.ThreadingHTTPServer):
+    block_on_close = False
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Stay quiet: viewers come and go."""
+        _LOG.debug("a viewer left", exc_info=True)
+
+
+class _Handler(http.server.BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    timeout = _IDLE_S
+
+    def __init__(self, place: str, file: Path, finished: threading.Event, *args: object) -> None:
+        self._place, self._file, self._finished = place, file, finished
+        super().__init__(*args)  # pyright: ignore[reportArgumentType]
+
+    def do_GET(self) -> None:
+        """Send the file, and go on as it grows."""
+        self.close_connection = True
+        if not is_own_host(self):
+            self.send_error(HTTPStatus.FORBIDDEN, "This server answers only on this machine.")
+        elif not secrets.compare_digest(self.path.encode(), self._place.encode()):
+            self.send_error(HTTPStatus.NOT_FOUND)
+        else:
+            with self._file.open("rb") as file:
+                self._follow(file)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Stay quiet; paths hold the secret."""
+
+    def _follow(self, file: BinaryIO) -> None:
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", "application/octet-stream")
+        self.send_header("Transfer-Encoding", "chunked")
+        self.send_header("Connection", "close")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        while True:
+            is_finished = self._finished.is_set()  # Asked before reading, so that nothing is left behind.
+            while block := file.read(_BLOCK_BYTES):
+                self.wfile.write(b"%x\r\n%b\r\n" % (len(block), block))
+            if is_finished:
+                self.wfile.write(b"0\r\n\r\n")
+                return
+            self._finished.wait(_LOOK_S)

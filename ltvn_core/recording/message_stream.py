@@ -23,11 +23,9 @@ _TIMEOUT_S = 10.0
 class MessageStream:
     """The encoded messages of a Rerun stream, each handed out once; for one thread at a time."""
 
-    def __init__(self, rerun: rr.RecordingStream, *sinks: rr.GrpcServerSink) -> None:
-        """Take over what `rerun` logs from now on; `sinks` get the same beside."""
+    def __init__(self, rerun: rr.RecordingStream) -> None:
+        """Take over what `rerun` logs from now on."""
         self._encoded = rerun.binary_stream()
-        if sinks:
-            rerun.set_sinks(self._encoded, *sinks)
         self._stores: set[bytes] = set()
         self._begun = False
 

@@ -5,11 +5,11 @@ else. Owns the page and the server; the viewer itself comes from `viewer_assets`
 """
 
 import http.server
-import json
 import logging
 import secrets
 import shutil
 import threading
+import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -19,11 +19,14 @@ from typing import NamedTuple
 
 from ltvn_core.errors import ServerError
 from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.live_server import live_address, port_of
+from ltvn_core.recording.live_server import is_own_host, port_of
 from ltvn_core.recording.rrd_contents import require_rrd
 from ltvn_core.recording.viewer_assets import viewer_assets
 
 _LOG = logging.getLogger(__name__)
+_BLOCK_BYTES = 1 << 16
+_LIVE_TIMEOUT_S = 3600.0
+"""A robot that stands writes nothing for long."""
 _POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; connect-src 'self'; "
     "img-src 'self' data: blob:; worker-src 'self' blob:; font-src 'self' data:; base-uri 'none'; "
@@ -46,7 +49,7 @@ _SCRIPT = """
   try {
     await wasm_bindgen({module_or_path: 're_viewer_bg.wasm'});
     const handle = new wasm_bindgen.WebHandle({
-      url: [LIVE_ADDRESS ?? new URL('recording.rrd', location.href).href],
+      url: [new URL('recording.rrd', location.href).href],
       hide_welcome_screen: true, enable_history: false, notebook: false, persist: false, theme: 'dark',
       panel_state_overrides: {top: 'Hidden', blueprint: 'Collapsed', selection: 'Collapsed', time: 'Collapsed'},
       on_viewer_event: text => { if (JSON.parse(text).type === 'recording_open') document.body.dataset.open = 'yes' },
@@ -62,7 +65,8 @@ _SCRIPT = """
 
 class _Response(NamedTuple):
     kind: str
-    content: Path | bytes
+    content: Path | bytes | str
+    """A file, bytes, or the address of a live recording."""
     gzipped: bool = False
 
 
@@ -82,10 +86,10 @@ class ServedViewer(NamedTuple):
 def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
     """Serve a recording in the Rerun web viewer on 127.0.0.1 while the block runs; port 0 takes a free one.
 
-    In place of a file, `path` may be the address of a recording that is being written, see `recording.live`. Raises
-    RecordingError for a file that is none, and ServerError when the port is taken.
+    In place of a file, `path` may be the address of a recording that is being written, see `live_server`; it is passed
+    on from there. Raises RecordingError for a file that is none, and ServerError when the port is taken.
     """
-    live = port_of(str(path))
+    live = str(path) if port_of(str(path)) is not None else None
     if live is None:
         path = Path(path)
         require_rrd(path)
@@ -93,7 +97,7 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
             _LOG.warning("%s is cut or unfinished; the viewer shows what is whole.", path)
     token = secrets.token_urlsafe(16)
     source = Path(path) if live is None else live
-    server = _bound(port, _responses(source, token), _policy(source))
+    server = _bound(port, _responses(source, token))
     address = f"127.0.0.1:{server.server_address[1]}"
     thread = threading.Thread(target=server.serve_forever, name="recording-viewer", daemon=True)
     thread.start()
@@ -107,67 +111,75 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
         thread.join()
 
 
-def _policy(source: Path | int) -> str:
-    """Let the page talk to its own server, and to the one live recording that it shows."""
-    live = f" http://127.0.0.1:{source}" if isinstance(source, int) else ""
-    return _POLICY.replace("connect-src 'self'", f"connect-src 'self'{live}")
-
-
-def _responses(source: Path | int, token: str) -> Mapping[str, _Response]:
+def _responses(source: Path | str, token: str) -> Mapping[str, _Response]:
     assets = viewer_assets()
-    address = json.dumps(live_address(source) if isinstance(source, int) else None)
-    responses = {
+    return {
         f"/{token}/": _Response("text/html; charset=utf-8", _PAGE.encode()),
-        f"/{token}/page.js": _Response("text/javascript", _SCRIPT.replace("LIVE_ADDRESS", address).encode()),
+        f"/{token}/page.js": _Response("text/javascript", _SCRIPT.encode()),
         f"/{token}/re_viewer.js": _Response("text/javascript", assets.script, gzipped=True),
         f"/{token}/re_viewer_bg.wasm": _Response("application/wasm", assets.module, gzipped=True),
+        f"/{token}/recording.rrd": _Response("application/octet-stream", source),
     }
-    if isinstance(source, Path):
-        responses[f"/{token}/recording.rrd"] = _Response("application/octet-stream", source)
-    return responses
 
 
-def _bound(port: int, responses: Mapping[str, _Response], policy: str) -> http.server.ThreadingHTTPServer:
+def _bound(port: int, responses: Mapping[str, _Response]) -> http.server.ThreadingHTTPServer:
     try:
-        return http.server.ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, responses, policy))
+        return http.server.ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, responses))
     except (OSError, OverflowError) as error:
         raise ServerError(f"Port {port} on 127.0.0.1 cannot be used ({error}); name another, or 0 for any.") from error
 
 
 class _Handler(http.server.BaseHTTPRequestHandler):
-    def __init__(self, responses: Mapping[str, _Response], policy: str, *args: object) -> None:
-        self._responses, self._policy = responses, policy
+    def __init__(self, responses: Mapping[str, _Response], *args: object) -> None:
+        self._responses = responses
         super().__init__(*args)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
         """Answer one of the few known paths."""
-        port = self.connection.getsockname()[1]
-        if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
+        if not is_own_host(self):
             self.send_error(HTTPStatus.FORBIDDEN, "This server answers only on this machine.")
         elif (response := self._responses.get(self.path)) is None:
             self.send_error(HTTPStatus.NOT_FOUND)
+        elif isinstance(response.content, str):
+            self._pass_on(response.kind, response.content)
         else:
-            self._send(response)
+            self._send(response, response.content)
 
     def log_message(self, format: str, *args: object) -> None:
         """Stay quiet; paths hold the secret."""
 
-    def _send(self, response: _Response) -> None:
-        content = response.content
+    def _pass_on(self, kind: str, address: str) -> None:
+        """Send what a live recording sends, for as long as it goes on."""
+        try:
+            # The address was checked: it leads to this machine.
+            live = urllib.request.urlopen(address, timeout=_LIVE_TIMEOUT_S)
+        except OSError:
+            self.send_error(HTTPStatus.NOT_FOUND, "Nothing is being recorded there now.")
+            return
+        with live:
+            self.send_response(HTTPStatus.OK)
+            self._send_headers(kind)
+            while block := live.read1(_BLOCK_BYTES):
+                self.wfile.write(block)
+
+    def _send(self, response: _Response, content: Path | bytes) -> None:
         size = len(content) if isinstance(content, bytes) else content.stat().st_size
         self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", response.kind)
         self.send_header("Content-Length", str(size))
         if response.gzipped:
             self.send_header("Content-Encoding", "gzip")
-        self.send_header("Content-Security-Policy", self._policy)
-        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.send_header("Cache-Control", "no-store")
-        self.end_headers()
+        self._send_headers(response.kind)
         if isinstance(content, bytes):
             self.wfile.write(content)
         else:
             with content.open("rb") as file:
                 shutil.copyfileobj(file, self.wfile)
+
+    def _send_headers(self, kind: str) -> None:
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Security-Policy", _POLICY)
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()

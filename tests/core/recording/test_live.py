@@ -1,8 +1,12 @@
 """A recording that is watched while it is written: the file is the same, and the port belongs to nobody else."""
 
+import http.client
 import socket
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import psutil
 import pytest
@@ -14,6 +18,7 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_framing import is_finished
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.verbs.stream_option import announce_stream
+from tests.waiting import PATIENCE_S
 
 ABOUT = {"scene": "flat", "config": {}, "fingerprint": "flat"}
 
@@ -24,6 +29,13 @@ def taken() -> Iterator[int]:
         other.bind(("127.0.0.1", 0))
         other.listen()
         yield other.getsockname()[1]
+
+
+def answer(port: int, path: str, host: str) -> http.client.HTTPResponse:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
+    with closing(connection):
+        connection.request("GET", path, headers={"Host": host})
+        return connection.getresponse()
 
 
 def free_port() -> int:
@@ -41,6 +53,33 @@ def test_what_is_streamed_is_a_whole_recording_too_and_the_next_one_takes_the_sa
             assert {c.laddr.ip for c in listening if c.laddr.port == port} == {"127.0.0.1"}
         assert is_finished(tmp_path / name)
         assert [stamped.event for stamped in Recording.open(tmp_path / name).events] == [Note(name)]
+
+
+def test_nobody_watches_without_the_secret_or_under_another_name(tmp_path: Path) -> None:
+    port = free_port()
+    place = urlsplit(live_address(port)).path
+    with RecordingWriter(tmp_path / "a.rrd", **ABOUT, live_port=port):
+        for path, host, status in (
+            ("/", f"127.0.0.1:{port}", 404),
+            ("/proxy", f"127.0.0.1:{port}", 404),
+            (f"/{'x' * 22}/live.rrd", f"127.0.0.1:{port}", 404),
+            (place, f"rebound.example:{port}", 403),
+            (place, "rebound.example", 403),
+        ):
+            assert answer(port, path, host).status == status
+
+
+def test_who_watches_gets_what_is_written_and_at_the_end_the_whole_file(tmp_path: Path) -> None:
+    port, path = free_port(), tmp_path / "a.rrd"
+    with RecordingWriter(path, **ABOUT, live_port=port) as writer:
+        watched = urlopen(live_address(port), timeout=PATIENCE_S)
+        seen = watched.read(200)
+        writer.write_event(StampedEvent(1, 0.1, Note("later")))
+        while b"later" not in seen:
+            seen += watched.read1(1 << 16)
+    with watched:
+        seen += watched.read()
+    assert seen == path.read_bytes()
 
 
 def test_a_port_that_is_taken_is_said_before_a_file_is_made(tmp_path: Path, taken: int) -> None:

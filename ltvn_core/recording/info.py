@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ltvn_core.errors import RecordingError
 from ltvn_core.navigation.events import Collided, Judged, QueryEnded
-from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.integrity import repair
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import require_rrd
@@ -48,9 +48,10 @@ def read_info(path: Path | str) -> RecordingInfo:
     """Summarise a recording, whole or damaged. Raises RecordingError when it is not ours or nothing is readable."""
     path = Path(path)
     require_rrd(path)
-    found = check_file(path)
-    if found.framing.finished and found.damage is None:
+    try:
         return _summary(Recording.open(path), path, whole=True)
+    except RecordingError:
+        pass  # What can be saved of it is told instead, or why nothing can.
     with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
         repaired = Path(folder) / "repaired.rrd"
         repair(path, repaired)

@@ -10,9 +10,11 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.closing_record import closing_bytes, find_closing_record
 from ltvn_core.recording.file_check import check_file
-from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
 from tests.core.recording import example_recording
+from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, GOLDEN_RECORDING
+from tools.add_checksums import add_checksums
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +79,32 @@ def test_the_record_is_found_in_a_file_that_is_damaged_elsewhere(whole: Path) ->
     assert find_closing_record(data[len(data) // 2 + 5 :]) == record
     assert find_closing_record(data[:-40]) is None
     assert find_closing_record(b"") is None
+
+
+def test_an_older_recording_can_be_given_its_checksums_and_stays_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "older.rrd"
+    path.write_bytes(GOLDEN_RECORDING.read_bytes())
+    assert add_checksums(path)
+    assert verify(path).checksummed
+    messages = check_file(path).framing.whole_bytes
+    assert path.read_bytes()[:messages] == GOLDEN_RECORDING.read_bytes()[:messages]
+    assert Recording.open(path).events == Recording.open(GOLDEN_RECORDING).events
+    assert not add_checksums(path)
+
+
+@pytest.mark.parametrize("path", [DEMO_DRIVE, DEMO_FAULT, DEMO_MAP], ids=lambda path: path.stem)
+def test_the_recordings_that_come_with_the_toolkit_have_checksums(path: Path) -> None:
+    record = check_file(path).record
+    assert record is not None
+    assert record.rows[schema.EVENTS] > 0
+
+
+def test_the_bit_of_the_demo_drive_that_once_hid_all_its_frames_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "drive.rrd"
+    data = bytearray(DEMO_DRIVE.read_bytes())
+    data[53_580] ^= 1 << 7
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="ltvn repair"):
+        verify(path)
+    saved = repair(path, tmp_path / "repaired.rrd")
+    assert (saved.frames, saved.damaged_frames, saved.damaged_events) == (878, 0, 0)

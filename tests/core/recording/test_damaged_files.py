@@ -1,11 +1,20 @@
 """Damaged files, new and old: noticed, read without danger to the program, and saved message by message."""
 
+import struct
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from ltvn_core.errors import RecordingError
+from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.info import read_info
+from ltvn_core.recording.integrity import repair, verify
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
 from tests.core.recording.mutations import Fate, judge_mutations
+from tests.repository import GOLDEN_RECORDING
 
 
 @pytest.fixture(scope="module")
@@ -15,9 +24,110 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    return tmp_path / "damaged.rrd"
+
+
+@pytest.fixture
+def repaired(tmp_path: Path) -> Path:
+    return tmp_path / "repaired.rrd"
+
+
+def messages(data: bytes) -> Iterator[tuple[int, int]]:
+    """Yield where each message of a whole file begins, and where it ends."""
+    position = rrd_framing.HEADER_BYTES
+    while struct.unpack_from("<Q", data, position)[0] != rrd_framing.END_KIND:
+        end = position + 16 + struct.unpack_from("<Q", data, position + 8)[0]
+        yield position, end
+        position = end
+
+
+def flipped(data: bytes, place: int, bit: int) -> bytes:
+    return data[:place] + bytes([data[place] ^ 1 << bit]) + data[place + 1 :]
+
+
+def blanked(data: bytes, what: bytes) -> bytes:
+    """Overwrite the end of each message in which some bytes stand."""
+    for begin, end in messages(data):
+        if what in data[begin:end]:
+            data = data[: end - 8] + b"\xff" * 8 + data[end:]
+    return data
+
+
 def test_mutations_are_noticed_end_no_process_and_cost_only_what_they_hit(whole: Path) -> None:
     judgements = list(judge_mutations(whole, seed=1, count=60))
-    wrong = [judged for judged in judgements if judged.fate is not Fate.REFUSED]
-    assert not wrong
+    assert [judged for judged in judgements if judged.fate is not Fate.REFUSED] == []
     assert len(judgements) == 60
     assert sum(judged.recovered for judged in judgements) >= 0.99 * sum(judged.undamaged for judged in judgements)
+
+
+def test_mutations_of_an_older_recording_end_no_process() -> None:
+    judgements = list(judge_mutations(GOLDEN_RECORDING, seed=2, count=6))
+    assert [judged for judged in judgements if judged.fate not in (Fate.REFUSED, Fate.ACCEPTED)] == []
+    assert sum(judged.recovered for judged in judgements) >= 0.9 * sum(judged.undamaged for judged in judgements)
+
+
+def test_a_bit_that_ends_reruns_reader_is_an_error_like_any_other(damaged: Path, repaired: Path) -> None:
+    damaged.write_bytes(flipped(GOLDEN_RECORDING.read_bytes(), 54_327, 5))  # A length inside an Arrow table.
+    for look in (Recording.open, verify):
+        with pytest.raises(RecordingError, match="ltvn repair"):
+            look(damaged)
+    saved = repair(damaged, repaired)
+    assert (saved.frames, saved.events) == (10, len(example_recording.events()))
+    assert any("description" in line for line in saved.left_out)
+    assert any("54,222" in line for line in saved.left_out)
+    assert not read_info(damaged).whole
+
+
+def test_a_wrong_length_in_an_older_recording_is_noticed_and_costs_nothing(damaged: Path, repaired: Path) -> None:
+    data = GOLDEN_RECORDING.read_bytes()
+    for number, (begin, _) in enumerate(messages(data)):
+        damaged.write_bytes(flipped(data, begin + 8 + number % 8, number * 3 % 8))
+        assert not rrd_framing.scan_rrd(damaged).finished
+    with pytest.raises(RecordingError, match="damaged"):
+        verify(damaged)
+    assert repair(damaged, repaired).frames == 10
+
+
+def test_an_older_recording_is_said_to_have_fewer_checksums() -> None:
+    assert not verify(GOLDEN_RECORDING).checksummed
+
+
+def test_what_is_left_out_is_named(whole: Path, damaged: Path, repaired: Path) -> None:
+    damaged.write_bytes(blanked(whole.read_bytes(), b"camera/rgb"))
+    saved = repair(damaged, repaired)
+    lost = saved.damaged_frames
+    assert (saved.frames, saved.events) == (40 - lost, len(example_recording.events()) - saved.damaged_events)
+    assert lost > 0
+    assert any(line.startswith(f"{lost} frames: ") for line in saved.left_out)
+
+
+def test_a_lost_description_and_scene_are_named_and_the_frames_saved(
+    tmp_path: Path, damaged: Path, repaired: Path
+) -> None:
+    path = tmp_path / "scene.rrd"
+    glb = b"glTF" + bytes(range(256)) * 4
+    with RecordingWriter(path, scene="demo", config={}, fingerprint="", scene_glb=glb) as writer:
+        writer.write_frame(example_recording.observation(0))
+    damaged.write_bytes(blanked(blanked(path.read_bytes(), b"/__properties/ltvn"), b"Asset3D"))
+    saved = repair(damaged, repaired)
+    assert saved.frames == 1
+    assert "the drawn scene" in saved.left_out
+    assert any(line.startswith("the description") for line in saved.left_out)
+    verify(repaired)
+
+
+def test_one_of_the_two_descriptions_is_enough(whole: Path, damaged: Path, repaired: Path) -> None:
+    data = whole.read_bytes()
+    first = next(span for span in messages(data) if b"/__properties/ltvn" in data[slice(*span)])
+    damaged.write_bytes(data[: first[1] - 8] + bytes(8) + data[first[1] :])
+    assert repair(damaged, repaired).frames == 40
+    assert Recording.open(repaired).meta.config == {"seed": 7}
+
+
+def test_when_no_frame_and_no_event_is_left_nothing_is_written(whole: Path, damaged: Path, repaired: Path) -> None:
+    damaged.write_bytes(blanked(whole.read_bytes(), b""))
+    with pytest.raises(RecordingError, match="nothing in it can be saved"):
+        repair(damaged, repaired)
+    assert not repaired.exists()

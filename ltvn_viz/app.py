@@ -24,6 +24,7 @@ from ltvn_viz.server.shutdown_signals import stop_on_signals
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.commands import OpenRecording
 from ltvn_viz.session.options import AppOptions
+from ltvn_viz.session.pages import SessionPages
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import drive_listener
@@ -65,10 +66,16 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
         set_initial_camera(server.viser, *(floor_bounds(state.scene) or _floor_around(robot.drawn_pose)))
         state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
         screen = _Screen()
-        session = Session(state, server.seat, screen.publish, absence=lambda: server.presence.absence)
+        session = Session(
+            state,
+            server.seat,
+            screen.publish,
+            absence=lambda: server.presence.absence,
+            watchers=lambda: server.watchers,
+        )
         parts = build_layout(
             server.viser,
-            session.send,
+            SessionPages(server, session),
             PageAssets(scene_glb, locobot_glb() if robot.spec.name == LOCOBOT.name else None, robot.spec),
         )
         screen.painter = Painter(parts, server.viser.atomic)

@@ -24,7 +24,7 @@ from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
-from ltvn_viz.debugger.question_registry import all_questions
+from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.activities.teleop import AbsentTeleop, Teleop
@@ -39,7 +39,7 @@ from ltvn_viz.session.options import DEMO_SCENE, AppOptions
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.rerun_viewers import RerunViewers
-from ltvn_viz.session.worker import Worker
+from ltvn_viz.session.worker import PatientWorker, Worker
 
 logger = logging.getLogger(__name__)
 
@@ -77,6 +77,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     if known is not None:
         logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
         _take_map(live, live_map, known)
+    patient_worker = PatientWorker(worker)
     teleop = AbsentTeleop if backend.robot is None else Teleop
     return AppState(
         scene=options.scene,
@@ -90,6 +91,8 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
         predictor_for=lambda weights: _reopen_with(options, weights),
+        patient_worker=patient_worker,
+        new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
         rerun=RerunViewers(stack).address,
     )

@@ -5,6 +5,8 @@ Owns the layout and the theme. What each shows is in `layers` and `panels`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
 
 import viser
 
@@ -18,7 +20,7 @@ from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layer import RobotLayer
 from ltvn_viz.layers.scene_layer import SceneLayer
 from ltvn_viz.layers.trajectory_layer import TrajectoryLayer
-from ltvn_viz.painter import PagePart
+from ltvn_viz.painter import OwnParts, PagePart
 from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.debugger_panel import DebuggerPanel
 from ltvn_viz.panels.drive_panel import DrivePanel
@@ -26,9 +28,10 @@ from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
 from ltvn_viz.panels.follow_camera import FollowCamera
 from ltvn_viz.panels.html_widgets import grey_for_watchers, legend_html
 from ltvn_viz.panels.navigation_panel import NavigationPanel
-from ltvn_viz.panels.notifications import Notifications
+from ltvn_viz.panels.notifications import Notifications, OwnNotices
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import StatusPanel
+from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.server.page_elements import shared_elements
 from ltvn_viz.session.commands import Command, PickNode
 
@@ -48,51 +51,75 @@ class PageAssets:
     robot: RobotSpec = LOCOBOT
 
 
-def build_layout(server: viser.ViserServer, send: Callable[[Command], None], assets: PageAssets) -> Sequence[PagePart]:
+class Pages(Protocol):
+    """Who the pages are, and what they ask for."""
+
+    def send(self, command: Command) -> None:
+        """Ask for something from the driver's seat; the page's guard has seen to it."""
+        ...
+
+    def send_from(self, viser_client: int, command: Command) -> None:
+        """Ask for something that a page without the seat may have in its own view."""
+        ...
+
+    def number_of(self, viser_client: int) -> ClientId | None:
+        """Return our number of a page by viser's."""
+        ...
+
+
+def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets) -> Sequence[PagePart]:
     """Put all layers and panels onto a page; returns them in the order in which they should be drawn."""
     accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=accent)
     server.gui.set_panel_label(TITLE)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_PX)
-    return [*_panels(server, send), *_layers(server.scene, send, assets)]
+    return [*_panels(server, pages), *_layers(server.scene, pages, assets)]
 
 
-def _panels(server: viser.ViserServer, send: Callable[[Command], None]) -> list[PagePart]:
-    gui = server.gui
+def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
+    gui, send = server.gui, pages.send
 
     def clients() -> list[viser.ClientHandle]:
         return list(server.get_clients().values())
 
     status = StatusPanel(gui)
     tabs = gui.add_tab_group()
-    with tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL):
-        drive, learn, follow = DrivePanel(gui), FineTuningPanel(gui), FollowCamera(gui, clients)
+    drive_tab = tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL)
+    with drive_tab:
+        drive, learn = DrivePanel(gui), FineTuningPanel(gui)
     with tabs.add_tab("Go", viser.Icon.MAP_PIN):
         go = NavigationPanel(gui, send)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui, send)
-    with tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION):
-        why = DebuggerPanel(gui, send)
+    why_tab = tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION)
     gui.add_html(legend_html() + grey_for_watchers(shared_elements(gui)))
     window = gui.add_panel()
     with window.add_tab("Camera and depth", viser.Icon.CAMERA):
         camera = CameraPanel(gui)
     window.float(x=-16, y=-16, width=CAMERA_PX)
-    return [status, camera, drive, learn, follow, go, replay, why, Notifications(clients)]
+
+    def own_parts(client: viser.ClientHandle) -> Sequence[PagePart]:
+        with drive_tab:
+            follow = FollowCamera(client.gui, lambda: [client])
+        with why_tab:
+            why = DebuggerPanel(client.gui, partial(pages.send_from, client.client_id))
+        return [follow, why, DebuggerLayer(client.scene), OwnNotices(client)]
+
+    own = OwnParts(clients, own_parts, pages.number_of)
+    return [status, camera, drive, learn, go, replay, own, Notifications(clients)]
 
 
-def _layers(scene: viser.SceneApi, send: Callable[[Command], None], assets: PageAssets) -> list[PagePart]:
+def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:
     add_lights(scene)
     return [
         RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb),
-        NodesLayer(scene, on_pick=lambda node: send(PickNode(node))),
+        NodesLayer(scene, on_pick=lambda node, client: pages.send_from(client, PickNode(node))),
         PlanLayer(scene),
         GoalLayer(scene),
         GhostLayer(scene, assets.robot),
         ChangesLayer(scene),
         TrajectoryLayer(scene),
         EdgesLayer(scene),
-        DebuggerLayer(scene),
     ]

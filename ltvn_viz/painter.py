@@ -5,10 +5,14 @@ So a slow page, or a big map that has just changed, holds up neither the robot n
 
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import Protocol
 
+import viser
+
+from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.snapshot import Snapshot
 
 logger = logging.getLogger(__name__)
@@ -20,6 +24,37 @@ class PagePart(Protocol):
     def show(self, snapshot: Snapshot) -> None:
         """Show `snapshot`."""
         ...
+
+
+class OwnParts:
+    """Parts that each page has for itself: made when the page comes, and drawn for it alone."""
+
+    def __init__(
+        self,
+        clients: Callable[[], Iterable[viser.ClientHandle]],
+        make: Callable[[viser.ClientHandle], Sequence[PagePart]],
+        number_of: Callable[[int], ClientId | None],
+    ) -> None:
+        """Let `make` add the parts of a page; `number_of` returns our number of a page by viser's."""
+        self._clients, self._make, self._number_of = clients, make, number_of
+        self._parts: dict[int, Sequence[PagePart]] = {}
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show each page its own."""
+        clients = {client.client_id: client for client in self._clients()}
+        for gone in self._parts.keys() - clients.keys():
+            del self._parts[gone]
+        for number, client in clients.items():
+            if number not in self._parts:
+                self._parts[number] = self._make(client)
+            own = self._own(snapshot, number)
+            for part in self._parts[number]:
+                part.show(own)
+
+    def _own(self, snapshot: Snapshot, client: int) -> Snapshot:
+        page = self._number_of(client)
+        inspection = None if page is None else snapshot.own_inspections.get(page)
+        return snapshot if inspection is None else replace(snapshot, inspection=inspection)
 
 
 class Painter:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 from ltvn_core.errors import LtvnError
-from ltvn_viz.session.worker import Worker
+from ltvn_viz.session.worker import JobQueue
 
 _KEPT = 32
 _LOG = logging.getLogger(__name__)
@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 class BackgroundCache:
     """Answers by their questions."""
 
-    def __init__(self, worker: Worker, on_answer: Callable[[], None]) -> None:
+    def __init__(self, worker: JobQueue, on_answer: Callable[[], None]) -> None:
         """Compute in `worker`; `on_answer` is called in the session's thread whenever there is something new."""
         self._worker, self._on_answer = worker, on_answer
         self._known: OrderedDict[Hashable, Any] = OrderedDict()

@@ -25,6 +25,7 @@ class EdgeQuestion(Question[Never]):
 
     name = QuestionName.EDGE
     word = QuestionName.EDGE.word
+    is_for_watchers = True
     about = "Both images of an edge, what was believed of it when, and every attempt. Click a node, then its neighbour."
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:

@@ -69,6 +69,7 @@ class FailureQuestion(Question[ShowFailures]):
 
     name = QuestionName.FAILURES
     word = QuestionName.FAILURES.word
+    is_for_watchers = True
     about = "Failed queries by cause and place; a time leads to the second before it went wrong."
 
     def __init__(self) -> None:

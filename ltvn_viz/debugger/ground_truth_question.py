@@ -46,6 +46,7 @@ class GroundTruthQuestion(Question[Never]):
 
     name = QuestionName.TRUTH
     word = QuestionName.TRUTH.word
+    is_for_watchers = True
     about = "In simulation: edges that nobody can drive, edges that are missing, and whether p tells the truth."
 
     def __init__(self) -> None:

@@ -26,7 +26,7 @@ from ltvn_viz.session.inspection import (
     QuestionName,
     Selection,
 )
-from ltvn_viz.session.worker import Worker
+from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.run_moment import RunMoment
 
 _REMEMBERED = 100
@@ -38,12 +38,15 @@ change with time are replaced while a person aims.
 class Inspector:
     """The debugger's state."""
 
-    def __init__(self, questions: Sequence[Question[Any]], worker: Worker) -> None:
-        """Offer these questions in this order, and let them compute slow answers in `worker`."""
+    def __init__(self, questions: Sequence[Question[Any]], worker: JobQueue, *, first_serial: int = 0) -> None:
+        """Offer these questions in this order, and let them compute slow answers in `worker`.
+
+        Views are counted from `first_serial`, so that the links of several debuggers are not taken for each other's.
+        """
         self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
         self.words = {question.word: question.name for question in questions}
         self._contexts = DebugContextBuilder(BackgroundCache(worker, self.mark_stale))
-        self.shown = Inspection(offered=(QuestionName.NONE, *self._questions))
+        self.shown = Inspection(offered=(QuestionName.NONE, *self._questions), serial=first_serial)
         self._key: object = None
         self._context: DebugContext | None = None
         self._drawn: OrderedDict[int, tuple[Command, ...]] = OrderedDict()
@@ -108,6 +111,10 @@ class Inspector:
         if answer != self.shown.answer:
             self.shown = replace(self.shown, answer=answer, serial=self.shown.serial + 1)
             self._remember()
+
+    def notify(self, text: str) -> None:
+        """Tell the page that asks something."""
+        self.shown = replace(self.shown, notice=text, notice_number=self.shown.notice_number + 1)
 
     def mark_stale(self) -> None:
         """Let the tool look again although nothing happened, because it knows more now."""

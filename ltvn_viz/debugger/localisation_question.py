@@ -60,6 +60,7 @@ class LocalisationQuestion(Question[FindAliases]):
 
     name = QuestionName.WHERE
     word = QuestionName.WHERE.word
+    is_for_watchers = True
     about = "How near each node looks from the current view: blue is near. And how sure the robot was over time."
 
     def __init__(self) -> None:

@@ -31,6 +31,7 @@ class NextDriveQuestion(Question[Never]):
 
     name = QuestionName.COACH
     word = QuestionName.COACH.word
+    is_for_watchers = True
     about = "While you drive: what the map still lacks, and where to go next. The ghost stands there."
 
     def __init__(self) -> None:

@@ -95,6 +95,8 @@ class Question(ABC, Generic[RequestT]):
     """The word for it in an address, such as what-if."""
     about: ClassVar[str]
     """What it shows, in one line."""
+    is_for_watchers: ClassVar[bool] = False
+    """A page without the seat may ask it too: nothing that it does is noticed elsewhere, and it opens no file."""
 
     @abstractmethod
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:

@@ -14,6 +14,7 @@ from ltvn_viz.debugger.edge_question import EdgeQuestion
 from ltvn_viz.debugger.failure_question import FailureQuestion
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
 from ltvn_viz.debugger.history_question import HistoryQuestion
+from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
 from ltvn_viz.debugger.manual_edit_question import ManualEditQuestion
 from ltvn_viz.debugger.next_drive_question import NextDriveQuestion
@@ -21,10 +22,14 @@ from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.share_question import ShareQuestion
 from ltvn_viz.debugger.what_if_question import WhatIfQuestion
 from ltvn_viz.debugger.why_question import WhyQuestion
+from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
 GROUP = "ltvn.questions"
 """Name of the entry-point group."""
+
+_SERIALS = 2**24
+"""So many views of a page can be counted before its links look like those of the next."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,6 +54,12 @@ def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any],
         ShareQuestion(),
         *installed_questions(entry_points(group=GROUP)),
     )
+
+
+def watching_inspector(page: int, breakpoint_monitor: BreakpointMonitor, worker: JobQueue) -> Inspector:
+    """Return the debugger of a page that only watches: the questions that change nothing, computed in `worker`."""
+    questions = [question for question in all_questions(breakpoint_monitor) if question.is_for_watchers]
+    return Inspector(questions, worker, first_serial=page * _SERIALS)
 
 
 def installed_questions(entries: Iterable[EntryPoint]) -> Iterator[Question[Any]]:

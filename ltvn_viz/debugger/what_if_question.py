@@ -69,6 +69,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
 
     name = QuestionName.WHAT_IF
     word = QuestionName.WHAT_IF.word
+    is_for_watchers = True
     about = "Imagine an edge, a belief, the goal or a threshold to be otherwise. The map and the recording stay as is."
 
     def __init__(self) -> None:

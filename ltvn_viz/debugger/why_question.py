@@ -35,6 +35,7 @@ class WhyQuestion(Question[Never]):
 
     name = QuestionName.BLAME
     word = QuestionName.BLAME.word
+    is_for_watchers = True
     about = (
         "The reasons behind an edge or a node, each with its moment. Click a node, then another, or type two numbers."
     )

@@ -25,8 +25,8 @@ LANE_OFFSET_M = 0.025
 class NodesLayer:
     """All nodes as one batch; clicking one names it."""
 
-    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId], None]) -> None:
-        """Add the empty batch; `on_pick` must return at once."""
+    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId, int], None]) -> None:
+        """Add the empty batch; `on_pick` gets the node and viser's number of the page, and must return at once."""
         self.markers = PoseMarkers(scene, "/graph/nodes", 0.14)
         self._drawn: GraphArrays | None = None
         self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
@@ -35,7 +35,7 @@ class NodesLayer:
         async def _(event: viser.SceneNodePointerEvent) -> None:
             graph = self._drawn
             if graph is not None and event.instance_index is not None and event.instance_index < len(graph.ids):
-                on_pick(int(graph.ids[event.instance_index]))
+                on_pick(int(graph.ids[event.instance_index]), event.client_id)
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the nodes of the map; the goal and the node where the robot thinks it is stand out."""

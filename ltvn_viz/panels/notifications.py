@@ -33,3 +33,26 @@ class Notifications:
                 auto_close_seconds=SECONDS[message.severity],
                 color=COLOURS[message.severity],
             )
+
+
+class OwnNotices:
+    """Tells one page what concerns its own view alone."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        """Tell `client`."""
+        self._client = client
+        self._shown = ("", 0)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Tell the notice of the page's own view, if it is a new one."""
+        notice = snapshot.inspection.notice, snapshot.inspection.notice_number
+        if notice == self._shown:
+            return
+        self._shown = notice
+        if notice[0]:
+            self._client.add_notification(
+                TITLES[Severity.INFO],
+                notice[0],
+                auto_close_seconds=SECONDS[Severity.INFO],
+                color=COLOURS[Severity.INFO],
+            )

@@ -30,7 +30,7 @@ from ltvn_viz.server.drive_messages import (
     state_message,
 )
 from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
-from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
+from ltvn_viz.server.keymap import FOR_EVERYBODY, OWN_VIEW, Action
 from ltvn_viz.server.limited_log import LimitedLog
 from ltvn_viz.server.presence import TICK_S, Presence
 
@@ -50,6 +50,8 @@ class DriveListener:
     """The motion ended, or somebody pressed stop."""
     on_action: Callable[[ClientId, Action, int | None], None] = lambda client, action, target: None
     """A key was pressed or something with an id was clicked."""
+    on_own_action: Callable[[ClientId, Action, int | None], None] = lambda client, action, target: None
+    """The same on a page without the seat, where it concerns that page's own view."""
     on_link: Callable[[ClientId, str], None] = lambda client, query: None
     """A page was opened by a link with this query."""
     on_absence: Callable[[], None] = lambda: None
@@ -143,6 +145,11 @@ class DriveSocket:
         """Return which page has a key; None where its drive socket is not open."""
         return None if key is None else self._clients.get(key)
 
+    @property
+    def watchers(self) -> frozenset[ClientId]:
+        """The open pages that have not got the seat. Safe from any thread."""
+        return frozenset(self._pages.copy()) - {self.seat.driver}
+
     def may_drive(self, key: str | None) -> bool:
         """Give the page with a key the seat if it is free; tell whether the page has it, and the page if not."""
         client = self.client_of(key)
@@ -194,6 +201,8 @@ class DriveSocket:
                 self.seat.take_over(page.client)
             case ActionMessage(Action.RELEASE):
                 self.seat.release(page.client)
+            case ActionMessage(action, target) if action in OWN_VIEW and not self.seat.try_sit(page.client):
+                self._call(self.listener.on_own_action, page.client, action, target)
             case ActionMessage(action, target):
                 self._pass_on(page, self.listener.on_action, action, target, free=action in FOR_EVERYBODY)
             case LinkMessage(query):

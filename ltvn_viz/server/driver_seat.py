@@ -119,6 +119,13 @@ class DriverSeat:
         self._events: list[SeatEvent] = []
         self._is_kept = False
 
+    @property
+    def driver(self) -> ClientId | None:
+        """Who has the seat."""
+        with self._lock:
+            self._expire()
+            return self._driver
+
     def current_twist(self, now: float | None = None) -> Twist | None:
         """Return the velocity that holds at `now` (seconds of the clock, default: now), None when nobody drives."""
         with self._lock:

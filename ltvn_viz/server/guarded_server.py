@@ -17,6 +17,7 @@ import socket
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
 
@@ -30,7 +31,7 @@ from ltvn_core.errors import ServerError
 from ltvn_viz.server import page_messages
 from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
 from ltvn_viz.server.drive_socket import DriveListener, DriveSocket
-from ltvn_viz.server.driver_seat import DriverSeat
+from ltvn_viz.server.driver_seat import ClientId, DriverSeat
 from ltvn_viz.server.index_page import IndexPage
 from ltvn_viz.server.page_gate import PageGate
 from ltvn_viz.server.presence import HERE_LEASE_S, Presence
@@ -44,6 +45,15 @@ _PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
 _SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
 _starting = threading.Lock()
 """Held while `websockets` is wrapped, so that two servers do not start through each other's wrapper."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asker:
+    """Who asks for something in viser's panels or scene."""
+
+    page: ClientId | None
+    """None where the page's own socket is not open."""
+    drives: bool
 
 
 class GuardedServer:
@@ -99,6 +109,22 @@ class GuardedServer:
     def listen(self, listener: DriveListener) -> None:
         """Name who is told of driving, stops and actions."""
         self._drive.listener = listener
+
+    def asker(self, viser_client: int) -> Asker:
+        """Return as whom a page of viser asks for something: from the seat, taken if it is free, or as a watcher."""
+        page = self.number_of(viser_client)
+        drives = page is not None and self.seat.try_sit(page)
+        self._drive.settle()
+        return Asker(page, drives)
+
+    def number_of(self, viser_client: int) -> ClientId | None:
+        """Return which page at the driver's seat is viser's page of this number. Safe from any thread."""
+        return self._drive.client_of(self.gate.key_of(viser_client))
+
+    @property
+    def watchers(self) -> frozenset[ClientId]:
+        """The open pages that have not got the seat. Safe from any thread."""
+        return self._drive.watchers
 
     def add_route(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
         """Serve `prefix<number>.ending`, as in `/thumb/17.jpg`, from `handler(number)`, called in a worker thread."""

@@ -52,7 +52,9 @@ class Action(StrEnum):
     """A click on a link in what a tool shows. Carries the link's number."""
 
 
-FOR_EVERYBODY = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE, Action.HELP})
+OWN_VIEW = frozenset({Action.FOLLOW})
+"""A page without the seat does these in its own view."""
+FOR_EVERYBODY = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE, Action.HELP, *OWN_VIEW})
 """Watchers may ask for these; everything else changes what all pages see, and belongs to the driver."""
 
 

@@ -83,6 +83,12 @@ class PageGate:
         """Return a page's connection as viser may have it."""
         return GuardedPage(self, connection, key)
 
+    def key_of(self, viser_client: int) -> str | None:
+        """Return the secret of a page by viser's number of it."""
+        live = {} if self._viser is None else self._viser._websock_server._live_connections
+        page = live.get(viser_client)
+        return page.key if isinstance(page, GuardedPage) else None
+
     def judge(self, page: "GuardedPage", raw: bytes | str) -> Verdict:
         """Say what becomes of a message of a page, and show the page again what stands where it is dropped."""
         try:
@@ -104,7 +110,8 @@ class PageGate:
             case ElementUpdate():
                 return self._judge_update(self._viser, client, page, message)
             case NodeClick():
-                return self._shared(page, is_fit=_is_clickable(self._viser, message))
+                # What a click on it means for this page, whoever takes the click decides.
+                return _verdict(_is_clickable(self._viser, message))
             case UploadStart() | UploadPart():
                 return self._judge_upload(self._viser, client, page, message)
             case CommandTrigger(uuid):

@@ -4,8 +4,9 @@ Owns no rule of its own beyond how an activity is left; commands are carried out
 `snapshot_builder`.
 """
 
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -13,6 +14,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import NodeId, Predictor
+from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
@@ -28,7 +30,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.rerun_viewers import rerun_unavailable
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.viewpoint import Viewpoint
-from ltvn_viz.session.worker import Worker
+from ltvn_viz.session.worker import PatientWorker, Worker
 from ltvn_viz.timeline.run_moment import RunMoment
 
 Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
@@ -50,6 +52,10 @@ class Debugger(Protocol):
     @property
     def words(self) -> Mapping[str, str]:
         """The names of the questions by their words in an address."""
+        ...
+
+    def notify(self, text: str) -> None:
+        """Tell the page that asks something, and no other."""
         ...
 
     def choose(self, question: str) -> None:
@@ -103,6 +109,11 @@ class AppState:
     predictor_for: Callable[[Path], tuple[Predictor, NavigationSystem]]
     """Opens weights and the navigation system with the constants measured for them; runs in the worker's thread."""
     debugger: Debugger
+    """What every page shows under “Why” that does not ask something itself."""
+    new_own_debugger: Callable[[ClientId], Debugger]
+    """Makes the debugger of a page that only watches; it changes nothing."""
+    patient_worker: PatientWorker
+    """Computes for the pages that only watch."""
     last_recording: str | None = None
     """The recording that was kept last."""
     message: Message | None = None
@@ -117,6 +128,8 @@ class AppState:
     """From where the person looks at the scene; None where there is no page."""
     shown_stamp: float | None = None
     """A stamp of the live run that the page shows instead of now."""
+    own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)
+    """Of the pages that only watch and ask something themselves; the first looks again next."""
 
     def __post_init__(self) -> None:
         """Begin with a person driving."""

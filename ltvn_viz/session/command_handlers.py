@@ -20,10 +20,9 @@ from ltvn_viz.session.fine_tuning_handlers import start_fine_tuning, use_weights
 from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode, refusal
+from ltvn_viz.session.own_views import STALE_LINK
 from ltvn_viz.session.seeking import seek, seek_mark
 from ltvn_viz.session.snapshot import JobProgress
-
-STALE_LINK = "That answer was replaced before your click arrived. Look again, and click what it says now."
 
 
 def handle(state: AppState, command: c.Command) -> None:

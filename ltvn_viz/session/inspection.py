@@ -96,6 +96,10 @@ class Inspection:
     """Counts views; part of every link."""
     selection: Selection = NOTHING_SELECTED
     offered: tuple[str, ...] = (QuestionName.NONE,)
+    notice: str = ""
+    """What the page that asks is to be told, and no other."""
+    notice_number: int = 0
+    """Counts notices, so that the same words twice are two."""
 
     @property
     def html(self) -> str:

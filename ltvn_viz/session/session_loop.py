@@ -9,12 +9,13 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import Protocol
 
 from ltvn_core.errors import LtvnError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
+from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.server.limited_log import LimitedLog
 from ltvn_viz.server.presence import Absence
 from ltvn_viz.session import commands as c
@@ -25,6 +26,7 @@ from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.command_handlers import handle
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.own_views import handle_own, retain_own_views
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
 
@@ -59,15 +61,16 @@ class Session:
         clock: Callable[[], float] = time.monotonic,
         *,
         absence: Callable[[], Absence | None] = lambda: None,
+        watchers: Callable[[], Set[ClientId]] = frozenset,
     ) -> None:
         """Put the parts together; nothing runs before `run` or `tick`. `publish` must not block.
 
-        `absence` says since when no page is there, None while one is.
+        `absence` says since when no page is there, None while one is; `watchers` which pages have not got the seat.
         """
         self._state, self._driver, self._publish, self._clock = state, driver, publish, clock
         self._snapshot_builder = SnapshotBuilder(clock)
-        self._commands: deque[c.Command] = deque()
-        self._absence = absence
+        self._commands: deque[tuple[c.Command, ClientId | None]] = deque()
+        self._absence, self._watchers = absence, watchers
         self._flood_log = LimitedLog(logger)
         self._awake = threading.Event()
         self._stopping = threading.Event()
@@ -82,17 +85,20 @@ class Session:
         """What the session runs; its own thread alone may change it."""
         return self._state
 
-    def send(self, command: c.Command) -> None:
-        """Ask for something, from any thread; never blocks."""
+    def send(self, command: c.Command, watcher: ClientId | None = None) -> None:
+        """Ask for something, from any thread; never blocks.
+
+        What a `watcher` asks for, a page without the seat, is done in that page's own view.
+        """
         if len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
-            self._commands.append(command)
+            self._commands.append((command, watcher))
         else:
             self._flood_log.log(logging.WARNING, "too many commands at once; left out %s", command)
         self.wake()
 
     def _is_fresh_stop(self, command: c.Command) -> bool:
         """Tell whether a command must get through, however many wait: a stop with something to stop before it."""
-        latest = next(reversed(self._commands), None)
+        latest = next(reversed(self._commands), (None, None))[0]
         return isinstance(command, c.StopRobot) and not isinstance(latest, c.StopRobot)
 
     def wake(self) -> None:
@@ -145,8 +151,13 @@ class Session:
     def _react(self) -> None:
         """Let commands and held keys reach the robot."""
         state = self._state
+        retain_own_views(state, self._watchers())
         while self._commands:
-            handle(state, self._commands.popleft())
+            command, watcher = self._commands.popleft()
+            if watcher is None:
+                handle(state, command)
+            else:
+                handle_own(state, watcher, command, self._snapshot_builder.moment)
         _hold_without_pages(state, self._absence())
         self._driver.keep(kept=isinstance(state.activity, Navigation))
         twist = self._driver.current_twist()
@@ -216,4 +227,5 @@ def _handle_breakpoint(state: AppState) -> None:
         state.activity.pause()
     how = "Stopped" if held else "Met"
     state.say(f"{how} at {stop.time_s:.1f} s: {stop.hit.why}. Why → “Stop when …” leads there.", Severity.WARN)
-    state.debugger.mark_stale()
+    for debugger in (state.debugger, *state.own_debuggers.values()):
+        debugger.mark_stale()

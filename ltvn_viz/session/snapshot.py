@@ -4,11 +4,13 @@ Live and replay make the same `Snapshot`; a layer or panel cannot tell which one
 snapshot to the next while nothing changed, so comparing by identity tells what to redraw.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Depth, NodeId, Rgb
+from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import RunMoment
@@ -144,5 +146,7 @@ class Snapshot:
     """Fingerprint of the weights in use."""
     inspection: Inspection = NO_INSPECTION
     """What the debugger shows."""
+    own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)
+    """What it shows instead on pages that only watch and ask something themselves."""
     hint: str = ""
     """What to do next."""

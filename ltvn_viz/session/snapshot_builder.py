@@ -13,11 +13,15 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning_handlers import drive_name
 from ltvn_viz.session.hints import hint
+from ltvn_viz.session.own_views import refresh_next_own_view
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot
-from ltvn_viz.timeline.run_moment import moment_of
+from ltvn_viz.timeline.run_moment import RunMoment, moment_of
 
 LIST_EVERY_S = 2.0
 """How often the folder of recordings is looked through."""
+
+OWN_VIEW_EVERY_S = 0.1
+"""How often one of the pages that only watch may look again."""
 
 WINDOW_S = 1.0
 """Rates are counted over so much of the past."""
@@ -55,14 +59,21 @@ class SnapshotBuilder:
         self._meter = RateMeter(clock)
         self._listed_at = float("-inf")
         self._names: tuple[str, ...] = ()
+        self._own_due = float("-inf")
+        self.moment = RunMoment()
+        """The moment that was shown last."""
 
     def build(self, state: AppState) -> Snapshot:
         """Return what the page should show now."""
         self._meter.count()
         activity = state.activity
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
+        self.moment = snapshot.moment
         if state.debugger.is_on:
             state.debugger.refresh(state, snapshot.moment)
+        if self._clock() >= self._own_due:
+            self._own_due = self._clock() + OWN_VIEW_EVERY_S
+            refresh_next_own_view(state, snapshot.moment)
         snapshot = replace(
             snapshot,
             mode=activity.mode,
@@ -74,6 +85,7 @@ class SnapshotBuilder:
             message=state.message,
             fine_tuning=_learning(state),
             inspection=state.debugger.shown,
+            own_inspections={page: view.shown for page, view in state.own_debuggers.items()},
             weights=state.live_map.fingerprint,
             work=activity.work if isinstance(activity, MapBuilding) else state.work,
         )

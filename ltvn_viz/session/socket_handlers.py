@@ -78,4 +78,16 @@ def drive_listener(session: Session) -> DriveListener:
         for command in asked:
             session.send(command)
 
-    return DriveListener(on_drive, on_stop, on_action, on_link, on_absence=session.wake)
+    def on_own_action(client: ClientId, action: Action, target: int | None) -> None:
+        command = command_for(action, target)
+        if command is not None:
+            session.send(command, watcher=client)
+
+    return DriveListener(
+        on_drive=on_drive,
+        on_stop=on_stop,
+        on_action=on_action,
+        on_own_action=on_own_action,
+        on_link=on_link,
+        on_absence=session.wake,
+    )

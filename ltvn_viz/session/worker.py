@@ -7,9 +7,19 @@ session's thread, in the same order.
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, wait
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 T = TypeVar("T")
+
+
+class JobQueue(Protocol):
+    """Takes jobs."""
+
+    def submit(
+        self, job: Callable[[], T], then: Callable[[T], None], *, otherwise: Callable[[], None] = lambda: None
+    ) -> None:
+        """Run `job` some time, and then `then` with its result, or `otherwise` if it raised."""
+        ...
 
 
 class _Job(NamedTuple):
@@ -60,3 +70,23 @@ class Worker:
         """Wait for the job under way and drop the rest."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._jobs = deque(job for job in self._jobs if not job.future.cancelled())
+
+
+class PatientWorker:
+    """Hands jobs to a worker one by one, and only while it has nothing else to do: for pages that merely watch."""
+
+    def __init__(self, worker: Worker) -> None:
+        """Wait for `worker`."""
+        self._worker = worker
+        self._waiting: deque[Callable[[], None]] = deque()
+
+    def submit(
+        self, job: Callable[[], T], then: Callable[[T], None], *, otherwise: Callable[[], None] = lambda: None
+    ) -> None:
+        """Keep a job until `go_on` finds the time."""
+        self._waiting.append(lambda: self._worker.submit(job, then, otherwise=otherwise))
+
+    def go_on(self) -> None:
+        """Begin the next job if the worker is free."""
+        if self._waiting and self._worker.pending == 0:
+            self._waiting.popleft()()

@@ -16,6 +16,7 @@ from ltvn_viz.page_layout import PageAssets, build_layout
 from ltvn_viz.painter import Painter
 from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.session.pages import SessionPages
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import drive_listener
@@ -52,9 +53,10 @@ def serving(folder: Path, *, lease_s: float | None = 5.0) -> Iterator[FlatApp]:
             server.seat,
             lambda snapshot: _show(harness, painters[0], snapshot),
             absence=lambda: server.presence.absence,
+            watchers=lambda: server.watchers,
         )
         assets = PageAssets(lambda _: _glb(harness.world), locobot_glb())
-        painters.append(Painter(build_layout(server.viser, session.send, assets), server.viser.atomic))
+        painters.append(Painter(build_layout(server.viser, SessionPages(server, session), assets), server.viser.atomic))
         painters[0].start()
         server.listen(drive_listener(session))
         thread = threading.Thread(target=session.run, name="session")

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import msgspec
+import viser
 from viser import _messages
 from viser.infra import _messages as infra_messages
 
@@ -48,10 +49,16 @@ class Targets:
     recordings: Sequence[str] = ()
 
 
-def targets_of(server: GuardedServer, graph_nodes: Sequence[int] = (), recordings: Sequence[str] = ()) -> Targets:
-    """Return all that the pages of a server share."""
-    gui, scene = server.viser.gui, server.viser.scene
-    elements = [(uuid, handle) for uuid, handle in list(gui._gui_input_handle_from_uuid.items())]
+def targets_of(
+    server: GuardedServer,
+    graph_nodes: Sequence[int] = (),
+    recordings: Sequence[str] = (),
+    clients: Sequence[viser.ClientHandle] = (),
+) -> Targets:
+    """Return all that the pages of a server share, and what some pages have for themselves."""
+    scene = server.viser.scene
+    guis = [server.viser.gui, *(client.gui for client in clients)]
+    elements = [pair for gui in guis for pair in list(gui._gui_input_handle_from_uuid.items())]
     return Targets(elements, list(scene._handle_from_node_name), graph_nodes, recordings)
 
 

@@ -1,16 +1,20 @@
 """Pages by hand on the whole app: what a watcher can change, and what becomes of the robot when the last page goes."""
 
 import math
+import re
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import viser
 
 from ltvn_viz.server.keymap import Action
+from ltvn_viz.session.inspection import NO_INSPECTION, NOTHING_SELECTED, Inspection, QuestionName
 from ltvn_viz.session.modes import Mode
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.viz.hostile_messages import HostileMessages, targets_of
@@ -65,9 +69,11 @@ def test_a_query_pauses_within_300_ms_of_the_last_page(app: FlatApp, how: str) -
 def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> None:
     with open_sockets(app.server) as driver, driver.staying(), open_sockets(app.server) as watcher:
         driver.take_seat()
+        own_control(watcher, viser.GuiDropdownHandle)
         before = state_of(app)
         graph_nodes = app.harness.now.moment.graph.ids.tolist()
-        messages = HostileMessages(7, targets_of(app.server, graph_nodes, ["old.rrd"]))
+        targets = targets_of(app.server, graph_nodes, ["old.rrd"], [driver.client, watcher.client])
+        messages = HostileMessages(7, targets)
         for panels, drive in islice(zip(messages.well_formed(), messages.drive_well_formed(), strict=False), 2500):
             watcher.panels.send(panels)
             watcher.drive.send(drive)
@@ -78,6 +84,72 @@ def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> N
         until_shown(app, lambda now: now.mode is Mode.TELEOP)
         assert state_of(app) == before
         assert app.server.seat.state_of(driver.number).driver == driver.number
+
+
+def test_a_watcher_asks_why_and_selects_in_a_view_of_its_own(app: FlatApp) -> None:
+    with open_sockets(app.server) as driver, driver.staying(), open_sockets(app.server) as watcher, watcher.staying():
+        driver.take_seat()
+        questions = own_control(watcher, viser.GuiDropdownHandle)
+
+        def own() -> Inspection:
+            return app.harness.now.own_inspections.get(watcher.number, NO_INSPECTION)
+
+        watcher.set(questions._impl.uuid, str(QuestionName.EDGE))
+        until(lambda: own().question == QuestionName.EDGE)
+        graph = app.harness.now.moment.graph
+        watcher.say(click_on("/graph/nodes", 3))
+        until(lambda: own().selection.node == graph.ids[3])
+        until(lambda: f"Node {graph.ids[3]}" in own().html)
+        link = re.search(r'data-id="(\d+)"', own().html)
+        assert link is not None
+        watcher.ask(Action.FOLLOW, int(link[1]))
+        until(lambda: own().selection.edge is not None)
+        shared = app.harness.state.debugger.shown
+        assert shared.question == QuestionName.NONE
+        assert shared.selection == NOTHING_SELECTED
+        assert app.session.mode is Mode.TELEOP
+        assert QuestionName.BREAK not in own().offered
+        assert QuestionName.HAND not in own().offered
+        assert QuestionName.SHARE not in own().offered
+        watcher.set(questions._impl.uuid, str(QuestionName.NONE))
+        until(lambda: watcher.number not in app.harness.now.own_inspections)
+
+
+def test_a_watcher_who_picks_a_node_is_told_what_to_do_and_the_robot_stays(app: FlatApp) -> None:
+    with open_sockets(app.server) as driver, driver.staying(), open_sockets(app.server) as watcher, watcher.staying():
+        driver.take_seat()
+        watcher.say(click_on("/graph/nodes", 3))
+        until(lambda: watcher.number in app.harness.now.own_inspections)
+        assert "take over first" in app.harness.now.own_inspections[watcher.number].notice
+        assert app.session.mode is Mode.TELEOP
+        watcher.take_seat()
+        until(lambda: watcher.number not in app.harness.now.own_inspections)
+        watcher.say(click_on("/graph/nodes", len(app.harness.now.moment.graph.ids) - 1))
+        until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+
+
+def own_control(page: PageSockets, kind: type) -> Any:
+    """Wait for a control that a page has for itself."""
+
+    def find() -> Any:
+        return next(
+            (each for each in page.client.gui._gui_input_handle_from_uuid.values() if isinstance(each, kind)), None
+        )
+
+    return until(find)
+
+
+def click_on(name: str, instance: int) -> dict[str, Any]:
+    return {
+        "type": "SceneNodeClickMessage",
+        "name": name,
+        "instance_index": instance,
+        "ray_origin": [0, 0, 0],
+        "ray_direction": [0, 0, 1],
+        "screen_pos": [0.5, 0.5],
+        "modifier": None,
+        "owner": "",
+    }
 
 
 def state_of(app: FlatApp) -> list[object]:

@@ -97,7 +97,7 @@ def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wi
     layers = [
         RobotLayer(server.scene, LOCOBOT, b"glTF"),
         SceneLayer(server.scene, lambda _: b"glTF"),
-        NodesLayer(server.scene, lambda _: None),
+        NodesLayer(server.scene, lambda *_: None),
         EdgesLayer(server.scene, clock),
         TrajectoryLayer(server.scene, clock),
         ChangesLayer(server.scene),
@@ -166,7 +166,7 @@ def test_edges_are_coloured_by_p(server: viser.ViserServer) -> None:
 
 
 def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer, snapshot: Snapshot) -> None:
-    layer = NodesLayer(server.scene, lambda _: None)
+    layer = NodesLayer(server.scene, lambda *_: None)
     chosen = int(snapshot.moment.graph.ids[3])
     layer.show(replace(snapshot, selected=chosen))
     colours = Counter(map(tuple, layer.markers.handle.batched_colors.tolist()))

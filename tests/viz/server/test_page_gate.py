@@ -81,13 +81,23 @@ def test_a_watcher_changes_no_shared_control_and_is_told_who_drives(house: House
     for element, value in ((house.number, 7), (house.choice, "b.rrd"), (house.text, "hello"), (house.box, True)):
         house.watcher.set(element._impl.uuid, value)
     house.watcher.set(house.button._impl.uuid, True)
-    house.watcher.say(CLICK)
     house.watcher.settle()
     assert (house.number.value, house.choice.value, house.text.value, house.box.value) == (3.0, "a.rrd", "", False)
-    assert (house.pressed, house.clicked) == ([], [])
-    assert house.server.gate.counts[Verdict.WITHOUT_RIGHT] == 6
+    assert house.pressed == []
+    assert house.server.gate.counts[Verdict.WITHOUT_RIGHT] == 5
     told = [house.watcher.drive.recv(timeout=PATIENCE_S) for _ in range(4)]
     assert any('"refused"' in str(text) for text in told)
+
+
+def test_whoever_takes_a_click_is_told_whether_the_page_drives(house: House) -> None:
+    for page in (house.driver, house.watcher):
+        page.say(CLICK)
+    until(lambda: len(house.clicked) == 2)
+    askers = [house.server.asker(number) for number in house.clicked if number is not None]
+    assert sorted((asker.page, asker.drives) for asker in askers) == [
+        (house.driver.number, True),
+        (house.watcher.number, False),
+    ]
 
 
 def test_a_page_that_names_itself_as_another_or_as_nobody_has_no_right(house: House) -> None:

@@ -89,7 +89,7 @@ def test_a_long_run_in_simulation_may_go_on_and_that_is_off_until_asked_for(
 
 
 def test_a_real_robot_never_goes_on_with_nobody_there(harness: SessionHarness) -> None:
-    harness.robot.clock.is_simulated = False
+    vars(harness.robot.clock)["is_simulated"] = False
     handle(harness.state, c.KeepGoing(is_on=True))
     assert not harness.state.keeps_going
     assert harness.state.message is not None

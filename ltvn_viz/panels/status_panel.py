@@ -19,7 +19,7 @@ REFRESH_S = 0.5
 
 _WATCHING = (
     '<div class="lt ltvn-watching-only"><div class="lt-card" data-severity="WARN">'
-    "Another page drives, so what is grey is not for this one. You may look around and stop the robot."
+    "Another page drives, so what is grey is not for this one. You may look around, ask Why, and stop the robot."
     '<div class="lt-buttons">'
     f'<button type="button" data-ltvn-action="{Action.TAKE_OVER}">Take over</button></div></div></div>'
 )

@@ -34,6 +34,9 @@ logger = logging.getLogger(__name__)
 
 QUEUE_LIMIT = 256
 """More commands than this wait only if somebody floods the app; the rest is refused."""
+WISHES = 64
+"""So many commands of watching pages may wait; the oldest is forgotten for the newest."""
+WISHES_PER_TICK = 4
 STALL_S = 0.5
 """After a stall longer than this, the robot's time goes on from where it stood instead of catching up."""
 
@@ -69,7 +72,8 @@ class Session:
         """
         self._state, self._driver, self._publish, self._clock = state, driver, publish, clock
         self._snapshot_builder = SnapshotBuilder(clock)
-        self._commands: deque[tuple[c.Command, ClientId | None]] = deque()
+        self._commands: deque[c.Command] = deque()
+        self._wishes: deque[tuple[ClientId, c.Command]] = deque(maxlen=WISHES)
         self._absence, self._watchers = absence, watchers
         self._flood_log = LimitedLog(logger)
         self._awake = threading.Event()
@@ -90,15 +94,18 @@ class Session:
 
         What a `watcher` asks for, a page without the seat, is done in that page's own view.
         """
-        if len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
-            self._commands.append((command, watcher))
+        if watcher is not None:
+            # A few of each are enough, and none of them can keep out what the driver asks for.
+            self._wishes.append((watcher, command))
+        elif len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
+            self._commands.append(command)
         else:
             self._flood_log.log(logging.WARNING, "too many commands at once; left out %s", command)
         self.wake()
 
     def _is_fresh_stop(self, command: c.Command) -> bool:
         """Tell whether a command must get through, however many wait: a stop with something to stop before it."""
-        latest = next(reversed(self._commands), (None, None))[0]
+        latest = next(reversed(self._commands), None)
         return isinstance(command, c.StopRobot) and not isinstance(latest, c.StopRobot)
 
     def wake(self) -> None:
@@ -151,13 +158,8 @@ class Session:
     def _react(self) -> None:
         """Let commands and held keys reach the robot."""
         state = self._state
-        retain_own_views(state, self._watchers())
         while self._commands:
-            command, watcher = self._commands.popleft()
-            if watcher is None:
-                handle(state, command)
-            else:
-                handle_own(state, watcher, command, self._snapshot_builder.moment)
+            handle(state, self._commands.popleft())
         _hold_without_pages(state, self._absence())
         self._driver.keep(kept=isinstance(state.activity, Navigation))
         twist = self._driver.current_twist()
@@ -168,6 +170,7 @@ class Session:
     def _advance(self) -> None:
         """Let a tick of robot time pass."""
         state = self._state
+        self._serve_watchers()
         state.worker.collect()
         self._record()
         state.fine_tuning.collect()
@@ -187,6 +190,15 @@ class Session:
             state.live.recorder.tick(map_is_still=state.worker.pending == 0)
         except LtvnError as error:
             state.say(str(error), Severity.ERROR)
+
+    def _serve_watchers(self) -> None:
+        """Do a little of what the pages without the seat ask for in their own views."""
+        watchers = self._watchers()
+        retain_own_views(self._state, watchers)
+        for _ in range(min(len(self._wishes), WISHES_PER_TICK)):
+            watcher, command = self._wishes.popleft()
+            if watcher in watchers:
+                handle_own(self._state, watcher, command, self._snapshot_builder.moment)
 
     def _show(self) -> None:
         failure = self._state.live.recorder.take_failure()

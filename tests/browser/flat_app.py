@@ -14,7 +14,7 @@ from ltvn_core.simulation.locobot_model import locobot_glb
 from ltvn_viz.layers.lights_and_camera import set_initial_camera
 from ltvn_viz.page_layout import PageAssets, build_layout
 from ltvn_viz.painter import Painter
-from ltvn_viz.server.driver_seat import DriverSeat
+from ltvn_viz.server.driver_seat import IDLE_S, DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.pages import SessionPages
 from ltvn_viz.session.session_loop import Session
@@ -38,13 +38,13 @@ class FlatApp:
 
 
 @contextmanager
-def serving(folder: Path, *, lease_s: float | None = 5.0) -> Iterator[FlatApp]:
+def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S) -> Iterator[FlatApp]:
     """Serve the page with a map of both rooms; recordings go into `folder`.
 
     A page drawn by software may stall for longer than the lease of a real one, which `None` stands for.
     """
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=ThreadPoolExecutor(1))
-    with GuardedServer(seat=None if lease_s is None else DriverSeat(lease_s=lease_s)) as server:
+    with GuardedServer(seat=None if lease_s is None else DriverSeat(lease_s=lease_s, idle_s=idle_s)) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         set_initial_camera(server.viser, (0, 0), (6, 4))
         painters: list[Painter] = []

@@ -1,0 +1,96 @@
+"""Real pages that freeze, reload and watch: what the robot does, and what the person who comes back reads."""
+
+import contextlib
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.modes import Mode
+from tests.browser.flat_app import FlatApp, serving, until_shown
+from tests.browser.pages import open_page
+from tests.browser.test_drive_socket import renderers
+from tests.viz.page_sockets import open_sockets
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def app(tmp_path: Path) -> Iterator[FlatApp]:
+    # How soon the robot stands is measured without a browser; one that is drawn by software may be starved for longer.
+    with serving(tmp_path, lease_s=2.0, idle_s=3600.0) as app:
+        yield app
+
+
+def start_query(app: FlatApp) -> None:
+    graph = app.harness.now.moment.graph
+    away = np.hypot(*(graph.poses[:, :2] - app.harness.robot.pose[:2]).T)
+    app.session.send(c.NavigateTo(int(graph.ids[np.argmax(away)])))
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+
+
+def go_on(app: FlatApp, page: Page) -> None:
+    page.get_by_role("button", name=re.compile("^Go on")).locator("visible=true").first.click()
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+
+
+def test_a_query_pauses_while_the_only_page_is_frozen_or_reloads_and_goes_on_by_a_click(
+    app: FlatApp, chromium: Browser
+) -> None:
+    with open_page(chromium, app.server.url, width=1000, height=640) as page:
+        page.get_by_text("Next:").wait_for()
+        start_query(app)
+        frozen = renderers()
+        try:
+            for process in frozen:
+                process.send_signal(signal.SIGSTOP)
+            until_shown(app, lambda now: now.mode is Mode.PAUSED)
+        finally:
+            for process in frozen:
+                with contextlib.suppress(psutil.Error):
+                    process.send_signal(signal.SIGCONT)
+        expect(
+            page.get_by_text(re.compile(r"Paused: the last page froze or lost its connection at \d\d:\d\d"))
+        ).to_be_visible()
+        go_on(app, page)
+        page.reload()
+        until_shown(app, lambda now: now.mode is Mode.PAUSED)
+        expect(page.get_by_text(re.compile(r"Paused: the last page was closed at \d\d:\d\d"))).to_be_visible()
+        go_on(app, page)
+        page.keyboard.press("Escape")
+        until_shown(app, lambda now: now.mode is Mode.TELEOP)
+
+
+def test_a_watching_page_is_grey_says_why_and_looks_by_itself(app: FlatApp, chromium: Browser) -> None:
+    with (
+        open_sockets(app.server) as driver,
+        driver.staying(),
+        open_page(chromium, app.server.url, width=1000, height=640) as page,
+    ):
+        page.get_by_text("Next:").wait_for()
+        driver.take_seat()
+        expect(page.get_by_text("Another page drives")).to_be_visible()
+        record = page.get_by_role("button", name=re.compile("^Record"))
+        assert float(record.evaluate("each => getComputedStyle(each).opacity")) < 0.5
+        record.hover()
+        expect(record).to_have_attribute("title", "Page 1 drives. Take over to use this.")
+        record.click()
+        minutes = page.get_by_label("Minutes").locator("visible=true").first
+        assert float(minutes.evaluate("each => getComputedStyle(each).opacity")) < 0.5
+        minutes.fill("9")
+        expect(minutes).to_have_value("3")
+        assert app.harness.now.recording.name is None
+        page.get_by_role("tab", name="Why").click()
+        box = page.get_by_label("Question", exact=True).locator("visible=true")
+        box.click()
+        page.get_by_role("option", name="What happened when?", exact=True).click()
+        expect(page.locator(".lt-why")).to_be_visible()
+        assert not app.harness.state.debugger.is_on
+        page.get_by_role("button", name="Take over", exact=True).first.click()
+        expect(page.get_by_text("Another page drives")).to_be_hidden()

@@ -72,6 +72,7 @@ def report(verb: "Verb") -> None:
     """Run the verb and print its summary, or write it as JSON where the user asked for that."""
     from ltvn_core.verbs.verb import to_json, to_text
 
+    verb.check_options()
     summary = verb.run()
     if verb.json is None:
         print(to_text(summary))

@@ -100,7 +100,9 @@ def weights_fingerprint(path: Path) -> str:
 
 
 def card_path(path: Path) -> Path:
-    """Return the path of the card of weights."""
+    """Return the path of the card of weights. Raises WeightsError for a path that names no file, such as /."""
+    if not path.name:
+        raise WeightsError(_no_weights(path))
     return path.with_suffix(".card.json")
 
 

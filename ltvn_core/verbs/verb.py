@@ -6,6 +6,13 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
+from ltvn_core.errors import OptionError
+
+_LARGEST = 2**62
+"""Counts and numbers beyond this overflow in one library or another."""
+_MOST = {"queries": 1_000_000, "episodes": 1_000_000, "goals": 100_000, "loops": 10_000, "workers": 10_000}
+"""Ten years of driving; more would only fill the memory before it begins."""
+
 
 class Summary(Protocol):
     """The result of a verb: a frozen dataclass of plain values, readable by a person and by a program."""
@@ -22,9 +29,26 @@ class Verb:
     debug: bool = False
     """Show the traceback of a failure before its one line; the variable LTVN_DEBUG does it for every verb."""
 
+    def check_options(self) -> None:
+        """Raise OptionError for numbers that no verb can do anything with; the command line asks before it runs one."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            for number in value if isinstance(value, tuple) else (value,):
+                if isinstance(number, int) and not isinstance(number, bool):
+                    _check_number(field.name, number)
+
     def run(self) -> Summary:
         """Do the job and return its summary."""
         raise NotImplementedError
+
+
+def _check_number(name: str, number: int) -> None:
+    most = _MOST.get(name, _LARGEST)
+    option = "--" + name.replace("_", "-")
+    if name == "seed" and number < 0:
+        raise OptionError(f"{option} must be 0 or more, got {number}.")
+    if abs(number) > most:
+        raise OptionError(f"{option} is at most {most:,}, got {number!s:.40}.")
 
 
 def to_json(summary: Summary) -> str:

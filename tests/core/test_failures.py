@@ -190,3 +190,32 @@ def test_a_card_that_is_none_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "net.card.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(WeightsError, match=r"net\.card\.json"):
         read_card(tmp_path / "net.safetensors")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CountingVerb(FailingVerb):
+    """Has the numbers that verbs have."""
+
+    seed: tuple[int, ...] = (0,)
+    queries: int = 1
+    goal: int | None = None
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--seed", "0", "-1"], "--seed must be 0 or more, got -1"),
+        (["--queries", str(10**30)], "--queries is at most 1,000,000"),
+        (["--goal", str(10**400)], "--goal is at most"),
+    ],
+)
+def test_numbers_that_no_verb_can_use_are_refused_before_anything_begins(
+    options: list[str], said: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert run_verb("ltvn count", CountingVerb, options) == FAILED
+    assert said in capfd.readouterr().err
+
+
+def test_weights_without_a_name_are_refused() -> None:
+    with pytest.raises(WeightsError, match="there are no weights"):
+        read_card(Path("/"))

@@ -14,6 +14,8 @@ from ltvn_core.recording.closing_record import ClosingRecord, find_closing_recor
 from ltvn_core.recording.rrd_framing import END_KIND, HEADER_BYTES, KNOWN_KINDS, MESSAGE_HEADER, TAIL_BYTES
 
 _CHUNK_KIND = 2
+_MOVED_BACK = 1 << 16
+"""So many missing bytes are looked for first."""
 _HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
 """A known kind, a length below a terabyte, and the first byte that the payload of any of our messages begins with."""
 
@@ -71,11 +73,13 @@ def _places(data: bytes, header: bytes, expected: int) -> Iterator[int]:
     """Yield where a message with this header may begin; first where it should, be its header damaged or not."""
     yield expected
     # Bytes were put in or are missing: a little earlier, or anywhere later.
-    place = data.find(header, max(HEADER_BYTES, expected - (1 << 16)))
-    while place >= 0:
-        if place != expected:
-            yield place
-        place = data.find(header, place + 1)
+    nearby = max(HEADER_BYTES, expected - _MOVED_BACK)
+    for begin, end in ((nearby, len(data)), (HEADER_BYTES, nearby)):
+        place = data.find(header, begin, end)
+        while place >= 0:
+            if place != expected:
+                yield place
+            place = data.find(header, place + 1, end)
 
 
 def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ltvn_core.errors import ServerError
-from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.live_server import is_own_host, port_of
 from ltvn_core.recording.rrd_contents import require_rrd
 from ltvn_core.recording.viewer_assets import viewer_assets
@@ -93,8 +93,11 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
     if live is None:
         path = Path(path)
         require_rrd(path)
-        if not rrd_framing.is_finished(path):
+        found = check_file(path)
+        if not found.framing.finished:
             _LOG.warning("%s is cut or unfinished; the viewer shows what is whole.", path)
+        elif found.damage is not None:
+            _LOG.warning("%s is damaged (%s), and the viewer may show less or nothing of it.", path, found.damage)
     token = secrets.token_urlsafe(16)
     source = Path(path) if live is None else live
     server = _bound(port, _responses(source, token))

@@ -6,7 +6,7 @@ these files and the share of the work that each part is.
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
@@ -61,15 +61,15 @@ def read_share(path: Path) -> float:
 
 
 @contextmanager
-def watched_preparation(share_done: Sequence[Callable[[], float]], tell: Callable[[float], object]) -> Iterator[None]:
-    """Tell the mean share of several preparations again and again, from a thread, until the block ends."""
+def told_repeatedly(tell: Callable[[], object]) -> Iterator[None]:
+    """Call `tell` again and again, from a thread, until the block ends."""
     over = threading.Event()
 
     def watch() -> None:
         while not over.wait(_EVERY_S):
-            tell(sum(done() for done in share_done) / max(len(share_done), 1))
+            tell()
 
-    thread = threading.Thread(target=watch, name="preparation progress", daemon=True)
+    thread = threading.Thread(target=watch, name="evaluation progress", daemon=True)
     thread.start()
     try:
         yield

@@ -4,7 +4,7 @@ Guarantees that results of different plans are never mixed. Runs nothing.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -130,6 +130,15 @@ class TrialFiles:
     def episodes(self, queries: int, first: int, until: int) -> Path:
         """Return the results of the episodes from `first` up to `until` with that map."""
         return self.folder / self.label / f"episodes-{queries:04d}-{first:04d}-{until:04d}.json"
+
+    @staticmethod
+    def unfinished_batch(episodes: Path) -> Path:
+        """Return where the finished episodes of an unfinished batch are."""
+        return episodes.with_suffix(".part")
+
+    def unfinished_batches(self) -> Iterator[Path]:
+        """Yield all of these that there are."""
+        return (self.folder / self.label).glob("episodes-*.part")
 
     def query_batch(self, first: int, until: int) -> Path:
         """Return what the queries from `first` up to `until` did to the map."""

@@ -7,7 +7,7 @@ stopped, on all machines that share the folder.
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
 from ltvn_core.evaluation.map_drawings import save_drawing
 from ltvn_core.evaluation.preparation import prepare
-from ltvn_core.evaluation.preparation_progress import read_share, watched_preparation
+from ltvn_core.evaluation.preparation_progress import read_share, told_repeatedly
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.results import EpisodeResult, TrialResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files, open_planned_system, planned_weights
@@ -33,7 +33,7 @@ EPISODES_PER_BATCH = 25
 """Episodes in a batch: few enough for the cores to finish together, and the map is not loaded too often."""
 
 
-def _tell_nobody(share: float) -> None:
+def _tell_nobody(number: float) -> None:
     """Show nothing."""
 
 
@@ -47,6 +47,8 @@ class EvaluationProgress:
     """Called with the number of further episodes or queries that are done."""
     preparing: Callable[[float], object] = _tell_nobody
     """Called from a thread, with the share of all drives, weights and maps that is prepared."""
+    unfinished: Callable[[int], object] = _tell_nobody
+    """Called from a thread, with the number of episodes that are done in batches that are not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +77,7 @@ def run_episode_batch(
     """
     path = files.episodes(queries, first, first + len(episodes))
     if not path.exists():
-        log = path.with_suffix(".part")
+        log = files.unfinished_batch(path)
         done = dict(read_episodes(log))
         for number, episode in enumerate(episodes, first):
             if number not in done:
@@ -115,8 +117,9 @@ def run_trials(
     Raises OptionError if the folder has results of other settings.
     """
     jobs = prepare_all(plans, folder, parallel, progress)
-    for done in parallel(batch for plan, files in jobs for batch in episode_batch_jobs(plan, files, 0, episodes)):
-        progress.work_done(done)
+    with told_repeatedly(lambda: progress.unfinished(sum(_unfinished_episodes(files) for _, files in jobs))):
+        for done in parallel(batch for plan, files in jobs for batch in episode_batch_jobs(plan, files, 0, episodes)):
+            progress.work_done(done)
     list(parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in jobs))
     # Read from the files, because batches finish in any order.
     return [load_results(files.trial(episodes), TrialResult) for _, files in jobs]
@@ -132,10 +135,15 @@ def prepare_all(
     without_data: set[str] = {plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()}
     for system in without_data:
         system_entry(system).training.rehearsal().prepare()  # Once for all processes.
-    with watched_preparation([partial(_share_prepared, files) for _, files in jobs], progress.preparing):
+    with told_repeatedly(lambda: progress.preparing(sum(_share_prepared(files) for _, files in jobs) / len(jobs))):
         for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):
             progress.maps_ready(ready)
     return jobs
+
+
+def _unfinished_episodes(files: TrialFiles) -> int:
+    """Return how many episodes are done of batches that are not."""
+    return sum(len(read_episodes(part)) for part in files.unfinished_batches())
 
 
 def _share_prepared(files: TrialFiles) -> float:

@@ -10,7 +10,9 @@ from ltvn_core.evaluation.trials import EvaluationProgress
 def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> EvaluationProgress:
     """Return whom to tell how far it is: a bar for the work, which first shows how so many maps are prepared."""
     shown = _PreparationOnBar(bar, maps)
-    return EvaluationProgress(maps_ready=shown.maps_ready, work_done=bar.update, preparing=shown.preparing)
+    return EvaluationProgress(
+        maps_ready=shown.maps_ready, work_done=bar.update, preparing=shown.preparing, unfinished=shown.unfinished
+    )
 
 
 class _PreparationOnBar:
@@ -29,6 +31,10 @@ class _PreparationOnBar:
         """Show the share of all preparation that is done."""
         if self._ready < self._maps:
             self._bar.update(round(100 * share, 1) - self._bar.n)
+
+    def unfinished(self, episodes: int) -> None:
+        """Say how many episodes are done that the bar does not count yet, because their batches are not over."""
+        self._bar.set_postfix_str(f"{episodes} more in unfinished batches" if episodes else "")
 
     def maps_ready(self, ready: int) -> None:
         """Count the maps; with the last one the bar begins to show the work."""

@@ -8,7 +8,7 @@ from typing import NoReturn
 import numpy as np
 import pytest
 
-from ltvn_core.navigation.events import Judged, Localised, Outcome
+from ltvn_core.navigation.events import Judged, Localised, Note, Outcome
 from ltvn_core.robots.drive_lease import DriveLease
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -220,3 +220,38 @@ def test_its_images_are_numbered_after_those_of_the_map_that_was_there() -> None
     assert (robot.state().step, robot.state().stamp) == (510, pytest.approx(61.0))
     assert robot.clock.now() == pytest.approx(61.0)
     assert list(robot.taken()) == [seen]
+
+
+def notes(harness: OwnRobotSession) -> list[str]:
+    events = (stamped.event for stamped in harness.state.live.timeline.events)
+    return [event.text for event in events if isinstance(event, Note)]
+
+
+def test_a_camera_that_stands_still_is_told_once(harness: OwnRobotSession) -> None:
+    harness.drive(AHEAD, 4)  # The images of this room are all black.
+    assert len([text for text in notes(harness) if "is it covered?" in text]) == 1
+
+
+def test_images_without_depth_are_told_once_and_stay_out_of_the_map(
+    harness: OwnRobotSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(harness.state.live_map.predictor, "needs_depth", True, raising=False)
+    seen = harness.own.observe
+    monkeypatch.setattr(harness.own, "observe", lambda: replace(seen(), depth=np.zeros((72, 96), np.float32)))
+    harness.drive(AHEAD, 2)
+    assert len([text for text in notes(harness) if "has no depth" in text]) == 1
+    assert set(harness.now.moment.graph.ids) <= {0}, "only the image from before may be a node"
+
+
+def test_stamps_in_nanoseconds_are_said_and_end_nothing(
+    harness: OwnRobotSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = harness.own.observe
+    with monkeypatch.context() as wrong:
+        wrong.setattr(harness.own, "observe", lambda: replace(seen(), stamp=1.7e18))
+        harness.drive(AHEAD, 1)
+        assert harness.now.message is not None
+        assert "divide nanoseconds" in harness.now.message.text
+    frames = harness.now.moment.frames
+    harness.drive(AHEAD, 1)
+    assert harness.now.moment.frames > frames

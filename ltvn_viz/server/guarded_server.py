@@ -25,12 +25,13 @@ import viser
 import websockets.asyncio.server
 from viser import _messages
 from websockets.asyncio.server import ServerConnection
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from ltvn_core.errors import ServerError
 from ltvn_viz.server import page_messages
 from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
-from ltvn_viz.server.drive_socket import DriveListener, DriveSocket
+from ltvn_viz.server.drive_socket import MAX_PAGES, DriveListener, DriveSocket
 from ltvn_viz.server.driver_seat import ClientId, DriverSeat
 from ltvn_viz.server.index_page import IndexPage
 from ltvn_viz.server.page_gate import PageGate
@@ -40,6 +41,8 @@ from ltvn_viz.server.routes import RouteHandler, Routes, not_found
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
+MAX_VISER_SOCKETS = 2 * MAX_PAGES
+"""A page that comes back may be counted twice until its old socket is given up."""
 _PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
 _SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
@@ -193,9 +196,17 @@ class GuardedServer:
             if address.path == DRIVE_PATH:
                 await self._drive.serve(connection, key)
             else:
-                await viser_handler(self.gate.page(connection, key))
+                await self._serve_panels(viser_handler, connection, key)
 
         return route
+
+    async def _serve_panels(
+        self, viser_handler: Callable[..., Any], connection: ServerConnection, key: str | None
+    ) -> None:
+        if len(self.viser._websock_server._live_connections) >= MAX_VISER_SOCKETS:
+            await connection.close(CloseCode.TRY_AGAIN_LATER, "too many pages")
+            return
+        await viser_handler(self.gate.page(connection, key))
 
 
 def _page_key(query: str) -> str | None:

@@ -154,6 +154,9 @@ class PageGate:
         if verdict is Verdict.ADMITTED:
             # A page sends one file at a time; what is left of another is not waited for.
             server.gui._drop_uploads_from_client(client._websock_connection.client_id)  # type: ignore[arg-type]
+            # viser keeps what it answered to each piece of a file, for pages that come later.
+            buffer = server._websock_server.get_message_buffer()
+            buffer.remove_from_buffer(lambda each: isinstance(each, _messages.FileTransferPartAck))
             page.begin_upload(message)
         return verdict
 

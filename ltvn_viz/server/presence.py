@@ -13,7 +13,7 @@ from enum import StrEnum
 
 from ltvn_viz.server.driver_seat import ClientId
 
-HERE_LEASE_S = 0.2
+HERE_LEASE_S = 0.25
 """A page that was silent for longer is gone."""
 TICK_S = 0.02
 """How often silence is looked for."""

@@ -10,7 +10,7 @@ function changed() {
 }
 
 function send(message) {
-  if (seat.isOpen) socket.postMessage({ text: JSON.stringify(message) });
+  if (seat.isOpen) socket.postMessage({ type: "send", text: JSON.stringify(message) });
 }
 
 function ask(action, id = null) {
@@ -20,8 +20,15 @@ function ask(action, id = null) {
 
 function connect() {
   socket = new Worker(URL.createObjectURL(new Blob([SOCKET_WORKER], { type: "text/javascript" })));
-  socket.onmessage = ({ data }) => (data === null ? lose() : hear(JSON.parse(data)));
-  socket.postMessage({ address: socketAddress("/drive") });
+  socket.onmessage = ({ data }) => {
+    if (data.type === "heard") hear(JSON.parse(data.text));
+    else if (data.type === "lost") lose();
+    else socket.postMessage({ type: "answer" });
+  };
+  for (const name of ["freeze", "resume"]) {
+    document.addEventListener(name, () => socket.postMessage({ type: "freeze", frozen: name === "freeze" }));
+  }
+  socket.postMessage({ type: "connect", address: socketAddress("/drive") });
 }
 
 function lose() {

@@ -1,16 +1,21 @@
 // The page's connection to the robot, in a thread of its own. So the server hears that the page is there however long
-// the page draws, and while it is behind another one, where a page's own timers run once a second.
+// the page draws, and while it is behind another one, where a page's own timers run once a second. A page that was
+// frozen, or does not answer its worker any more, is not there.
 
 const HERE_MS = 50;
 const RECONNECT_MS = 500;
+const ASK_MS = 1000;
+const HUNG_MS = 10000;
 
 let socket = null;
+let isFrozen = false;
+let answered = performance.now();
 
 function connect(address) {
   socket = new WebSocket(address);
-  socket.onmessage = (event) => postMessage(event.data);
+  socket.onmessage = (event) => postMessage({ type: "heard", text: event.data });
   socket.onclose = () => {
-    postMessage(null);
+    postMessage({ type: "lost" });
     setTimeout(connect, RECONNECT_MS, address);
   };
 }
@@ -19,5 +24,15 @@ function send(text) {
   if (socket !== null && socket.readyState === WebSocket.OPEN) socket.send(text);
 }
 
-onmessage = ({ data: { address, text } }) => (address === undefined ? send(text) : connect(address));
-setInterval(send, HERE_MS, '{"type":"here"}');
+function sayHere() {
+  if (!isFrozen && performance.now() - answered < HUNG_MS) send('{"type":"here"}');
+}
+
+onmessage = ({ data }) => {
+  answered = performance.now();
+  if (data.type === "connect") connect(data.address);
+  else if (data.type === "send") send(data.text);
+  else if (data.type === "freeze") isFrozen = data.frozen;
+};
+setInterval(sayHere, HERE_MS);
+setInterval(postMessage, ASK_MS, { type: "ask" });

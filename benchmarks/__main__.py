@@ -32,7 +32,7 @@ class BenchVerb(Verb):
         """Measure one budget after the other."""
         from tqdm import tqdm
 
-        from benchmarks import camera, drive_latency, learning, long_replay, matching, planning, recording
+        from benchmarks import camera, drive_latency, learning, long_replay, matching, planning, recorder, recording
 
         jobs = {
             "camera": camera.render_large_mesh,
@@ -41,6 +41,7 @@ class BenchVerb(Verb):
             "learning": learning.learn,
             "matching": matching.localise_and_build,
             "planning": planning.plan_large_map,
+            "recorder": recorder.begin_and_fail,
             "recording": recording.write_and_read,
         }
         chosen = {name: job for name, job in jobs.items() if self.only in (None, name)}

@@ -108,7 +108,7 @@ def _samples(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
 
     rng, process, began = np.random.default_rng(seed), psutil.Process(), time.monotonic()
     due = 0.0
-    with _running(folder) as app:
+    with running_app(folder) as app:
         app.session.send(c.StartRecording())
         while (minute := (time.monotonic() - began) / 60) < minutes:
             graph = app.session.state.live_map.graph
@@ -129,7 +129,8 @@ def _samples(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
 
 
 @contextmanager
-def _running(folder: Path) -> Iterator["RunningApp"]:
+def running_app(folder: Path) -> Iterator["RunningApp"]:
+    """Open the app on the demo apartment, with its session in a thread, while the block runs."""
     from ltvn_viz.app import AppOptions, open_app
 
     with ExitStack() as stack:

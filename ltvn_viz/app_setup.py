@@ -72,6 +72,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         library,
         lambda path: _new_recording(path, options, backend, robot, live_map),
         take_map=lambda: (live_map.graph.copy(), live_map.map_observations()),
+        scene_glb=lambda: None if backend.scene is None else backend.scene.glb(with_ceiling=False),
     )
     live = LiveRun(robot, recorder, Timeline())
     if known is not None:
@@ -175,7 +176,6 @@ def _new_recording(
         config={"verb": "app", "system": live_map.system.name, "method": asdict(live_map.system.method)},
         fingerprint=live_map.fingerprint,
         camera=robot.spec.camera,
-        scene_glb=None if scene is None else scene.glb(with_ceiling=False),
         live_port=options.stream,
         patience_s=0,
     )

@@ -52,7 +52,8 @@ class RecordingEnding:
         self.static_rows = Counter[str]()
         """The same for rows that hold at all times."""
         self._header_crc32: int | None = None
-        self._messages: list[MessageSum] = []
+        self._table = bytearray()
+        """The checksums, packed: an hour has some sixty thousand."""
 
     def count(self, block: bytes) -> None:
         """Take note of the header or of a message that is in the file now."""
@@ -60,14 +61,14 @@ class RecordingEnding:
             self._header_crc32 = zlib.crc32(block)
             return
         kind, length = rrd_framing.MESSAGE_HEADER.unpack_from(block)
-        self._messages.append(MessageSum(kind, length, zlib.crc32(block)))
+        self._table += _SUM.pack(kind, zlib.crc32(block), length)
 
     def encoded(self, *, complete: bool) -> bytes:
         """Return what to write behind the last message; without `complete` no number of rows is promised."""
         return closing_bytes(
             ClosingRecord(
                 header_crc32=self._header_crc32 or 0,
-                messages=self._messages,
+                messages=_messages(self._table),
                 rows=self.rows if complete else {},
                 static_rows=self.static_rows if complete else {},
             )
@@ -122,13 +123,16 @@ def _parsed(data: bytes) -> ClosingRecord | None:
     text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
     table_end = text_at + text_bytes + count * _SUM.size
     counts = json.loads(data[text_at : text_at + text_bytes])
-    table = _SUM.iter_unpack(data[text_at + text_bytes : table_end])
     return ClosingRecord(
         header_crc32=_CRC.unpack_from(data, table_end)[0],
-        messages=tuple(MessageSum(kind, length, crc32) for kind, crc32, length in table),
+        messages=_messages(data[text_at + text_bytes : table_end]),
         rows=counts["rows"],
         static_rows=counts["static_rows"],
     )
+
+
+def _messages(table: bytes | bytearray) -> Sequence[MessageSum]:
+    return tuple(MessageSum(kind, length, crc32) for kind, crc32, length in _SUM.iter_unpack(table))
 
 
 def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:

@@ -36,13 +36,13 @@ class DrawnEntity(NamedTuple):
     values: Sequence[rr.AsComponents]
 
 
-def static_entities(camera: CameraModel, scene_glb: bytes | None) -> list[DrawnEntity]:
-    """Draw what holds at all times: axes, scene, robot, camera, and the names of the curves."""
+def static_entities(camera: CameraModel) -> list[DrawnEntity]:
+    """Draw what holds at all times: axes, robot, camera, and the names of the curves."""
     radius_m = LOCOBOT.radius_m
     body = rr.Boxes3D(
         centers=[[0, 0, 0.2]], half_sizes=[[radius_m, radius_m, 0.2]], colors=[[90, 90, 100]], fill_mode="Solid"
     )
-    parts = [
+    return [
         DrawnEntity(schema.WORLD, [rr.ViewCoordinates.RIGHT_HAND_Z_UP]),
         DrawnEntity(schema.BODY, [body]),
         DrawnEntity(f"{schema.BODY}/nose", [_arrow(0.42, _NOSE_COLOUR)]),
@@ -54,9 +54,11 @@ def static_entities(camera: CameraModel, scene_glb: bytes | None) -> list[DrawnE
         DrawnEntity(schema.GRAPH_SIZE, [rr.SeriesLines(names=["nodes", "edges"], interpolation_mode="StepAfter")]),
         DrawnEntity(schema.MARGIN, [rr.SeriesLines(names=["margin of the localisation"])]),
     ]
-    if scene_glb is not None:
-        parts.append(DrawnEntity(schema.SCENE, [rr.Asset3D(contents=scene_glb, media_type="model/gltf-binary")]))
-    return parts
+
+
+def draw_scene(glb: bytes) -> DrawnEntity:
+    """Draw a binary glTF, z up."""
+    return DrawnEntity(schema.SCENE, [rr.Asset3D(contents=glb, media_type="model/gltf-binary")])
 
 
 def draw_robot(drawn_pose: Pose, odometry: Pose) -> list[DrawnEntity]:

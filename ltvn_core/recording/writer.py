@@ -63,7 +63,7 @@ class RecordingWriter:
     ) -> None:
         """Begin a recording at `path`.
 
-        `config` must be sayable in JSON. `scene_glb` is drawn and makes the file larger by its size. `recording_id` and
+        `config` must be sayable in JSON. `scene_glb` is drawn, see `draw_scene`. `recording_id` and
         `started_at` are for rewriting an older recording. Recording stops when the disk has less than `min_free_bytes`.
         Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken. Where the disk is
         far behind, writing waits for it up to `patience_s`; 0 is for a robot in real time.
@@ -95,8 +95,10 @@ class RecordingWriter:
         self._curves = event_drawing.BeliefCurves()
         self._draw_schedule = _DrawSchedule()
         self._stream.begin(f"{scene} {started_at}", description, blueprint())
-        for part in map_drawing.static_entities(camera, scene_glb):
+        for part in map_drawing.static_entities(camera):
             self._stream.log_static(part.entity, *part.values)
+        if scene_glb is not None:
+            self.draw_scene(scene_glb)
         self._stream.flush()
 
     @property
@@ -108,6 +110,11 @@ class RecordingWriter:
     def failure(self) -> str | None:
         """Why the recording stopped by itself, or None."""
         return self._stream.failure
+
+    def draw_scene(self, glb: bytes) -> None:
+        """Draw the scene; makes the file larger by its size. Any thread may call it, whoever else writes meanwhile."""
+        part = map_drawing.draw_scene(glb)
+        self._stream.log_static(part.entity, *part.values)
 
     def write_frame(self, observation: Observation) -> None:
         """Write a frame; one that is there already is left alone. The caller may reuse its arrays at once."""

@@ -44,6 +44,10 @@ class RecordingSink(Protocol):
         """Begin with a whole map and its images."""
         ...
 
+    def draw_scene(self, glb: bytes) -> None:
+        """Draw the scene, a binary glTF; while another thread writes, too."""
+        ...
+
     def write_frame(self, observation: Observation) -> None:
         """Append an image."""
         ...
@@ -96,14 +100,17 @@ class Recorder:
         clock: Callable[[], datetime] = datetime.now,
         *,
         take_map: Callable[[], WholeMap] = lambda: (TopologicalGraph(), ()),
+        scene_glb: Callable[[], bytes | None] = lambda: None,
         executor: Executor | None = None,
     ) -> None:
         """Write into `library`.
 
         `open_writer` starts a new file, in the recorder's thread. `take_map` returns a copy of the map for the file to
-        begin with, and is called while nobody changes it. `executor` has a single thread.
+        begin with, and is called while nobody changes it. `scene_glb` is called in the recorder's thread, which draws
+        the scene once rows are on their way. `executor` has a single thread.
         """
-        self._library, self._open, self._clock, self._take_map = library, open_writer, clock, take_map
+        self._library, self._open, self._clock = library, open_writer, clock
+        self._take_map, self._scene_glb = take_map, scene_glb
         self._files = Worker(executor or DaemonExecutor("recorder"))
         self._current: _RecordingUnderWay | None = None
         self._failure: str | None = None
@@ -244,9 +251,14 @@ class Recorder:
                 lambda: _tried(lambda: graph.nodes and writer.write_map(graph, observations)),
                 lambda outcome: self._ready(current, outcome),
             )
+            self._files.submit(lambda: _tried(lambda: self._draw_scene(writer)), lambda _outcome: None)
         elif current.ready and current.finished is not None and not current.closing:
             current.closing = True
             self._close(current, lambda outcome: self._closed(current, outcome))
+
+    def _draw_scene(self, writer: RecordingSink) -> None:
+        if (glb := self._scene_glb()) is not None:
+            writer.draw_scene(glb)
 
     def _ready(self, current: _RecordingUnderWay, outcome: object) -> None:
         if isinstance(outcome, Exception):

@@ -62,7 +62,8 @@ def _is_recording(entry: os.DirEntry[str]) -> bool:
 
 def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        # A recording shows the inside of somebody's rooms: other users of the machine get to it by the owner's will.
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(
             f"Cannot write into {folder}: {error.strerror}. Choose another folder with --recordings."

@@ -131,6 +131,9 @@ class FakeWriter:
     def write_event(self, stamped: StampedEvent) -> None:
         self.events.append(stamped)
 
+    def draw_scene(self, glb: bytes) -> None:
+        """Draw nothing."""
+
     def draw_graph(self, graph: object, step: FrameId, stamp: float) -> None:
         """Draw nothing."""
 

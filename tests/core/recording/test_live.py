@@ -91,6 +91,7 @@ def test_a_port_that_is_taken_is_said_before_a_file_is_made(tmp_path: Path, take
 def test_an_address_is_read_as_it_was_written() -> None:
     assert port_of(live_address(9877)) == 9877
     assert port_of("rerun+http://elsewhere:9877/proxy") is None
+    assert port_of(live_address(9877).replace("127.0.0.1", "elsewhere")) is None
     assert port_of("a.rrd") is None
 
 

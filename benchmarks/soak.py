@@ -132,6 +132,7 @@ def _samples(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
 def running_app(folder: Path) -> Iterator["RunningApp"]:
     """Open the app on the demo apartment, with its session in a thread, while the block runs."""
     from ltvn_viz.app import AppOptions, open_app
+    from ltvn_viz.session.commands import KeepGoing
 
     with ExitStack() as stack:
         app = stack.enter_context(open_app(AppOptions(port=0, recordings=folder)))
@@ -139,6 +140,7 @@ def running_app(folder: Path) -> Iterator["RunningApp"]:
         thread.start()
         stack.callback(thread.join)
         stack.callback(app.session.stop)
+        app.session.send(KeepGoing(is_on=True))  # There is no page that could be open.
         yield app
 
 

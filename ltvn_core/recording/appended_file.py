@@ -1,7 +1,7 @@
-"""One new file that grows at its end, block by block, written by a thread of its own.
+"""One new file that grows at its end, batch by batch, written by a thread of its own.
 
 Owns the disk: whoever hands in blocks never waits for it, and what goes wrong with file, folder or disk is noticed
-within a second. Whatever happens, the file ends with a whole block. Knows nothing of what is in a block.
+within a second. Whatever goes wrong, the file ends with a whole batch of blocks. Knows nothing of what is in a block.
 """
 
 import logging
@@ -45,7 +45,7 @@ class AppendedFile:
     """A new file that only its owner may read, and the thread that writes it.
 
     Raises RecordingError at once when the file exists already, cannot be made or has no room. Later nothing raises:
-    `failure` says why no more is written, and the file keeps the whole blocks that it has.
+    `failure` says why no more is written, and the file keeps the whole batches that it has.
     """
 
     def __init__(self, path: Path, *, min_free_bytes: int, ending: FileEnding) -> None:
@@ -75,7 +75,10 @@ class AppendedFile:
         return self._handed_in - self._dealt_with
 
     def append(self, blocks: Sequence[bytes]) -> None:
-        """Hand in blocks, from one thread at a time; never waits. They are dropped once there is a failure."""
+        """Hand in blocks that belong together, from one thread at a time; never waits.
+
+        They come into the file all or none, and are dropped once there is a failure.
+        """
         if not blocks or self.failure is not None:
             return
         if self.waiting_bytes > WAITING_BYTES:
@@ -118,7 +121,7 @@ class AppendedFile:
     def _run(self) -> None:
         try:
             self._write_until_closed()
-            self._write(self._ending.encoded(complete=self.failure is None), counted=False)
+            self._write([self._ending.encoded(complete=self.failure is None)])
             self._check()
             self._bring_to_disk()
         except Exception as error:  # The person is told, and nobody waits for a thread that is gone.
@@ -130,9 +133,9 @@ class AppendedFile:
     def _write_until_closed(self) -> None:
         checked = synced = time.monotonic()
         while (blocks := self._next()) is not None:
-            for block in blocks:
-                if self.failure is None:
-                    self._write(block, counted=True)
+            if self.failure is None and self._write(blocks):
+                for block in blocks:
+                    self._ending.count(block)
             with self._progress:
                 self._dealt_with += sum(map(len, blocks))
                 self._progress.notify_all()
@@ -149,19 +152,19 @@ class AppendedFile:
         except queue.Empty:
             return ()
 
-    def _write(self, block: bytes, *, counted: bool) -> None:
-        """Write all of a block or nothing of it."""
-        left = memoryview(block)
+    def _write(self, blocks: Sequence[bytes]) -> bool:
+        """Write all of the blocks or nothing of them; tell which."""
+        left = memoryview(b"".join(blocks))
+        size = len(left)
         try:
             while left:
                 left = left[os.write(self._file, left) :]
         except OSError as error:
             self._attempt(lambda: os.ftruncate(self._file, self._size_bytes))
             self._fail(_broken(self.path, error.strerror or str(error)))
-            return
-        self._size_bytes += len(block)
-        if counted:
-            self._ending.count(block)
+            return False
+        self._size_bytes += size
+        return True
 
     def _check(self) -> None:
         """Look whether the file is still where it was made, and whether there is room for more."""

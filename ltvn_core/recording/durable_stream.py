@@ -7,6 +7,8 @@ disk is `appended_file`'s.
 import atexit
 import logging
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import rerun as rr
@@ -50,7 +52,7 @@ class DurableStream:
         live_port: int | None = None,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        """Begin the file. `log` waits up to `patience_s` for a disk that is far behind; 0 for a robot in real time."""
+        """Begin the file. `together` waits up to `patience_s` for a disk that is far behind; 0 for a robot in real time."""
         self.path = path
         self._patience_s = patience_s
         self._failure: str | None = None
@@ -60,7 +62,6 @@ class DurableStream:
         self._description: rr.AsComponents | None = None
         self._lock = threading.RLock()
         """Guards what is logged; nobody waits for the disk while holding it."""
-        self._taking_lock = threading.Lock()
         self._ending = RecordingEnding()
         self._live = None if live_port is None else LiveServer(live_port, path)
         try:
@@ -97,9 +98,16 @@ class DurableStream:
         if self._live is not None:
             self._live.start()
 
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Let what is logged in the block come into the file all or not at all; waits first where the disk is behind."""
+        if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
+            self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
+        with self._lock:
+            yield
+
     def log(self, step: FrameId, stamp: float, entity: str, *values: rr.AsComponents) -> None:
         """Write one row of an entity at a moment; both timelines are always set together, here only."""
-        self._wait_for_disk()
         with self._lock:
             if not self._taking():
                 return
@@ -152,15 +160,11 @@ class DurableStream:
 
     def _pass_on(self) -> None:
         """Hand to the file what was logged since the last time."""
-        with self._taking_lock:
+        with self._lock:
             try:
                 self._file.append(self._messages.take())
             except RecordingError as error:
                 self._failure = self._failure or str(error)
-
-    def _wait_for_disk(self) -> None:
-        if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
-            self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
 
     def _set_time(self, step: FrameId, stamp: float) -> None:
         # Rerun remembers the time per thread, and setting it costs as much as a small row.

@@ -128,11 +128,12 @@ class RecordingWriter:
         self._frames.add(frame.step)
         self._drawn_poses.add_frame(frame.step, frame.drawn_pose)
         log_time = _LogTime(frame.step, frame.stamp)
-        self._stream.log(*log_time, schema.RGB, *_rgb_row(frame))
-        self._stream.log(*log_time, schema.DEPTH, *_depth_row(frame))
-        if frame.original is not None:
-            self._stream.log(*log_time, schema.ORIGINAL, *_original_row(frame, frame.original))
-        self._draw(log_time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
+        with self._stream.together():
+            self._stream.log(*log_time, schema.RGB, *_rgb_row(frame))
+            self._stream.log(*log_time, schema.DEPTH, *_depth_row(frame))
+            if frame.original is not None:
+                self._stream.log(*log_time, schema.ORIGINAL, *_original_row(frame, frame.original))
+            self._draw(log_time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
 
     def write_event(self, stamped: StampedEvent) -> None:
         """Write an event, exactly and as the viewer shows it."""
@@ -141,11 +142,12 @@ class RecordingWriter:
             self._drawn_poses.add_node(stamped.event.delta.node)
         encoded = EncodedEvent.of(stamped, sequence=self._events)
         self._events += 1
-        self._stream.log(*log_time, schema.EVENTS, _event_row(encoded))
-        for part in self._curves.start_curve(stamped.event):
-            self._stream.log_static(part.entity, *part.values)
-        self._draw(log_time, event_drawing.draw_event(stamped.event, self._drawn_poses))
-        self._draw(log_time, self._curves.extend_curve(stamped.event))
+        with self._stream.together():
+            self._stream.log(*log_time, schema.EVENTS, _event_row(encoded))
+            for part in self._curves.start_curve(stamped.event):
+                self._stream.log_static(part.entity, *part.values)
+            self._draw(log_time, event_drawing.draw_event(stamped.event, self._drawn_poses))
+            self._draw(log_time, self._curves.extend_curve(stamped.event))
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map if it changed, at most twice a second; call it as often as you like."""

@@ -1,5 +1,7 @@
 """Disks that fill up, folders that go away: said at once, nobody waits, and what was written can be read."""
 
+import subprocess
+import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +11,7 @@ import pytest
 from ltvn_core.recording.appended_file import AppendedFile
 from ltvn_core.recording.integrity import repair, verify
 from tests.core.recording.disk_faults import FAULTS, kill_while_recording, may_mount, strike
+from tests.repository import ROOT
 from tests.waiting import until
 
 EXPECTED_WORDS = {
@@ -81,6 +84,25 @@ def test_blocks_stand_in_the_file_in_their_order_and_then_the_ending(tmp_path: P
     file.close()
     assert (tmp_path / "a").read_bytes() == b"onetwo end"
     assert file.failure is None
+
+
+def test_blocks_that_belong_together_come_into_the_file_all_or_none(tmp_path: Path) -> None:
+    program = """
+import resource, signal, sys
+from pathlib import Path
+from tests.core.recording.test_disk_faults import appended
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+file = appended(Path(sys.argv[1]), [b"12345"])
+file.append([b"67", b"89", b"too much"])
+file.close()
+print(file.failure)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a")], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert "File too large" in run.stdout
+    assert (tmp_path / "a").read_bytes() == b"12345 cut"
 
 
 def test_only_the_owner_may_read_a_recording(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ class DurableStream:
         live_port: int | None = None,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        """Begin the file. `together` waits up to `patience_s` for a disk that is far behind; 0 for a robot in real time."""
+        """Begin the file. `together` waits up to `patience_s` for a disk far behind; 0 for a robot in real time."""
         self.path = path
         self._patience_s = patience_s
         self._failure: str | None = None
@@ -100,7 +100,7 @@ class DurableStream:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Let what is logged in the block come into the file all or not at all; waits first where the disk is behind."""
+        """Let what is logged in the block come into the file all or not at all; first waits for a disk far behind."""
         if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
             self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
         with self._lock:

@@ -122,12 +122,16 @@ def _parsed(data: bytes) -> ClosingRecord | None:
     text_at = len(_MAGIC) + _SIZES.size
     text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
     table_end = text_at + text_bytes + count * _SUM.size
-    counts = json.loads(data[text_at : text_at + text_bytes])
+    try:
+        counts = json.loads(data[text_at : text_at + text_bytes])
+        rows, static_rows = dict(counts["rows"]), dict(counts["static_rows"])
+    except (ValueError, LookupError, TypeError):
+        return None  # Its checksum is right, so somebody wrote it so.
     return ClosingRecord(
         header_crc32=_CRC.unpack_from(data, table_end)[0],
         messages=_messages(data[text_at + text_bytes : table_end]),
-        rows=counts["rows"],
-        static_rows=counts["static_rows"],
+        rows=rows,
+        static_rows=static_rows,
     )
 
 

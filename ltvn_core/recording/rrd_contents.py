@@ -54,7 +54,7 @@ def require_rrd(path: Path) -> None:
     try:
         genuine = rrd_framing.is_rrd(path)
     except OSError as error:
-        raise RecordingError(f"{path} cannot be read ({error.strerror}); check its permissions.") from error
+        raise unreadable(path, error) from error
     if not genuine:
         size = path.stat().st_size
         what = "is empty" if size == 0 else f"is no Rerun recording ({size} bytes of another format)"
@@ -70,10 +70,18 @@ def require_file(path: Path) -> None:
         raise RecordingError(f"{path} is no file; name a single .rrd recording.")
 
 
+def unreadable(path: Path, error: OSError) -> RecordingError:
+    """Return what to say when the system refuses to read a file."""
+    return RecordingError(f"{path} cannot be read ({error.strerror}); check its permissions, and the disk.")
+
+
 def require_whole(path: Path) -> FileCheck:
     """Check the bytes of a finished file. Raises RecordingError that names `ltvn repair` when any is wrong."""
     require_rrd(path)
-    found = check_file(path)
+    try:
+        found = check_file(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
     if found.framing.finished and found.damage is None:
         return found
     size, whole_bytes = path.stat().st_size, found.framing.whole_bytes
@@ -101,8 +109,12 @@ def open_contents(path: Path) -> RrdContents:
     return RrdContents(meta, store.rows, found.record)
 
 
-def read_store(path: Path) -> StoreRows:
-    """Read all rows of a file of which it is known that Rerun's reader survives it. Raises RecordingError."""
+def read_store(path: Path, *, part_of: Path | None = None) -> StoreRows:
+    """Read all rows of a file of which it is known that Rerun's reader survives it. Raises RecordingError.
+
+    Errors name the file `part_of`, when `path` is a part of it.
+    """
+    named = part_of or path
     try:
         with warnings.catch_warnings():
             # Our files have no table of chunks, since it would grow for as long as a recording lasts.
@@ -113,12 +125,12 @@ def read_store(path: Path) -> StoreRows:
         chunks = reader.stream() if stores else ()
         batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if _is_read(chunk.entity_path)]
     except Exception as error:
-        raise _damaged_inside(path, str(error)) from error
+        raise _damaged_inside(named, str(error)) from error
     if not stores:
-        raise RecordingError(f"{path} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
+        raise RecordingError(f"{named} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
     if stores[0].application_id != schema.APPLICATION_ID:
         raise RecordingError(
-            f"{path} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
+            f"{named} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
         )
     rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
     for entity, batch in batches:

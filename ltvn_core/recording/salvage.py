@@ -6,7 +6,7 @@ read in a process of its own, since a damaged one can end the process that reads
 
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from ltvn_core.recording.rrd_contents import (
     has_expected_columns,
     read_description,
     read_store,
+    unreadable,
 )
 from ltvn_core.recording.rrd_framing import MESSAGE_HEADER, TAIL_BYTES, Tail
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -59,22 +60,18 @@ class Salvage(NamedTuple):
 
 def open_salvage(path: Path) -> Salvage:
     """Open what is whole of a damaged or unfinished recording. Raises RecordingError when nothing is."""
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from error
     found = find_messages(data)
     chunks = [each for each in found.messages if _store(each.data) is not None]
     store = _main_store([each.data for each in chunks])
     if store is None:
         raise RecordingError(f"{path} holds no whole message of a recording; nothing in it can be saved.")
-    with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
-        kept = Path(folder) / "kept.rrd"
-        messages = [each.data for each in chunks]
-        _write(kept, store, messages)
-        # With a closing record all are as they were written.
-        doubtful = found.record is None and reading_failure(kept) is not None
-        bad = unreadable_messages(kept, len(messages)) if doubtful else {}
-        if bad:
-            _write(kept, store, [message for place, message in enumerate(messages) if place not in bad])
-        contents = _contents(path, read_store(kept), found.record)
+    messages = [each.data for each in chunks]
+    bad, rows = _read_apart(path, store, messages, trusted=found.record is not None)
+    contents = _contents(path, rows, found.record)
     lost = [(chunks[place].position, len(chunks[place].data)) for place in bad]
     lost += [(each.position, each.size) for each in found.lost]
     return Salvage(
@@ -85,6 +82,29 @@ def open_salvage(path: Path) -> Salvage:
         lost_places=sorted(lost),
         ended=_ended(data, found),
     )
+
+
+def _read_apart(
+    path: Path, store: bytes, messages: Sequence[bytes], *, trusted: bool
+) -> tuple[Mapping[int, str], StoreRows]:
+    """Read messages from a temporary file of their own; return those that cannot be read, and the rows of the others.
+
+    Messages that are trusted are as they were written, so that nothing has to be tried.
+    """
+    try:
+        with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
+            kept = Path(folder) / "kept.rrd"
+            _write(kept, store, messages)
+            doubtful = not trusted and reading_failure(kept) is not None
+            bad = unreadable_messages(kept, len(messages)) if doubtful else {}
+            if bad:
+                _write(kept, store, [message for place, message in enumerate(messages) if place not in bad])
+            return bad, read_store(kept, part_of=path)
+    except OSError as error:
+        raise RecordingError(
+            f"{path} cannot be copied to the temporary folder {tempfile.gettempdir()} ({error.strerror}); make room "
+            "there, or name another in the variable TMPDIR."
+        ) from error
 
 
 def _ended(data: bytes, found: FoundMessages) -> bool:
@@ -143,7 +163,9 @@ def _stand_in(recording_id: str) -> RecordingMetadata:
 def _write(path: Path, store: bytes, messages: Sequence[bytes]) -> None:
     info = _ROW_ID + _field(2, _field(2, store) + _STORE_SOURCE)
     described = MESSAGE_HEADER.pack(_STORE_KIND, len(info)) + info
-    path.write_bytes(b"".join((_FILE_HEADER, described, *messages)))
+    with path.open("wb") as file:
+        file.write(_FILE_HEADER + described)
+        file.writelines(messages)
 
 
 def _store(message: bytes) -> bytes | None:

@@ -14,7 +14,7 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
 from tests.core.recording.mutations import Fate, judge_mutations
-from tests.repository import GOLDEN_RECORDING
+from tests.repository import GOLDEN_RECORDING, ROOT
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +131,9 @@ def test_when_no_frame_and_no_event_is_left_nothing_is_written(whole: Path, dama
     with pytest.raises(RecordingError, match="nothing in it can be saved"):
         repair(damaged, repaired)
     assert not repaired.exists()
+
+
+def test_only_the_guarded_way_leads_to_reruns_reader() -> None:
+    readers = [path.name for path in (ROOT / "ltvn_core").rglob("*.py") if "RrdReader" in path.read_text()]
+    readers += [path.name for path in (ROOT / "ltvn_viz").rglob("*.py") if "RrdReader" in path.read_text()]
+    assert sorted(readers) == ["reading_trial.py", "rrd_contents.py"]

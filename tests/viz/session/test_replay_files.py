@@ -23,7 +23,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from tests.core.flat_world import tour
-from tests.repository import DEMO_MAP
+from tests.repository import DEMO_MAP, GOLDEN_RECORDING
 from tests.viz.session_harness import FakeDriver, SessionHarness
 
 
@@ -111,6 +111,20 @@ def test_a_foreign_file_is_a_clear_error_in_the_page(recording: Path, tmp_path: 
     assert shown.work is None
     assert shown.message is not None
     assert "holiday.rrd" in shown.message.text
+
+
+def test_a_file_on_which_reruns_reader_breaks_down_does_not_take_the_page_along(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    damaged = bytearray(GOLDEN_RECORDING.read_bytes())
+    damaged[54_327] ^= 1 << 5
+    (tmp_path / "damaged.rrd").write_bytes(damaged)
+    harness.state.open_replay = lambda name: open_replay(harness.library, name)
+    harness.do(c.StartRecording())
+    shown = harness.do(c.OpenRecording("damaged.rrd"), ticks=2)
+    assert shown.mode is Mode.TELEOP
+    assert shown.recording.name is not None
+    assert shown.message is not None
+    assert "ltvn repair" in shown.message.text
 
 
 def test_a_map_of_other_weights_is_refused(tmp_path: Path, open_state: Callable[[AppOptions], AppState]) -> None:

@@ -4,18 +4,22 @@ Owns the search. Does not look into messages beyond their first byte, so without
 is damaged.
 """
 
+import bisect
+import itertools
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.closing_record import ClosingRecord, find_closing_record
+from ltvn_core.recording.closing_record import ClosingRecord, closing_bytes, find_closing_record
 from ltvn_core.recording.rrd_framing import END_KIND, HEADER_BYTES, KNOWN_KINDS, MESSAGE_HEADER, TAIL_BYTES
 
 _CHUNK_KIND = 2
-_MOVED_BACK = 1 << 16
-"""So many missing bytes are looked for first."""
+_TRIED = 8
+"""So many places of like headers are looked at for one message, so that a file with large holes takes no hours."""
 _HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
 """A known kind, a length below a terabyte, and the first byte that the payload of any of our messages begins with."""
 
@@ -57,29 +61,40 @@ def find_messages(data: bytes) -> FoundMessages:
 
 def _as_recorded(data: bytes, record: ClosingRecord) -> Iterator[FoundMessage | LostBytes]:
     """Look for every message where it was written, and else where it may have moved to."""
-    position = HEADER_BYTES
+    # Only where the length differs bytes can be missing or put in.
+    index = _HeaderIndex(b"" if len(data) == record.messages_end + len(closing_bytes(record)) else data)
+    position = behind_last = HEADER_BYTES
     for written in record.messages:
         found = None
-        for place in _places(data, written.header, position):
+        for place in itertools.chain((position,), index.places(written.header, behind_last)):
+            # The header from the record, so that damage to this alone costs nothing.
             message = written.header + data[place + MESSAGE_HEADER.size : place + written.size]
             if zlib.crc32(message) == written.crc32:
-                found = FoundMessage(place, message)
+                found, position = FoundMessage(place, message), place
+                behind_last = place + written.size
                 break
         yield LostBytes(position, written.size) if found is None else found
-        position = (position if found is None else found.position) + written.size
+        position += written.size
 
 
-def _places(data: bytes, header: bytes, expected: int) -> Iterator[int]:
-    """Yield where a message with this header may begin; first where it should, be its header damaged or not."""
-    yield expected
-    # Bytes were put in or are missing: a little earlier, or anywhere later.
-    nearby = max(HEADER_BYTES, expected - _MOVED_BACK)
-    for begin, end in ((nearby, len(data)), (HEADER_BYTES, nearby)):
-        place = data.find(header, begin, end)
-        while place >= 0:
-            if place != expected:
-                yield place
-            place = data.find(header, place + 1, end)
+class _HeaderIndex:
+    """Where in a file which header stands, since bytes may be missing or put in. Made when it is first asked for."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    @cached_property
+    def _positions(self) -> Mapping[bytes, Sequence[int]]:
+        found: dict[bytes, list[int]] = defaultdict(list)
+        for match in _HEADER_LIKE.finditer(self._data):
+            found[match.group()[: MESSAGE_HEADER.size]].append(match.start())
+        return found
+
+    def places(self, header: bytes, begin: int) -> Sequence[int]:
+        """Return the first few places of a header from `begin` on."""
+        positions = self._positions.get(header, ())
+        first = bisect.bisect_left(positions, begin)
+        return positions[first : first + _TRIED]
 
 
 def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:

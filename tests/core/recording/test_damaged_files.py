@@ -10,6 +10,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import rrd_framing
 from ltvn_core.recording.info import read_info
 from ltvn_core.recording.integrity import repair, verify
+from ltvn_core.recording.message_search import find_messages
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
@@ -137,3 +138,14 @@ def test_only_the_guarded_way_leads_to_reruns_reader() -> None:
     readers = [path.name for path in (ROOT / "ltvn_core").rglob("*.py") if "RrdReader" in path.read_text()]
     readers += [path.name for path in (ROOT / "ltvn_viz").rglob("*.py") if "RrdReader" in path.read_text()]
     assert sorted(readers) == ["reading_trial.py", "rrd_contents.py"]
+
+
+@pytest.mark.parametrize("inserted", [b"", bytes(700)], ids=["a hole", "a hole and bytes put in"])
+def test_messages_before_and_behind_a_large_hole_are_found(inserted: bytes, whole: Path) -> None:
+    data = whole.read_bytes()
+    spans = list(messages(data))
+    middle = len(spans) // 2
+    begin, end = spans[2][0], spans[middle][0]
+    found = find_messages(data[:begin] + bytes(end - begin) + inserted + data[end:])
+    kept = [*spans[:2], *spans[middle:]]
+    assert [message.data for message in found.messages] == [data[slice(*span)] for span in kept]

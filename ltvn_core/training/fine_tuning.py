@@ -202,7 +202,11 @@ def _finished_earlier(output: Path, run: Mapping[str, Any]) -> FineTunedWeights 
         return None
     made_by = matching_card(output).get("run", {})
     # Earlier versions wrote fewer keys, those of the evaluation with the plan; what they wrote must agree.
-    if "plan" not in made_by or any(made_by[key] != run[key] for key in made_by.keys() & run.keys()):
+    if (
+        not isinstance(made_by, dict)
+        or "plan" not in made_by
+        or any(made_by[key] != run[key] for key in made_by.keys() & run.keys())
+    ):
         raise WeightsError(
             f"{output} exists and was made otherwise; nothing is overwritten. Name another output, or move that away."
         )
@@ -254,14 +258,20 @@ def _summary(weights: Path) -> FineTunedWeights:
     from ltvn_core.network.weights_file import read_card
 
     card = read_card(weights)
-    return FineTunedWeights(
-        weights=weights,
-        fingerprint=card["fingerprint"],
-        parent=card["parent"],
-        images=card["images"],
-        pieces=card["pieces"],
-        steps=card["steps"],
-        minutes=card["minutes"],
-        before=flat_metrics(card["before"]),
-        after=flat_metrics(card["after"]),
-    )
+    try:
+        return FineTunedWeights(
+            weights=weights,
+            fingerprint=card["fingerprint"],
+            parent=card["parent"],
+            images=card["images"],
+            pieces=card["pieces"],
+            steps=card["steps"],
+            minutes=card["minutes"],
+            before=flat_metrics(card["before"]),
+            after=flat_metrics(card["after"]),
+        )
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise WeightsError(
+            f"{weights}: the card beside these weights does not fit them ({type(error).__name__}: {error}); name "
+            "another output, or move the weights and their card away and learn again."
+        ) from error

@@ -74,6 +74,26 @@ def test_weights_of_another_architecture_are_refused(tmp_path: Path) -> None:
         load_weights(path)
 
 
+@pytest.mark.parametrize("size", [-1, 0, 10**9, 10**400, "wide", None])
+def test_sizes_that_no_network_has_are_refused(tmp_path: Path, size: object) -> None:
+    path = tmp_path / "w.safetensors"
+    described = {"schema": "ltvn-weights-1", **asdict(StackedArchitecture()), "stem": size}
+    save_file(PairNetwork(SMALL).state_dict(), path, {"ltvn": json.dumps(described)})
+    with pytest.raises(WeightsError, match=r"w\.safetensors: the (description|architecture)") as refused:
+        load_weights(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_weights_that_do_not_fit_are_said_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    described = {"schema": "ltvn-weights-1", **asdict(StackedArchitecture())}
+    save_file(PairNetwork(SMALL).state_dict(), path, {"ltvn": json.dumps(described)})
+    with pytest.raises(WeightsError) as refused:
+        load_weights(path)
+    assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 500
+
+
 def test_weights_with_numbers_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     network = PairNetwork(SMALL)
     with torch.no_grad():

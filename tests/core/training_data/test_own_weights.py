@@ -125,6 +125,10 @@ def test_weights_of_an_earlier_version_with_the_same_run_are_kept(tmp_path: Path
     written = output.stat().st_mtime_ns
     assert fine_tune_for("ltvn", start, output, data=dataset) is not None
     assert output.stat().st_mtime_ns == written
+    for spoilt in ({**card, "steps": None, "before": 3}, {key: card[key] for key in ("fingerprint", "run")}):
+        card_path(output).write_text(json.dumps(spoilt))
+        with pytest.raises(WeightsError, match="does not fit them"):
+            fine_tune_for("ltvn", start, output, data=dataset)
     card_path(output).write_text(json.dumps(card | {"run": {"parent": card["parent"], "minutes": 3.0}}))
     with pytest.raises(WeightsError, match="made otherwise"):
         fine_tune_for("ltvn", start, output, data=dataset)

@@ -61,7 +61,8 @@ class AttemptDriver:
         collisions_before = motion.collisions
         self._reset(target, waypoint)
         for step in range(config.leg_steps):
-            if self._needs_new_waypoint(step, goal) and (yield from self._can_look()):
+            # Where the image has no depth, the robot drives on to the waypoint it had.
+            if self._needs_new_waypoint(step, goal) and (yield from self._perception.can_compare()):
                 node_match = self._perception.node_match(target)
                 if node_match.reachability < config.lost_reachability:
                     return AttemptResult(AttemptEnd.LOST, step, goal)
@@ -75,11 +76,6 @@ class AttemptDriver:
                 yield from self._back_off(backwards=twist.linear_m_s < 0)
                 return AttemptResult(AttemptEnd.COLLISION, step + 1, goal)
         return AttemptResult(AttemptEnd.TIMEOUT, config.leg_steps, goal)
-
-    def _can_look(self) -> Generator[Event | Tick, None, bool]:
-        """Tell whether the image here can be compared; if not, the robot drives on to the waypoint it had."""
-        yield from self._perception.missing_depth_notes()
-        return self._perception.is_usable
 
     def _needs_new_waypoint(self, step: int, goal: Pose) -> bool:
         if self._turned_round:

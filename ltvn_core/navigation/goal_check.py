@@ -57,7 +57,7 @@ class GoalCheck:
         # The next time it turns to the other side, where there may be more to see.
         aside, odometry = _RECHECK_TURN_RAD * (-1) ** self._memory.goal_rejections, self._motion.odometry
         yield from self._turn(aside)
-        if not self._perception.is_usable:
+        if not (yield from self._perception.can_compare()):
             return (yield from self._look_back_from(aside))
         second = self._perception.node_match(self._goal)
         if goal_estimates_agree(first.waypoint, odometry, second.waypoint, self._motion.odometry):
@@ -70,7 +70,6 @@ class GoalCheck:
 
     def _look_back_from(self, aside: float) -> EventGenerator[bool]:
         """Turn back from where the image has no depth; the next time the other side is tried."""
-        yield from self._perception.missing_depth_notes()
         self._memory.goal_rejections += 1
         yield from self._turn(-aside)
         return False

@@ -3,7 +3,7 @@
 Owns the current observation. Decides nothing.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -64,13 +64,14 @@ class Perception:
         """Whether the current observation can be compared at all; without depth it may not, see `types.is_usable`."""
         return is_usable(self.observation, self._predictor)
 
-    def missing_depth_notes(self) -> Iterator[Note]:
-        """Yield a note if the current observation lacks the depth that is needed; once until depth comes back."""
+    def can_compare(self) -> Generator[Note, None, bool]:
+        """Return whether the current observation is usable; where images without depth begin, yield a note first."""
         usable = self.is_usable
         if not usable and not self._told_of_no_depth:
             text = f"Image {self.observation.step} has no depth; the robot goes on by what it believed before."
             yield Note(text, Severity.WARN)
         self._told_of_no_depth = not usable
+        return usable
 
     @property
     def features(self) -> Features:

@@ -59,9 +59,11 @@ class QueryRunner:
     def run(self) -> EventGenerator[Outcome]:
         """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
         while True:
-            if (yield from self._can_compare()) and (yield from self._goal_check.check()):
+            if (yield from self._perception.can_compare()) and (yield from self._goal_check.check()):
                 return Outcome.ARRIVED
-            if not (yield from self._can_compare()):  # Asked again, because the check may have turned the robot.
+            if not (
+                yield from self._perception.can_compare()
+            ):  # Asked again, because the check may have turned the robot.
                 yield from self._turn_to_see()
                 continue
             localisation = yield from self._localise()
@@ -75,11 +77,6 @@ class QueryRunner:
             self._memory.consecutive_failures = 0
             if (yield from self._follow(localisation, path)):
                 return Outcome.ARRIVED
-
-    def _can_compare(self) -> EventGenerator[bool]:
-        """Tell whether the image here can be compared with the map; without depth it may not."""
-        yield from self._perception.missing_depth_notes()
-        return self._perception.is_usable
 
     def _turn_to_see(self) -> EventGenerator[None]:
         """Turn as a lost robot does, but keep the plan, around which the robot is looked for first."""
@@ -188,8 +185,8 @@ class QueryRunner:
         yield from self._enter(NavigatorState.JUDGING)
         verdict = self._judge(source, target, result)
         yield self._ended(attempt, source, target, result.end, verdict)
-        yield from self._perception.missing_depth_notes()
-        if source is not None and self._perception.is_usable:
+        usable = yield from self._perception.can_compare()
+        if source is not None and usable:
             yield from self._learn(attempt, segment, node_match, verdict)
         elif source is not None:
             self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.

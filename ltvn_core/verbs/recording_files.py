@@ -30,7 +30,7 @@ class VerifyVerb(Verb):
     """The .rrd file."""
 
     def run(self) -> Summary:
-        """Check the file; raises RecordingError that names `ltvn repair` for a cut one."""
+        """Check the file; raises RecordingError that names `ltvn repair` for a cut or damaged one."""
         from ltvn_core.recording.integrity import verify
 
         return verify(self.recording)
@@ -38,7 +38,7 @@ class VerifyVerb(Verb):
 
 @dataclass(frozen=True, kw_only=True)
 class RepairVerb(Verb):
-    """Give back all whole frames of a cut or unfinished recording, in a new file."""
+    """Give back all whole frames and events of a cut, unfinished or damaged recording, in a new file."""
 
     recording: Positional[Path]
     """The damaged .rrd file; it is left as it is."""

@@ -91,6 +91,15 @@ def test_a_wrong_length_in_an_older_recording_is_noticed_and_costs_nothing(damag
     assert repair(damaged, repaired).frames == 10
 
 
+def test_rows_that_went_over_to_another_recording_are_missed_in_an_older_one(damaged: Path) -> None:
+    data = GOLDEN_RECORDING.read_bytes()
+    begin, _ = list(messages(data))[-1]
+    assert data[begin + 24 : begin + 26].isascii()  # In the middle of the recording's id.
+    damaged.write_bytes(flipped(data, begin + 24, 0))
+    with pytest.raises(RecordingError, match="belong to no recording"):
+        verify(damaged)
+
+
 def test_an_older_recording_is_said_to_have_fewer_checksums() -> None:
     assert not verify(GOLDEN_RECORDING).checksummed
 

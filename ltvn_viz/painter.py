@@ -45,11 +45,20 @@ class OwnParts:
         for gone in self._parts.keys() - clients.keys():
             del self._parts[gone]
         for number, client in clients.items():
-            if number not in self._parts:
-                self._parts[number] = self._make(client)
+            if number not in self._parts and not self._welcome(client):
+                continue
             own = self._own(snapshot, number)
             for part in self._parts[number]:
                 part.show(own)
+
+    def _welcome(self, client: viser.ClientHandle) -> bool:
+        """Make the parts of a page; return whether it is still there."""
+        self._parts[client.client_id] = self._make(client)
+        if any(each.client_id == client.client_id for each in self._clients()):
+            return True
+        # viser forgets what a page had when it left, and not what it gets afterwards.
+        client.gui.reset()
+        return False
 
     def _own(self, snapshot: Snapshot, client: int) -> Snapshot:
         page = self._number_of(client)

@@ -3,7 +3,7 @@
 import math
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 import viser
 
+from ltvn_viz.painter import OwnParts, PagePart
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.inspection import NO_INSPECTION, NOTHING_SELECTED, Inspection, QuestionName
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.snapshot import Snapshot
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.viz.hostile_messages import HostileMessages, targets_of
 from tests.viz.page_sockets import PageSockets, open_sockets
@@ -126,6 +128,22 @@ def test_a_watcher_who_picks_a_node_is_told_what_to_do_and_the_robot_stays(app: 
         until(lambda: watcher.number not in app.harness.now.own_inspections)
         watcher.say(click_on("/graph/nodes", len(app.harness.now.moment.graph.ids) - 1))
         until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+
+
+def test_a_page_that_leaves_while_its_parts_are_made_leaves_nothing_behind(app: FlatApp) -> None:
+    tab = app.server.gui.add_tab_group().add_tab("A tab")
+    pages: list[viser.ClientHandle] = []
+
+    def make(client: viser.ClientHandle) -> Sequence[PagePart]:
+        with tab:
+            client.gui.add_checkbox("Its own", initial_value=False)
+        pages.clear()
+        return []
+
+    with open_sockets(app.server) as page:
+        pages.append(page.client)
+        OwnParts(lambda: list(pages), make, lambda _: None).show(Snapshot())
+        assert tab._children == {}
 
 
 def own_control(page: PageSockets, kind: type) -> Any:

@@ -14,7 +14,6 @@ from ltvn_core.recording.message_search import find_messages
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
-from tests.core.recording.mutations import Fate, judge_mutations
 from tests.repository import GOLDEN_RECORDING, ROOT
 
 
@@ -54,19 +53,6 @@ def blanked(data: bytes, what: bytes) -> bytes:
         if what in data[begin:end]:
             data = data[: end - 8] + b"\xff" * 8 + data[end:]
     return data
-
-
-def test_mutations_are_noticed_end_no_process_and_cost_only_what_they_hit(whole: Path) -> None:
-    judgements = list(judge_mutations(whole, seed=1, count=60))
-    assert [judged for judged in judgements if judged.fate is not Fate.REFUSED] == []
-    assert len(judgements) == 60
-    assert sum(judged.recovered for judged in judgements) >= 0.99 * sum(judged.undamaged for judged in judgements)
-
-
-def test_mutations_of_an_older_recording_end_no_process() -> None:
-    judgements = list(judge_mutations(GOLDEN_RECORDING, seed=2, count=6))
-    assert [judged for judged in judgements if judged.fate not in (Fate.REFUSED, Fate.ACCEPTED)] == []
-    assert sum(judged.recovered for judged in judgements) >= 0.9 * sum(judged.undamaged for judged in judgements)
 
 
 def test_a_bit_that_ends_reruns_reader_is_an_error_like_any_other(damaged: Path, repaired: Path) -> None:

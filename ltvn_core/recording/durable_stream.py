@@ -24,7 +24,7 @@ from ltvn_core.types import FrameId
 
 _LOG = logging.getLogger(__name__)
 
-_TICK_S = 0.3
+_TICK_S = 0.25
 """Longest time a row waits in memory: what a killed process loses."""
 _BY_TICK_ALONE = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=1 << 40, flush_num_rows=1 << 40)
 """Rerun gathers rows until they are taken."""
@@ -36,7 +36,7 @@ MIN_FREE_DISK_BYTES = 16 << 20
 
 
 class DurableStream:
-    """Rows go in; a `.rrd` file comes out that survives the death of the process up to its last third of a second.
+    """Rows go in; a `.rrd` file comes out that survives the death of the process up to its last half second.
 
     Raises RecordingError at the start when the file exists already or cannot be made, and once, from the next `log`,
     when the disk stops taking data. After that rows are dropped, so that a robot can drive on. With a `live_port`,

@@ -106,6 +106,7 @@ def test_a_person_records_drives_builds_the_map_anew_and_watches_the_recording(a
     page.get_by_role("tab", name="Replay").click()
     page.get_by_role("button", name="Open", exact=True).click()
     until(lambda: app.session.mode is Mode.REPLAY)
+    page.get_by_text(re.compile(r"\d images, \d+ nodes")).wait_for()  # Only now has the slider its length.
     slider = page.get_by_role("slider").locator("visible=true").first
     slider.focus()
     slider.press("End")

@@ -15,6 +15,7 @@ from typing import Protocol
 
 from ltvn_core.atomic_files import open_new_file
 from ltvn_core.errors import RecordingError
+from ltvn_core.recording.file_place import FilePlace
 
 _LOG = logging.getLogger(__name__)
 
@@ -53,16 +54,14 @@ class AppendedFile:
         self.path = path
         self.failure: str | None = None
         """Why nothing more is written, or None."""
-        self._min_free_bytes = min_free_bytes
         self._ending = ending
         self._size_bytes = 0
         self._queue: queue.SimpleQueue[Sequence[bytes] | None] = queue.SimpleQueue()
         self._handed_in = self._dealt_with = 0  # Bytes.
         self._progress = threading.Condition()
         self._file = open_new_file(path)
-        # Where the two differ from the beginning, as in some network folders, only the name can be watched.
-        self._is_name_telling = _same_file(os.stat(path), os.fstat(self._file))
-        if (full := self._lack_of_room()) is not None:
+        self._place = FilePlace(path, self._file, min_free_bytes)
+        if (full := self._place.lack_of_room()) is not None:
             os.close(self._file)
             path.unlink(missing_ok=True)
             raise RecordingError(full)
@@ -169,41 +168,9 @@ class AppendedFile:
     def _check(self) -> None:
         """Look whether the file is still where it was made, and whether there is room for more."""
         if self.failure is None:
-            problem = self._attempt(self._misplacement) or self._attempt(self._lack_of_room)
+            problem = self._attempt(self._place.misplacement) or self._attempt(self._place.lack_of_room)
             if problem is not None:
                 self._fail(problem)
-
-    def _misplacement(self) -> str | None:
-        opened = os.fstat(self._file)
-        try:
-            named = os.stat(self.path)
-        except FileNotFoundError:
-            named = None
-        if named is not None and (not self._is_name_telling or _same_file(named, opened)):
-            return None
-        if opened.st_nlink == 0:
-            return f"{self.path} was deleted while it was being recorded, and what it held is lost. Record again."
-        return (
-            f"{self.path} is no longer in its place: the file or a folder above it was renamed or replaced, or the "
-            f"disk was unmounted. What was recorded before is in the file{self._new_place()}. Record again."
-        )
-
-    def _new_place(self) -> str:
-        try:
-            place = os.readlink(f"/proc/self/fd/{self._file}")
-        except OSError:
-            return ""
-        return f", now {place}" if place != str(self.path.absolute()) and os.path.exists(place) else ""
-
-    def _lack_of_room(self) -> str | None:
-        disk = os.fstatvfs(self._file)
-        free = disk.f_bavail * disk.f_frsize
-        if free >= self._min_free_bytes:
-            return None
-        return (
-            f"The disk under {self.path.parent} is full: {free >> 20} MiB are left, recording needs "
-            f"{self._min_free_bytes >> 20} MiB. Everything up to here is kept. Free some space, then record again."
-        )
 
     def _bring_to_disk(self) -> None:
         if self.failure is None:
@@ -221,10 +188,6 @@ class AppendedFile:
         with self._progress:
             self.failure = self.failure or why
             self._progress.notify_all()
-
-
-def _same_file(one: os.stat_result, other: os.stat_result) -> bool:
-    return (one.st_dev, one.st_ino) == (other.st_dev, other.st_ino)
 
 
 def _broken(path: Path, why: str) -> str:

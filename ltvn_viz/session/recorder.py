@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Protocol, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 from ltvn_core.errors import LtvnError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -19,6 +19,7 @@ from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, Observation
 from ltvn_viz.session.daemon_executor import DaemonExecutor
 from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.recording_sink import RecordingSink
 from ltvn_viz.session.snapshot import RecordingStatus
 from ltvn_viz.session.worker import Worker
 
@@ -30,39 +31,6 @@ _OPEN_S = 10.0
 """A folder that takes no file for so long does not answer."""
 _CLOSE_S = 45.0
 """Longer than this the end of the app does not wait for a disk."""
-
-
-class RecordingSink(Protocol):
-    """Writes one recording; used by one thread at a time."""
-
-    @property
-    def failure(self) -> str | None:
-        """Why nothing more is written, or None."""
-        ...
-
-    def write_map(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> None:
-        """Begin with a whole map and its images."""
-        ...
-
-    def draw_scene(self, glb: bytes) -> None:
-        """Draw the scene, a binary glTF; while another thread writes, too."""
-        ...
-
-    def write_frame(self, observation: Observation) -> None:
-        """Append an image."""
-        ...
-
-    def write_event(self, stamped: StampedEvent) -> None:
-        """Append an event."""
-        ...
-
-    def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
-        """Draw the map."""
-        ...
-
-    def close(self) -> None:
-        """Finish the file."""
-        ...
 
 
 WholeMap: TypeAlias = tuple[TopologicalGraph, Sequence[Observation]]

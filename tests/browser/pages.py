@@ -6,15 +6,31 @@ from contextlib import contextmanager
 import numpy as np
 import viser
 import viser.transforms as vt
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.waiting import PATIENCE_MS, PATIENCE_S
+
+_FRAME_MS = 120
+_FEW_FRAMES = f"""
+const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), {_FRAME_MS});
+window.cancelAnimationFrame = clearTimeout;
+"""
+
+
+def draw_few_frames(pages: BrowserContext | Page) -> None:
+    """Let pages that are opened from now on draw as rarely as a very slow machine would.
+
+    The 3D scene is drawn by the processor here, anew for every frame, which would leave little of it to the tests.
+    """
+    pages.add_init_script(_FEW_FRAMES)
 
 
 @contextmanager
 def open_page(browser: Browser, url: str, *, width: int, height: int) -> Iterator[Page]:
     """Open an address in a window of so many pixels, and close it at the end."""
     page = browser.new_page(viewport={"width": width, "height": height})
+    draw_few_frames(page)
     page.set_default_timeout(PATIENCE_MS)
     try:
         page.goto(url)

@@ -198,12 +198,14 @@ class DebuggerPage:
 
 
 @contextmanager
-def open_debugger(chromium: Browser, folder: Path, name: str, *, at_s: float = 0.0) -> Iterator[DebuggerPage]:
+def open_debugger(
+    chromium: Browser, folder: Path, name: str, *, at_s: float = 0.0, draws: bool = True
+) -> Iterator[DebuggerPage]:
     """Open a page on a copy of a shipped recording, the other one beside it, with the “Why” tab open."""
     for path in RECORDINGS.glob("demo-*.rrd"):
         shutil.copy(path, folder)
     options = AppOptions(port=0, map=folder / "demo-map.rrd", recordings=folder, replay=name, replay_at_s=at_s)
-    with running_app(options) as app, open_page(chromium, app.server.url, **WINDOW) as page:
+    with running_app(options) as app, open_page(chromium, app.server.url, **WINDOW, draws=draws) as page:
         page.get_by_role("tab", name="Why").click()
         debugger = DebuggerPage(app, page, folder)
         debugger.until(lambda: app.session.mode is Mode.REPLAY)

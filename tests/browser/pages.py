@@ -10,27 +10,27 @@ from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.waiting import PATIENCE_MS, PATIENCE_S
 
-_FRAME_MS = 120
-_FEW_FRAMES = f"""
-const draw = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), {_FRAME_MS});
-window.cancelAnimationFrame = clearTimeout;
+_DRAW_NOTHING = """
+for (const call of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+  WebGL2RenderingContext.prototype[call] = () => {};
+}
 """
 
 
-def draw_few_frames(pages: BrowserContext | Page) -> None:
-    """Let pages that are opened from now on draw as rarely as a very slow machine would.
+def draw_nothing(pages: BrowserContext | Page) -> None:
+    """Leave the canvas of pages that are opened from now on empty; all else works, clicks on the scene among it.
 
-    The 3D scene is drawn by the processor here, anew for every frame, which would leave little of it to the tests.
+    Without a graphics card the processor draws, which would leave little of it to the tests.
     """
-    pages.add_init_script(_FEW_FRAMES)
+    pages.add_init_script(_DRAW_NOTHING)
 
 
 @contextmanager
-def open_page(browser: Browser, url: str, *, width: int, height: int) -> Iterator[Page]:
-    """Open an address in a window of so many pixels, and close it at the end."""
+def open_page(browser: Browser, url: str, *, width: int, height: int, draws: bool = True) -> Iterator[Page]:
+    """Open an address in a window of so many pixels, and close it at the end; see `draw_nothing`."""
     page = browser.new_page(viewport={"width": width, "height": height})
-    draw_few_frames(page)
+    if not draws:
+        draw_nothing(page)
     page.set_default_timeout(PATIENCE_MS)
     try:
         page.goto(url)

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.browser
 @pytest.fixture(scope="module")
 def fault_page(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DebuggerPage]:
     """A page on the recording with planted faults, and wherever the tests before have led it."""
-    with open_debugger(chromium, tmp_path_factory.mktemp("recordings"), "demo-fault.rrd") as debugger:
+    with open_debugger(chromium, tmp_path_factory.mktemp("recordings"), "demo-fault.rrd", draws=False) as debugger:
         yield debugger
 
 
@@ -233,7 +233,9 @@ def test_an_edge_is_cut_and_put_back_by_hand(fault: DebuggerPage) -> None:
 @pytest.fixture(scope="module")
 def drive(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DebuggerPage]:
     """The good recording."""
-    with open_debugger(chromium, tmp_path_factory.mktemp("recordings"), "demo-drive.rrd", at_s=175.0) as debugger:
+    with open_debugger(
+        chromium, tmp_path_factory.mktemp("recordings"), "demo-drive.rrd", at_s=175.0, draws=False
+    ) as debugger:
         yield debugger
 
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
@@ -33,6 +34,12 @@ def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
         page.get_by_text("Next:").wait_for()
         wait_until_drawn(app.server.viser)
         yield page
+
+
+def test_the_apartment_is_drawn(app: RunningApp, page: Page) -> None:
+    client = wait_until_drawn(app.server.viser)
+    drawn = client.get_render(120, 160, timeout=PATIENCE_S)[..., :3]
+    assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 500
 
 
 def count(page: Page, what: str) -> int:

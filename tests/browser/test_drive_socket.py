@@ -24,7 +24,7 @@ from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.driver_seat import DriverSeat, StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.keymap import Action
-from tests.browser.pages import draw_few_frames
+from tests.browser.pages import draw_nothing
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
@@ -112,7 +112,7 @@ def opened(server: GuardedServer, chromium: Browser) -> Iterator[DrivePage]:
     server.scene.add_box("/thing", dimensions=(1.0, 1.0, 1.0), cast_shadow=False)
     field = server.gui.add_text("Name", initial_value="here")
     context = chromium.new_context(viewport={"width": 800, "height": 500})
-    draw_few_frames(context)
+    draw_nothing(context)
     context.set_default_timeout(PATIENCE_MS)
     yield DrivePage(server, told, context, field)
     context.close()
@@ -262,7 +262,7 @@ def test_a_hung_server_thread_cannot_keep_the_robot_moving(door: DrivePage) -> N
 def test_of_two_browsers_one_drives_and_both_may_stop(patient_door: DrivePage, chromium: Browser) -> None:
     ann = patient_door.open()
     other = chromium.new_context(viewport={"width": 800, "height": 500})
-    draw_few_frames(other)
+    draw_nothing(other)
     bob = other.new_page()
     bob.goto(patient_door.server.url)
     patient_door.wait_until_armed(2)

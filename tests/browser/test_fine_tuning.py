@@ -36,7 +36,7 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
 @pytest.fixture(scope="module")
 def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
     """The page of somebody who has just kept the recording of a short drive."""
-    with open_page(chromium, app.server.url, width=1000, height=760) as page:
+    with open_page(chromium, app.server.url, width=1000, height=760, draws=False) as page:
         page.get_by_text("Next:").wait_for()
         record(app, page, lambda: moment_of(app.session.state.live.timeline).frames > 120)
         yield page

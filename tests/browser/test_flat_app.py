@@ -25,7 +25,7 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
 
 @pytest.fixture(scope="module")
 def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=1000, height=640) as page:
+    with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         page.get_by_text("Next:").wait_for()
         yield page
 
@@ -70,7 +70,7 @@ def far_image(app: FlatApp) -> int:
 
 
 def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path) -> None:
-    with serving(tmp_path) as app, open_page(chromium, app.server.url, width=1000, height=640) as page:
+    with serving(tmp_path) as app, open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         expect(page).to_have_title("Lifelong Topological Visual Navigation")
         expect(page.get_by_text("Pick a goal")).to_be_visible()
         expect(page.get_by_role("button", name=re.compile("^Record"))).to_be_enabled()

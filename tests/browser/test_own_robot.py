@@ -34,7 +34,7 @@ def app(tmp_path: Path) -> Iterator[RunningApp]:
 
 @pytest.fixture
 def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=1000, height=640) as page:
+    with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         page.get_by_text("Next:").wait_for()
         yield page
 

@@ -34,7 +34,7 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PairsApp]:
 
 @pytest.fixture
 def page(app: PairsApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=900, height=700) as page:
+    with open_page(chromium, app.server.url, width=900, height=700, draws=False) as page:
         page.locator(".lp-place").wait_for()
         yield page
 

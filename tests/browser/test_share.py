@@ -34,7 +34,7 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
 
 @pytest.fixture
 def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, "about:blank", width=1000, height=640) as page:
+    with open_page(chromium, "about:blank", width=1000, height=640, draws=False) as page:
         yield page
 
 

@@ -32,7 +32,7 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
 
 @pytest.fixture
 def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=900, height=600) as page:
+    with open_page(chromium, app.server.url, width=900, height=600, draws=False) as page:
         page.get_by_text("Next:").wait_for()
         yield page
 

@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 PROCESSES ?= 2
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
 
-.PHONY: help demo test test-fast coverage format lint type check bench docs clean
+.PHONY: help demo test test-fast campaign coverage format lint type check bench docs clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -25,6 +25,11 @@ test: $(STAMP) chromium  ## Run every test, the browser's among them.
 
 test-fast: $(STAMP)  ## Run the tests that need no browser and little time.
 	$(PYTEST) -m 'not browser and not slow'
+
+# Each campaign stops when its share of the time is over, and says how many attempts it made.
+export LTVN_CAMPAIGN_MINUTES ?= 15
+campaign: $(STAMP)  ## Kill, damage, flood and soak for 15 minutes, and print what came of it.
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/campaigns -m campaign
 
 coverage: $(STAMP) chromium  ## Run every test and print what share of the lines they run; takes longer.
 	$(PYTEST) --cov ltvn_core --cov ltvn_viz --cov-report term:skip-covered

@@ -81,7 +81,7 @@ class SoakVerb(Verb):
         samples = list[SoakSample]()
         with self.curve.open("x") as curve, tempfile.TemporaryDirectory(prefix="ltvn-soak-") as folder:
             print(HEAD, file=curve, flush=True)
-            for sample in _samples(Path(folder), self.minutes, self.seed):
+            for sample in soak(Path(folder), self.minutes, self.seed):
                 samples.append(sample)
                 print(sample.line(), file=curve, flush=True)
         settled = _mean_rss_mb(samples, SETTLING_MIN, SETTLING_MIN + 1)
@@ -101,7 +101,7 @@ def _mean_rss_mb(samples: Sequence[SoakSample], first_min: float, last_min: floa
     return float(np.mean([sample.rss_mb for sample in samples if first_min <= sample.minute <= last_min]))
 
 
-def _samples(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
+def soak(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
     """Run the app, click a new goal whenever the robot is free, and yield a sample now and then."""
     from ltvn_viz.session import commands as c
     from ltvn_viz.session.modes import Mode

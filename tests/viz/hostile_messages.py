@@ -16,8 +16,10 @@ import viser
 from viser import _messages
 from viser.infra import _messages as infra_messages
 
+from ltvn_viz.server.drive_messages import MessageError
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.keymap import Action, Direction
+from ltvn_viz.server.page_messages import read_viser_message
 
 WATCHERS_OWN = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE})
 """A watcher may do this, and it is meant to change something for all."""
@@ -60,6 +62,15 @@ def targets_of(
     guis = [server.viser.gui, *(client.gui for client in clients)]
     elements = [pair for gui in guis for pair in list(gui._gui_input_handle_from_uuid.items())]
     return Targets(elements, list(scene._handle_from_node_name), graph_nodes, recordings)
+
+
+def is_readable(message: bytes) -> bool:
+    """Tell whether bytes are a message to viser at all; others close the socket of the page that sent them."""
+    try:
+        read_viser_message(message)
+    except MessageError:
+        return False
+    return True
 
 
 class HostileMessages:

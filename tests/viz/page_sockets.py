@@ -5,12 +5,14 @@ import json
 import secrets
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 import viser
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.sync.connection import Connection
 
@@ -73,6 +75,19 @@ class PageSockets:
             silent.set()
             thread.join()
 
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Read and forget whatever the page is told, as a long stay needs: a page that never reads is given up."""
+        with ThreadPoolExecutor(2) as pool:
+            readers = [pool.submit(_read_all, socket) for socket in (self.drive, self.panels)]
+            try:
+                yield
+            finally:
+                self.drive.close()
+                self.panels.close()
+                for reader in readers:
+                    reader.result()
+
     def say(self, message: dict[str, Any]) -> None:
         """Send a message to viser."""
         self.panels.send(msgspec.msgpack.encode(message))
@@ -104,6 +119,12 @@ def open_sockets(server: GuardedServer) -> Iterator[PageSockets]:
         until(lambda: server._drive.client_of(key))
         (number,) = set(server.viser.get_clients()) - known
         yield PageSockets(server, key, drive, panels, server.viser.get_clients()[number])
+
+
+def _read_all(socket: Connection) -> None:
+    with suppress(ConnectionClosed):
+        for _ in socket:
+            pass
 
 
 def _socket(server: GuardedServer, path: str, *, panels: bool = False) -> ClientConnection:

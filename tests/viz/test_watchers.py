@@ -80,12 +80,7 @@ def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> N
             watcher.panels.send(panels)
             watcher.drive.send(drive)
         watcher.settle()
-        watcher.ask(Action.STOP)
-        until(lambda: app.server.seat.state_of(driver.number).stopped_by == watcher.number)
-        app.session.wake()
-        until_shown(app, lambda now: now.mode is Mode.TELEOP)
-        assert state_of(app) == before
-        assert app.server.seat.state_of(driver.number).driver == driver.number
+        require_unchanged(app, driver, watcher, before)
 
 
 def test_a_watcher_asks_why_and_selects_in_a_view_of_its_own(app: FlatApp) -> None:
@@ -168,6 +163,16 @@ def click_on(name: str, instance: int) -> dict[str, Any]:
         "modifier": None,
         "owner": "",
     }
+
+
+def require_unchanged(app: FlatApp, driver: PageSockets, watcher: PageSockets, before: list[object]) -> None:
+    """Hold the app to what it was, and to go on: the watcher can stop the robot, and the driver keeps the seat."""
+    watcher.ask(Action.STOP)
+    until(lambda: app.server.seat.state_of(driver.number).stopped_by == watcher.number)
+    app.session.wake()
+    until_shown(app, lambda now: now.mode is Mode.TELEOP)
+    assert state_of(app) == before
+    assert app.server.seat.state_of(driver.number).driver == driver.number
 
 
 def state_of(app: FlatApp) -> list[object]:

@@ -195,19 +195,25 @@ def _saved(damaged: Path, repaired: Path) -> dict[int, tuple[int, int]]:
     return _checksums(repaired)
 
 
-def judge_mutations(path: Path, *, seed: int, count: int) -> Iterator[Judgement]:
-    """Judge `count` mutations of a whole recording, drawn from `seed`, in processes that may come to an end."""
-    first = 0
+def judge_mutations(path: Path, *, seed: int, count: int, first: int = 0) -> Iterator[Judgement]:
+    """Judge the mutations of a whole recording from `first` up to `count`, in processes that may come to an end.
+
+    What `seed` and a mutation's number are, decides what is done to the bytes.
+    """
     while first < count:
         command = [sys.executable, "-m", __name__, str(path), str(seed), str(first), str(count)]
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=ROOT
         ) as judging:
             assert judging.stdout is not None
-            for line in judging.stdout:
-                judged = json.loads(line)
-                first = judged["number"] + 1
-                yield Judgement(**judged | {"fate": Fate(judged["fate"])})
+            try:
+                for line in judging.stdout:
+                    judged = json.loads(line)
+                    first = judged["number"] + 1
+                    yield Judgement(**judged | {"fate": Fate(judged["fate"])})
+            except GeneratorExit:  # Who asked wants no more.
+                judging.kill()
+                raise
         if first < count:
             fate = Fate.HUNG if judging.returncode == -signal.SIGALRM else Fate.ABORTED
             kind = mutate(path.read_bytes(), np.random.default_rng([seed, first])).kind

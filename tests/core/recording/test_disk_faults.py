@@ -10,7 +10,7 @@ import pytest
 
 from ltvn_core.recording.appended_file import AppendedFile
 from ltvn_core.recording.integrity import repair, verify
-from tests.core.recording.disk_faults import FAULTS, kill_while_recording, may_mount, strike
+from tests.core.recording.disk_faults import FAULTS, FaultOutcome, KillOutcome, kill_while_recording, may_mount, strike
 from tests.repository import ROOT
 from tests.waiting import until
 
@@ -32,24 +32,34 @@ def test_a_disk_that_fails_is_said_once_and_what_was_written_can_be_read(tmp_pat
     if fault.needs_mount and not may_mount(tmp_path / "probe"):
         pytest.skip("making a small disk needs the right to mount one, as root has; other faults need no right")
     with strike(fault, tmp_path) as outcome:
-        assert EXPECTED_WORDS.get(name, "no longer in its place") in outcome.told, outcome.errors
-        assert " AND " not in outcome.told
-        assert outcome.steps_after >= 20, outcome.errors
-        assert (outcome.exit_code, outcome.errors) == (0, "")
-        if outcome.recording is not None:
-            kept = frames_of(outcome.recording, tmp_path / "repaired.rrd", finished=not fault.leaves_no_room)
-            lost = [at for step, at in outcome.step_times.items() if step >= kept and at < outcome.struck_s - LOST_S]
-            assert not lost
-            assert kept >= 10
+        require_said_and_kept(outcome, name, tmp_path / "repaired.rrd")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 7, 80])
 def test_a_process_that_is_killed_leaves_all_but_the_last_half_second(tmp_path: Path, steps: int) -> None:
     killed = kill_while_recording(tmp_path / "killed.rrd", steps_before=steps)
-    saved = repair(killed.recording, tmp_path / "repaired.rrd")
-    assert killed.lost_s(saved.last_step) <= LOST_S
-    assert verify(tmp_path / "repaired.rrd").frames == saved.frames
+    assert lost_by(killed, tmp_path / "repaired.rrd") <= LOST_S
+
+
+def require_said_and_kept(outcome: FaultOutcome, name: str, repaired: Path) -> None:
+    """Hold a recording process to what is promised: it says the fault once, goes on, ends, and keeps what it wrote."""
+    assert EXPECTED_WORDS.get(name, "no longer in its place") in outcome.told, outcome.errors
+    assert " AND " not in outcome.told
+    assert outcome.steps_after >= 20, outcome.errors
+    assert (outcome.exit_code, outcome.errors) == (0, "")
+    if outcome.recording is not None:
+        kept = frames_of(outcome.recording, repaired, finished=not FAULTS[name].leaves_no_room)
+        lost = [at for step, at in outcome.step_times.items() if step >= kept and at < outcome.struck_s - LOST_S]
+        assert not lost
+        assert kept >= 10
+
+
+def lost_by(killed: KillOutcome, repaired: Path) -> float:
+    """Return how many seconds of a drive a kill cost; what is left must be whole once repaired."""
+    saved = repair(killed.recording, repaired)
+    assert verify(repaired).frames == saved.frames
+    return killed.lost_s(saved.last_step)
 
 
 def frames_of(recording: Path, repaired: Path, *, finished: bool) -> int:

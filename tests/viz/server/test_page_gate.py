@@ -10,11 +10,9 @@ import pytest
 import viser
 from websockets.exceptions import ConnectionClosed
 
-from ltvn_viz.server.drive_messages import MessageError
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.page_gate import Verdict
-from ltvn_viz.server.page_messages import read_viser_message
-from tests.viz.hostile_messages import HostileMessages, targets_of
+from tests.viz.hostile_messages import HostileMessages, is_readable, targets_of
 from tests.viz.page_sockets import PageSockets, open_sockets
 from tests.waiting import PATIENCE_S, until
 
@@ -156,7 +154,7 @@ def test_bytes_that_are_no_message_cost_only_their_own_page_its_socket(house: Ho
 def test_hostile_messages_change_nothing_and_leave_the_page_working(house: House) -> None:
     before = _values(house)
     messages = HostileMessages(1, targets_of(house.server)).hostile()
-    for message in islice((each for each in messages if _is_readable(each)), 1500):
+    for message in islice(filter(is_readable, messages), 1500):
         house.watcher.panels.send(message)
     house.watcher.settle()
     assert _values(house) == before
@@ -209,12 +207,3 @@ def test_an_upload_beyond_the_limit_or_out_of_order_is_refused(house: House) -> 
 def _values(house: House) -> list[object]:
     elements = (house.number, house.button, house.choice, house.text, house.box)
     return [*((each.value, each.visible, each.disabled, each._impl.removed) for each in elements), *house.pressed]
-
-
-def _is_readable(message: bytes) -> bool:
-    """Tell whether a message is MessagePack at all; other bytes close the socket."""
-    try:
-        read_viser_message(message)
-    except MessageError:
-        return False
-    return True

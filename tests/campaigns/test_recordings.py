@@ -17,7 +17,7 @@ PER_PROCESS = 100
 """Mutations that one process judges: Rerun keeps some threads for each file that it ever wrote."""
 
 
-@pytest.mark.campaign(asked=300, share=0.24)
+@pytest.mark.campaign(asked=300, share=0.32)
 def test_kills(tally: Tally, tmp_path: Path) -> None:
     def kill(numbers: range) -> None:
         folder = tmp_path / str(numbers[0])
@@ -32,7 +32,7 @@ def test_kills(tally: Tally, tmp_path: Path) -> None:
     assert tally.failures == []
 
 
-@pytest.mark.campaign(asked=20, share=0.12)
+@pytest.mark.campaign(asked=20, share=0.09)
 def test_disk_faults(tally: Tally, tmp_path: Path) -> None:
     mountable = may_mount(tmp_path / "probe")
     names = [name for name, fault in FAULTS.items() if mountable or not fault.needs_mount]
@@ -50,7 +50,7 @@ def test_disk_faults(tally: Tally, tmp_path: Path) -> None:
     assert tally.failures == []
 
 
-@pytest.mark.campaign(asked=2000, share=0.34)
+@pytest.mark.campaign(asked=2000, share=0.35)
 def test_mutations(tally: Tally, tmp_path: Path) -> None:
     whole = tmp_path / "drive.rrd"
     example_recording.write(whole, frames=40)

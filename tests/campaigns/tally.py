@@ -86,4 +86,4 @@ def _line(row: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def _found(tally: Tally) -> str:
-    return ", ".join(f"{what.replace('_', ' ')} {much:,.4g}" for what, much in tally.findings.items())
+    return ", ".join(f"{what.replace('_', ' ')} {much:,.6g}" for what, much in tally.findings.items())

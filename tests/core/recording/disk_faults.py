@@ -70,6 +70,8 @@ class DiskFault:
     min_free_bytes: int = 1
     file_limit: int = 0
     """Bytes beyond which the file cannot grow, 0 for any."""
+    comes_later: bool = False
+    """It strikes only when the recording has grown some more."""
     leaves_no_room: bool = False
     """Not even the end of the file finds room, so that reading it takes `ltvn repair`."""
 
@@ -150,11 +152,13 @@ FAULTS: Mapping[str, DiskFault] = {
     "the file is renamed": DiskFault(_rename_file),
     "the folder is renamed": DiskFault(_rename_folder),
     "another file takes its name": DiskFault(_replace_file),
-    "the file may not grow": DiskFault(_let_grow, file_limit=400_000, leaves_no_room=True),
+    "the file may not grow": DiskFault(_let_grow, comes_later=True, file_limit=400_000, leaves_no_room=True),
     "the disk is unmounted": DiskFault(_unmount, needs_mount=True),
     "the disk is full at once": DiskFault(_fill, needs_mount=True, leaves_no_room=True),
-    "the disk fills up": DiskFault(_leave_little, needs_mount=True, min_free_bytes=LITTLE_BYTES // 2),
-    "the disk fills up to the last byte": DiskFault(_leave_little, needs_mount=True, leaves_no_room=True),
+    "the disk fills up": DiskFault(_leave_little, needs_mount=True, comes_later=True, min_free_bytes=LITTLE_BYTES // 2),
+    "the disk fills up to the last byte": DiskFault(
+        _leave_little, needs_mount=True, comes_later=True, leaves_no_room=True
+    ),
 }
 
 

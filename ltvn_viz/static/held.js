@@ -61,7 +61,9 @@ function report() {
 }
 
 function dropAllWhenOutOfSight() {
-  for (const name of ["blur", "pagehide", "freeze"]) addEventListener(name, dropAll, true);
+  for (const name of ["pagehide", "freeze"]) addEventListener(name, dropAll, true);
+  // A button that is drawn anew while it has the focus loses it; that takes no key out of anybody's hand.
+  addEventListener("blur", (event) => event.target === window && dropAll(), true);
   document.addEventListener("freeze", dropAll);
   document.addEventListener("visibilitychange", () => document.hidden && dropAll());
   addEventListener("focusin", (event) => isTyping(event.target) && dropAll());

@@ -293,6 +293,18 @@ def test_typing_drives_nothing(patient_door: DrivePage) -> None:
     assert patient_door.told.actions.empty()
 
 
+def test_a_button_that_is_drawn_anew_takes_no_held_key_away(patient_door: DrivePage) -> None:
+    button = patient_door.server.gui.add_button("Record")
+    page = patient_door.open()
+    page.get_by_role("button", name="Record").focus()
+    patient_door.hold(page)
+    button.remove()
+    page.get_by_role("button", name="Record").wait_for(state="detached")
+    for _ in range(20):
+        patient_door.told.next_drive()
+    assert patient_door.told.stops.empty()
+
+
 def test_the_viewers_camera_stands_still_while_the_robot_drives(patient_door: DrivePage) -> None:
     page = patient_door.open()
     until(lambda: len(patient_door.server.viser.get_clients()) == 1)

@@ -5,6 +5,7 @@ import io
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -321,7 +322,8 @@ def test_of_two_uploads_at_once_one_is_read_and_neither_file_is_kept(server: vis
             await asyncio.sleep(0)
         return await asyncio.gather(*asked)
 
-    first, second = asyncio.run(upload_twice())
+    with ThreadPoolExecutor(1) as thread:  # In this one a browser of other tests may have its loop.
+        first, second = thread.submit(asyncio.run, upload_twice()).result()
     assert isinstance(first, c.NavigateToImage)
     assert isinstance(second, c.ReportError)
     assert "second.jpg: another image is still being read" in second.text

@@ -18,6 +18,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.appended_file import WAITING_BYTES, AppendedFile
 from ltvn_core.recording.closing_record import RecordingEnding
+from ltvn_core.recording.interrupts import interrupts_deferred
 from ltvn_core.recording.live_server import LiveServer
 from ltvn_core.recording.message_stream import MessageStream
 from ltvn_core.types import FrameId
@@ -103,7 +104,7 @@ class DurableStream:
         """Let what is logged in the block come into the file all or not at all; first waits for a disk far behind."""
         if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
             self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
-        with self._lock:
+        with interrupts_deferred(), self._lock:
             yield
 
     def log(self, step: FrameId, stamp: float, entity: str, *values: rr.AsComponents) -> None:

@@ -5,17 +5,14 @@ never waits for a disk. Rerun's own table of all chunks, which it would put at t
 in memory with chunks times entities for as long as a recording lasts.
 """
 
-import struct
 from collections.abc import Iterator, Sequence
 
 import rerun as rr
 
 from ltvn_core.errors import RecordingError
+from ltvn_core.recording.rrd_framing import END_KIND, HEADER_BYTES, MESSAGE_HEADER
 
-HEADER_BYTES = 12
-_MESSAGE = struct.Struct("<QQ")
-"""Kind and length of the payload that follows."""
-_END, _STORE = 0, 1
+_STORE_KIND = 1
 _TIMEOUT_S = 10.0
 """Rerun needs milliseconds; a machine that is short of memory may need longer."""
 
@@ -46,7 +43,7 @@ class MessageStream:
 
     def _is_new(self, message: bytes) -> bool:
         """Tell whether a message belongs into the file; Rerun says more than once to which store rows belong."""
-        if _MESSAGE.unpack_from(message)[0] != _STORE:
+        if MESSAGE_HEADER.unpack_from(message)[0] != _STORE_KIND:
             return True
         known = message in self._stores
         self._stores.add(message)
@@ -56,10 +53,10 @@ class MessageStream:
 def _messages(block: bytes) -> Iterator[bytes]:
     """Yield the messages of what Rerun hands out: a small file with header, messages and an end."""
     position = HEADER_BYTES
-    while position + _MESSAGE.size <= len(block):
-        kind, length = _MESSAGE.unpack_from(block, position)
-        if kind == _END:
+    while position + MESSAGE_HEADER.size <= len(block):
+        kind, length = MESSAGE_HEADER.unpack_from(block, position)
+        if kind == END_KIND:
             return
-        end = position + _MESSAGE.size + length
+        end = position + MESSAGE_HEADER.size + length
         yield block[position:end]
         position = end

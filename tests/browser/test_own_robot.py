@@ -48,6 +48,7 @@ def hold(app: RunningApp, page: Page, key: str, holds: Callable[[], bool]) -> No
     """Hold a key until something holds; press it anew where the page stalled for longer than the lease."""
     for _ in range(5):
         page.keyboard.down(key)
+        until(lambda: app.server.seat.current_twist() is not None)
         until(lambda: holds() or app.server.seat.current_twist() is None)
         page.keyboard.up(key)
         if holds():

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from joblib import Parallel
 
+from ltvn_core.evaluation import preparation_progress
 from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read_episodes
 from ltvn_core.evaluation.preparation import DriveGroundTruth
 from ltvn_core.evaluation.protocol import EvaluationProtocol
@@ -60,7 +61,10 @@ def told() -> list[float]:
 
 @pytest.fixture(scope="module")
 def trial(plan: TrialPlan, folder: Path, told: list[float]) -> TrialResult:
-    return run(plan, folder, told)
+    with pytest.MonkeyPatch.context() as patch:
+        # A fast machine prepares such a small map before anybody would want to be told.
+        patch.setattr(preparation_progress, "_EVERY_S", 0.005)
+        return run(plan, folder, told)
 
 
 def test_the_evaluation_ends_and_counts_the_images_without_depth(

@@ -21,6 +21,10 @@ class RecordingError(LtvnError):
     """A recording is missing, foreign, cut, of another schema, or cannot be written."""
 
 
+class DriveError(LtvnError):
+    """A drive of another format is missing, foreign, cut, or lacks what a map needs."""
+
+
 class MapError(LtvnError):
     """A map is empty, in pieces, or does not belong to the weights in use."""
 

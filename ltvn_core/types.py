@@ -87,6 +87,15 @@ class Observation:
         return self.depth
 
 
+class Tilt(NamedTuple):
+    """How a camera is tilted against the ground, as `CameraModel` says it."""
+
+    pitch_rad: float
+    """Tilt of the optical axis, upwards positive."""
+    roll_rad: float
+    """Turn about the optical axis; positive lowers the camera's right side."""
+
+
 class Twist(NamedTuple):
     """A velocity command."""
 

@@ -50,6 +50,7 @@ CORE_ORDER = (
     "navigation",
     "analysis",
     "recording",
+    "importing",
     "simulation",
     "training_data",
     "network",

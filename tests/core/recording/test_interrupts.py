@@ -20,7 +20,7 @@ def test_it_is_raised_behind_the_block_and_the_handler_stands_again(number: sign
 
     before = signal.signal(number, end)
     try:
-        with pytest.raises(KeyboardInterrupt), interrupts_deferred():
+        with pytest.raises(KeyboardInterrupt), interrupts_deferred():  # noqa: PT012
             signal.raise_signal(number)
             reached.append("the end of the block")
         assert reached
@@ -35,7 +35,7 @@ def test_a_frame_that_is_being_written_is_whole_in_the_file(tmp_path: Path) -> N
     try:
         with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
             writer.write_frame(example_recording.observation(0))
-            with pytest.raises(KeyboardInterrupt), writer._stream.together():
+            with pytest.raises(KeyboardInterrupt), writer._stream.together():  # noqa: PT012
                 signal.raise_signal(signal.SIGINT)
                 writer.write_frame(example_recording.observation(1))
     finally:

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.original_images import OriginalSize, compress_original, decompress_original
-from ltvn_core.cameras.rectification import have_same_rays, rectification
+from ltvn_core.cameras.rectification import Rectification, have_same_rays, rectification
 from ltvn_core.errors import ImageError
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import Depth, FrameId, Observation, OriginalImage, Pose, Rgb
+from ltvn_core.types import Depth, FrameId, Observation, OriginalImage, Pose, Rgb, Tilt
 
 ORIGINAL_SIZE = OriginalSize()
 """Originals are kept as JPEGs of at most 320 x 240."""
@@ -46,6 +46,7 @@ def preprocess_observation(
     target: CameraModel = LOCOBOT.camera,
     original_size: OriginalSize | None = None,
     exact_pose: Pose | None = None,
+    tilt: Tilt | None = None,
     source: str = "camera",
 ) -> Observation:
     """Check an image with its depth and odometry, and rectify both to the camera that a predictor asks for.
@@ -63,6 +64,7 @@ def preprocess_observation(
         target: The camera of the result: `Predictor.camera`.
         original_size: Keep the picture itself too, as a JPEG of at most this size, where it is another than the result.
         exact_pose: (3,) the true pose, in simulation only.
+        tilt: How the camera was tilted then, where that changes; in place of what `camera` says.
         source: Where the image came from, for messages.
 
     Returns:
@@ -84,6 +86,7 @@ def preprocess_observation(
         step=step,
         depth_scale=camera.depth_scale,
         exact_pose=exact_pose,
+        tilt=tilt,
         source=source,
     )
     return rectify_observation(observation, camera, target, original_size=original_size)
@@ -108,6 +111,7 @@ def admit_observation(
         target=target,
         original_size=original_size,
         exact_pose=observation.exact_pose,
+        tilt=observation.tilt,
         source=source,
     )
 
@@ -122,6 +126,7 @@ def check_observation(
     depth_scale: float = 1.0,
     exact_pose: Pose | None = None,
     original: OriginalImage | None = None,
+    tilt: Tilt | None = None,
     source: str = "camera",
 ) -> Observation:
     """Return an observation of the size it came in. Raises ImageError as `preprocess_observation` does."""
@@ -141,6 +146,7 @@ def check_observation(
         step=number,
         exact_pose=exact_pose,
         original=original,
+        tilt=None if tilt is None else _checked_tilt(tilt, source),
     )
 
 
@@ -187,11 +193,13 @@ def rectify_observation(
 ) -> Observation:
     """Return an observation of `camera` as `target` would have taken it; the very same where the two agree.
 
-    With an `original_size` the picture itself is kept too, see `Observation.original`.
+    An image with a tilt of its own is turned from that tilt to the target's, and has none then; where the two cameras
+    agree it is left as it was taken. With an `original_size` the picture itself is kept too, see
+    `Observation.original`.
     """
     if have_same_rays(camera, target):
         return observation
-    way = rectification(camera, target)
+    way = _way_of(camera, observation.tilt, target)
     original = observation.original
     if original is None and original_size is not None:
         original = compress_original(observation.rgb, camera, original_size)
@@ -200,6 +208,7 @@ def rectify_observation(
         rgb=way.rectify_rgb(observation.rgb),
         depth=None if observation.depth is None else way.rectify_depth(observation.depth),
         original=original,
+        tilt=None,
     )
 
 
@@ -218,9 +227,16 @@ def recorded_observation(observation: Observation, camera: CameraModel, target: 
     if observation.original is None or rectified is observation:
         return rectified
     rgb, taken_by = decompress_original(observation.original), observation.original.camera
-    if not have_same_rays(taken_by, target):
-        rgb = rectification(taken_by, target).rectify_rgb(rgb)
+    if observation.tilt is not None or not have_same_rays(taken_by, target):
+        rgb = _way_of(taken_by, observation.tilt, target).rectify_rgb(rgb)
     return replace(rectified, rgb=rgb)
+
+
+def _way_of(camera: CameraModel, tilt: Tilt | None, target: CameraModel) -> Rectification:
+    if tilt is None:
+        return rectification(camera, target)
+    # Not by the function that remembers: each image has a tilt of its own, and would push out what is used again.
+    return Rectification(replace(camera, pitch_rad=tilt.pitch_rad, roll_rad=tilt.roll_rad), target)
 
 
 def preprocess_image(
@@ -265,6 +281,15 @@ def _checked_rgb(rgb: ArrayLike, source: str) -> Rgb:
             f"{source}: expected an RGB picture (height, width, 3) of uint8, got shape {image.shape} of {image.dtype}."
         )
     return image
+
+
+def _checked_tilt(tilt: Tilt, source: str) -> Tilt:
+    if not (np.all(np.isfinite(tilt)) and abs(tilt.pitch_rad) < np.pi / 2):
+        raise ImageError(
+            f"{source}: a camera's tilt must be two finite angles in radians, the pitch less than a right angle, got "
+            f"{tilt!s:.60}."
+        )
+    return Tilt(float(tilt.pitch_rad), float(tilt.roll_rad))
 
 
 def _as_array(value: ArrayLike, source: str) -> np.ndarray:

@@ -41,6 +41,15 @@ CONTROL_STEP_S = 0.1
 """Robot time between two control steps."""
 
 
+class Tilt(NamedTuple):
+    """How a camera is tilted against the ground, as `CameraModel` says it."""
+
+    pitch_rad: float
+    """Tilt of the optical axis, upwards positive."""
+    roll_rad: float
+    """Turn about the optical axis; positive lowers the camera's right side."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class OriginalImage:
     """The picture that a robot's camera delivered, before it was rectified for a predictor."""
@@ -71,6 +80,9 @@ class Observation:
     drawing may read it; the method never does (a test checks)."""
     original: OriginalImage | None = None
     """The camera's own picture where it was kept and is another than `rgb`."""
+    tilt: Tilt | None = None
+    """How the camera was tilted when it took this image, where that changes: a camera that is held by hand or on a
+    moving head. None where it is tilted as its `CameraModel` says."""
 
     @property
     def has_depth(self) -> bool:
@@ -85,15 +97,6 @@ class Observation:
                 "that works from colours alone."
             )
         return self.depth
-
-
-class Tilt(NamedTuple):
-    """How a camera is tilted against the ground, as `CameraModel` says it."""
-
-    pitch_rad: float
-    """Tilt of the optical axis, upwards positive."""
-    roll_rad: float
-    """Turn about the optical axis; positive lowers the camera's right side."""
 
 
 class Twist(NamedTuple):

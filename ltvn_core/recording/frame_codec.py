@@ -13,7 +13,7 @@ import numpy as np
 from ltvn_core import preprocessing
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.recording import image_codec
-from ltvn_core.types import FrameId, Observation, OriginalImage, Pose
+from ltvn_core.types import FrameId, Observation, OriginalImage, Pose, Tilt
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +30,8 @@ class EncodedFrame:
     """A 16-bit PNG in millimetres, None where the robot has no depth camera."""
     original: OriginalImage | None = None
     """The camera's own picture where it was kept."""
+    tilt: Tilt | None = None
+    """How the camera was tilted then, where that changes."""
 
     @property
     def drawn_pose(self) -> Pose:
@@ -40,7 +42,8 @@ class EncodedFrame:
     def rgb_checksum(self) -> int:
         """CRC-32 over the picture and everything that stands in its row."""
         exact = b"" if self.exact_pose is None else self.exact_pose.tobytes()
-        numbers = np.array([self.step, self.stamp], np.float64).tobytes() + self.odometry.tobytes() + exact
+        tilt = b"" if self.tilt is None else np.array(self.tilt, np.float64).tobytes()
+        numbers = np.array([self.step, self.stamp], np.float64).tobytes() + self.odometry.tobytes() + exact + tilt
         return zlib.crc32(self.rgb, zlib.crc32(numbers))
 
     @property
@@ -77,6 +80,7 @@ def encode_frame(observation: Observation) -> EncodedFrame:
         rgb=image_codec.encode_rgb(observation.rgb),
         depth=None if observation.depth is None else image_codec.encode_depth(observation.depth),
         original=observation.original,
+        tilt=observation.tilt,
     )
 
 
@@ -90,5 +94,6 @@ def decode_frame(frame: EncodedFrame, source: str) -> Observation:
         step=frame.step,
         exact_pose=frame.exact_pose,
         original=frame.original,
+        tilt=frame.tilt,
         source=f"{source}, frame {frame.step}",
     )

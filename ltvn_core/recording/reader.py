@@ -24,7 +24,7 @@ from ltvn_core.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.rrd_contents import RrdContents, open_contents
-from ltvn_core.types import FrameId, Observation, OriginalImage, Pose
+from ltvn_core.types import FrameId, Observation, OriginalImage, Pose, Tilt
 
 
 class FramePoses(NamedTuple):
@@ -136,6 +136,7 @@ class Recording:
             rgb=rgb.numbers("EncodedImage:blob").tobytes(),
             depth=depth.blob("EncodedDepthImage:blob"),
             original=None if original is None else _original_image(original),
+            tilt=_tilt(rgb),
         )
         sums = rgb.numbers(f"{schema.FRAME_ROW}:crc32"), depth.numbers(f"{schema.DEPTH_ROW}:crc32")
         original_sum = 0 if original is None else int(original.numbers(f"{schema.ORIGINAL_ROW}:crc32")[0])
@@ -207,6 +208,14 @@ class Recording:
 def _original_image(row: _BatchRow) -> OriginalImage:
     camera = row.batch.column(f"{schema.ORIGINAL_ROW}:camera")[row.row].as_py()[0]
     return OriginalImage(row.numbers("EncodedImage:blob").tobytes(), CameraModel.from_json(json.loads(camera)))
+
+
+def _tilt(row: _BatchRow) -> Tilt | None:
+    """Return how the camera was tilted; None in recordings from before tilts and where it is as it was mounted."""
+    column = f"{schema.FRAME_ROW}:tilt"
+    if column not in row.batch.schema.names or (numbers := row.numbers(column)).size != len(Tilt._fields):
+        return None
+    return Tilt(*map(float, numbers))
 
 
 def _folded(events: Iterable[StampedEvent]) -> TopologicalGraph:

@@ -228,6 +228,8 @@ def _rgb_row(frame: EncodedFrame) -> tuple[rr.AsComponents, ...]:
         "exact_pose": number_column(() if frame.exact_pose is None else frame.exact_pose),
         "crc32": integer_column(frame.rgb_checksum),
     }
+    if frame.tilt is not None:
+        columns["tilt"] = number_column(frame.tilt)
     return rr.EncodedImage.from_fields(blob=frame.rgb), ArchetypeColumns(schema.FRAME_ROW, columns)
 
 

@@ -91,6 +91,7 @@ class LiveRobot:
             step=step,
             exact_pose=taken.exact_pose,
             original=taken.original,
+            tilt=taken.tilt,
             source=self._robot.spec.name,
         )
 

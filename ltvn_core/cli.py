@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 from ltvn_core.errors import LtvnError, OptionError
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
     from pathlib import Path
     from types import FrameType
 
+    from ltvn_core.plugins import Plugin
     from ltvn_core.verbs.verb import Summary, Verb
 
 DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."
@@ -85,14 +85,15 @@ def report(verb: "Verb") -> None:
 def _main(given: Sequence[str]) -> int:
     from importlib.metadata import version
 
-    from ltvn_core.verbs.discovery import GROUP, find_verbs, load_verb
+    from ltvn_core.plugins import VERBS
+    from ltvn_core.verbs.discovery import find_verbs, load_verb
 
     if given == ["--version"]:
         print(f"ltvn {version('ltvn')}")
         return 0
     verbs = find_verbs()
     if not verbs:
-        raise OptionError(f"no package offers {GROUP}; install the toolkit: pip install ltvn (or -e .)")
+        raise OptionError(f"no package offers {VERBS.name}; install the toolkit: pip install ltvn (or -e .)")
     if given and given[0] in verbs:
         name, *options = given
         return _run(f"ltvn {name}", load_verb(verbs[name]), options)
@@ -100,17 +101,18 @@ def _main(given: Sequence[str]) -> int:
     return 2
 
 
-def _show_all(verbs: "Mapping[str, EntryPoint]", given: Sequence[str]) -> None:
+def _show_all(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> None:
     """Show the help of all verbs, or say what is wrong with the usage, and exit."""
     import tyro
 
-    from ltvn_core.verbs.discovery import load_verbs
+    from ltvn_core.plugins import load_plugins
+    from ltvn_core.verbs.discovery import load_verb
 
-    loaded = load_verbs(verbs)
+    loaded = load_plugins(verbs, load_verb)
     for line in loaded.broken:
         print(f"ltvn: {line}", file=sys.stderr)
     tyro.extras.subcommand_cli_from_dict(
-        dict(loaded.classes), prog="ltvn", description=DESCRIPTION, args=given, sort_subcommands=False
+        dict(loaded.by_name), prog="ltvn", description=DESCRIPTION, args=given, sort_subcommands=False
     )
 
 

@@ -7,31 +7,22 @@ factory returns a `ltvn_core.robots.robot.Robot` when it is called without argum
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from importlib.metadata import EntryPoint, entry_points
+from collections.abc import Callable, Mapping
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import cast
 
 from ltvn_core.errors import LtvnError, PluginError
+from ltvn_core.plugins import ROBOTS, Plugin, find_plugins
 from ltvn_core.preprocessing import admit_observation
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import RobotSpec
-
-GROUP = "ltvn.robots"
-"""Name of the entry-point group."""
 
 METHODS = ("observe", "state", "drive", "stop")
 HOW_TO = "`--robot NAME` takes an installed robot, `--robot path/to/file.py:factory` one in a file"
 
 
-def find_robots(entries: Iterable[EntryPoint] | None = None) -> dict[str, EntryPoint]:
-    """Return the installed robots by name; nothing is imported. `entries` says where to look instead."""
-    offered = entry_points(group=GROUP) if entries is None else entries
-    return {entry.name: entry for entry in sorted(offered, key=lambda entry: entry.name, reverse=True)}
-
-
-def open_robot(wanted: str, installed: Mapping[str, EntryPoint] | None = None) -> Robot:
+def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Robot:
     """Make the robot of that name, or of `path/to/file.py:factory`, and check it.
 
     One image is taken; nothing is driven. Raises PluginError when there is no such robot, when its factory fails, or
@@ -77,18 +68,12 @@ def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
         raise PluginError(f"The robot {name}: its state must hold x, y, yaw and seconds, all finite, got {state}.")
 
 
-def _installed_factory(name: str, installed: Mapping[str, EntryPoint] | None) -> Callable[[], Robot]:
-    robots = find_robots() if installed is None else installed
+def _installed_factory(name: str, installed: Mapping[str, Plugin] | None) -> Callable[[], Robot]:
+    robots = find_plugins(ROBOTS) if installed is None else installed
     if name not in robots:
-        names = ", ".join(sorted(robots)) or "none"
+        names = ", ".join(robots) or "none"
         raise PluginError(f"No robot is called {name!r}. Installed robots: {names}. {HOW_TO}.")
-    try:
-        factory = robots[name].load()
-    except Exception as error:
-        raise PluginError(
-            f"The robot {name} cannot be loaded ({type(error).__name__}: {error}); update or uninstall its package."
-        ) from error
-    return _callable(factory, name)
+    return _callable(robots[name].load(), name)
 
 
 def _factory_in_file(wanted: str) -> Callable[[], Robot]:

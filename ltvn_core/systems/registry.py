@@ -1,39 +1,34 @@
 """Navigation systems by name: those of this package, and those that other packages bring along.
 
-Owns the table and how a name becomes an entry. A new system here is one file in this folder and one line in
-`_OWN_SYSTEMS`; a foreign one is an entry point of the group `ltvn.systems`. An entry is imported when it is asked for,
-so that listing the names costs nothing.
+Owns their order and how a name becomes an entry. All are entry points of the group `ltvn.systems`, which name a
+`SystemEntry`, or a function from a `Method` to a `NavigationSystem`; a new one here is one file in this folder, one
+line in pyproject.toml and one in `OWN_SYSTEMS`. It is imported when it is asked for, so that
+listing the names costs nothing.
 """
 
 from collections.abc import Iterator, Mapping
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any, cast
 
 from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins
 from ltvn_core.systems.entry import SystemEntry, SystemFactory
-
-ENTRY_POINT_GROUP = "ltvn.systems"
-"""Entry points of this group name a `SystemEntry`, or a function from a `Method` to a `NavigationSystem`."""
 
 DEFAULT_SYSTEM = "ltvn"
 """The system where nobody names one, and that of maps and recordings that name none."""
 
-_OWN_SYSTEMS = {
-    "ltvn": "ltvn_core.systems.ltvn:LTVN",
-    "sptm": "ltvn_core.systems.sptm:SPTM",
-    "ving": "ltvn_core.systems.ving:VING",
-}
+OWN_SYSTEMS = ("ltvn", "sptm", "ving")
+"""The systems of this package in the order of tables."""
 
 
 def system_names() -> tuple[str, ...]:
     """Return the names of all systems: first those of this package in the order of tables, then foreign ones."""
-    return tuple(_entry_points())
+    return tuple(_systems())
 
 
 def own_systems() -> Iterator[SystemEntry]:
     """Yield the entries of this package in the order of tables."""
-    return (system_entry(name) for name in _OWN_SYSTEMS)
+    return (system_entry(name) for name in OWN_SYSTEMS)
 
 
 def baseline_systems() -> Iterator[SystemEntry]:
@@ -42,15 +37,18 @@ def baseline_systems() -> Iterator[SystemEntry]:
 
 
 def system_entry(name: str) -> SystemEntry:
-    """Return the entry of a navigation system; raises OptionError if there is none, or if it cannot be loaded."""
-    found = _own_entry_point(name) or _entry_points().get(name)
+    """Return the entry of a navigation system; raises OptionError if there is none, PluginError if it is broken."""
+    found = _systems().get(name)
     if found is None:
         raise OptionError(f"No navigation system is called {name!r}; choose one of: {', '.join(system_names())}.")
     return _load(found)
 
 
 def recorded_system(config: Mapping[str, Any]) -> SystemEntry:
-    """Return the system that a map or a recording was made with, by its configuration. Raises OptionError."""
+    """Return the system that a map or a recording was made with, by its configuration.
+
+    Raises OptionError where it is not installed here, PluginError where it is broken.
+    """
     name = str(config.get("system", DEFAULT_SYSTEM))
     if (found := known_system(name)) is None:
         raise OptionError(
@@ -61,36 +59,18 @@ def recorded_system(config: Mapping[str, Any]) -> SystemEntry:
 
 
 def known_system(name: str) -> SystemEntry | None:
-    """Return the entry of a system, None where it is not installed here. Raises OptionError if it cannot be loaded."""
+    """Return the entry of a system, None where it is not installed here. Raises PluginError if it is broken."""
     return system_entry(name) if name in system_names() else None
 
 
-def _own_entry_point(name: str) -> EntryPoint | None:
-    value = _OWN_SYSTEMS.get(name)
-    return None if value is None else EntryPoint(name, value, ENTRY_POINT_GROUP)
+def _systems() -> dict[str, Plugin]:
+    return find_plugins(SYSTEMS, first=OWN_SYSTEMS)
 
 
-def _entry_points() -> dict[str, EntryPoint]:
-    """Return where each system is found by name; a foreign one never takes the place of one of ours."""
-    foreign = {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
-    own = {name: point for name in _OWN_SYSTEMS if (point := _own_entry_point(name)) is not None}
-    return own | {name: point for name, point in sorted(foreign.items()) if name not in own}
-
-
-def _load(point: EntryPoint) -> SystemEntry:
-    package = f" of the package {point.dist.name}" if point.dist is not None else ""
-    where = f"The navigation system {point.name!r}{package} ({point.value})"
-    try:
-        found = point.load()
-    except Exception as error:  # Whatever a foreign module raises when it is imported.
-        raise OptionError(
-            f"{where} cannot be loaded ({type(error).__name__}: {error}). Repair or uninstall that package."
-        ) from error
-    if isinstance(found, SystemEntry) and found.name == point.name:
+def _load(plugin: Plugin) -> SystemEntry:
+    found = plugin.load()
+    if isinstance(found, SystemEntry) and found.name == plugin.name:
         return found
     if callable(found):
-        return SystemEntry(name=point.name, label=point.name, factory=cast(SystemFactory, found))
-    raise OptionError(
-        f"{where} is neither a SystemEntry of that name nor a function from a Method to a NavigationSystem; "
-        f"it is {found!r}."
-    )
+        return SystemEntry(name=plugin.name, label=plugin.name, factory=cast(SystemFactory, found))
+    raise plugin.refusal("is neither a SystemEntry of that name nor a function from a Method to a NavigationSystem")

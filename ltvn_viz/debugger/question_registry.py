@@ -4,10 +4,11 @@ Other packages add theirs by the entry-point group `ltvn.questions`, `name = "pa
 """
 
 import logging
-from collections.abc import Iterable, Iterator
-from importlib.metadata import EntryPoint, entry_points
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ltvn_core.errors import PluginError
+from ltvn_core.plugins import QUESTIONS, Plugin, find_plugins, load_plugins
 from ltvn_viz.debugger.breakpoint_question import BreakpointQuestion
 from ltvn_viz.debugger.comparison_question import ComparisonQuestion
 from ltvn_viz.debugger.edge_question import EdgeQuestion
@@ -24,9 +25,6 @@ from ltvn_viz.debugger.what_if_question import WhatIfQuestion
 from ltvn_viz.debugger.why_question import WhyQuestion
 from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
-
-GROUP = "ltvn.questions"
-"""Name of the entry-point group."""
 
 _SERIALS = 2**24
 """So many views of a page can be counted before its links look like those of the next."""
@@ -52,7 +50,7 @@ def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any],
         NextDriveQuestion(),
         ManualEditQuestion(),
         ShareQuestion(),
-        *installed_questions(entry_points(group=GROUP)),
+        *installed_questions(find_plugins(QUESTIONS)),
     )
 
 
@@ -62,15 +60,22 @@ def watching_inspector(page: int, breakpoint_monitor: BreakpointMonitor, worker:
     return Inspector(questions, worker, first_serial=page * _SERIALS)
 
 
-def installed_questions(entries: Iterable[EntryPoint]) -> Iterator[Question[Any]]:
+def installed_questions(plugins: Mapping[str, Plugin]) -> Iterator[Question[Any]]:
     """Yield the questions that other packages offer; one that cannot be made is named in the log and left out."""
-    for entry in sorted(entries, key=lambda entry: entry.name):
-        try:
-            question = entry.load()()
-        except Exception as error:  # Another person's code may raise anything.
-            _LOG.warning("The question %s cannot be loaded (%s: %s).", entry.name, type(error).__name__, error)
-            continue
-        if isinstance(question, Question):
-            yield question
-        else:
-            _LOG.warning("%s is no question; derive it from ltvn_viz.debugger.question.Question.", entry.value)
+    loaded = load_plugins(plugins, load_question)
+    for line in loaded.broken:
+        _LOG.warning(line)
+    yield from loaded.by_name.values()
+
+
+def load_question(plugin: Plugin) -> Question[Any]:
+    """Make a question of another package. Raises PluginError, and MissingLibraryError where an extra is missing."""
+    make = plugin.load()
+    if not (isinstance(make, type) and issubclass(make, Question)):
+        raise plugin.refusal("is no class below ltvn_viz.debugger.question.Question")
+    try:
+        return make()
+    except Exception as error:  # Another person's code may raise anything.
+        raise PluginError(
+            f"{plugin.title} cannot be made ({type(error).__name__}: {error}); {plugin.remedy}."
+        ) from error

@@ -30,6 +30,7 @@ FOUNDATION = (
     "extras",
     "atomic_files",
     "palette",
+    "plugins",
     "preprocessing",
     "cameras",
     "robots",

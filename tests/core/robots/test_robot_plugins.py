@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import PluginError
-from ltvn_core.robots.robot_plugins import GROUP, find_robots, open_robot
+from ltvn_core.plugins import ROBOTS, find_plugins
+from ltvn_core.robots.robot_plugins import open_robot
 
 ROBOT = """
 from tests.core.flat_world import FlatRobot, one_room
@@ -56,7 +57,9 @@ def test_a_robot_in_a_file_is_made_by_its_function(file: Path) -> None:
 
 
 def test_an_installed_robot_is_found_by_its_name() -> None:
-    entries = find_robots([EntryPoint("mine", "tests.core.robots.test_robot_plugins:a_robot", GROUP)])
+    entries = find_plugins(
+        ROBOTS, entries=[EntryPoint("mine", "tests.core.robots.test_robot_plugins:a_robot", ROBOTS.name)]
+    )
     assert open_robot("mine", entries).spec.name == "LoCoBot"
 
 

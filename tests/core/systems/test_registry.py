@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.config import ROBUST
-from ltvn_core.errors import OptionError
+from ltvn_core.errors import OptionError, PluginError
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.registry import (
     DEFAULT_SYSTEM,
@@ -72,8 +72,8 @@ def test_no_other_package_takes_the_place_of_an_own_system(tmp_path: Path, monke
 @pytest.mark.parametrize(
     ("value", "reason"),
     [
-        ("cautious_robots:MISSING", "cannot be loaded .*MISSING.* Repair or uninstall"),
-        ("no_such_module:SYSTEM", "cannot be loaded .*no_such_module.* Repair or uninstall"),
+        ("cautious_robots:MISSING", "cannot be loaded .*MISSING.* repair or uninstall"),
+        ("no_such_module:SYSTEM", "cannot be loaded .*no_such_module.* repair or uninstall"),
         ("cautious_robots:NOT_A_SYSTEM", "neither a SystemEntry of that name nor a function"),
     ],
 )
@@ -81,7 +81,7 @@ def test_a_broken_system_is_refused_with_the_name_of_its_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str, reason: str
 ) -> None:
     install(tmp_path, monkeypatch, f"cautious = {value}")
-    with pytest.raises(OptionError, match=rf"'cautious' of the package cautious-robots .*{reason}"):
+    with pytest.raises(PluginError, match=rf"cautious of the package cautious-robots .*{reason}"):
         system_entry("cautious")
 
 

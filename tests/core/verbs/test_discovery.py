@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import PluginError
-from ltvn_core.verbs.discovery import FIRST_SHOWN, GROUP, find_verbs, load_verb
+from ltvn_core.plugins import OWN_PACKAGE, VERBS, Plugin
+from ltvn_core.verbs.discovery import FIRST_SHOWN, find_verbs, load_verb
 
 HEAVY = ("torch", "rerun", "pybullet", "viser", "numpy", "cv2", "matplotlib", "ltvn_viz.app")
 
@@ -45,7 +46,7 @@ def install(folder: Path, package: str, source: str, verb: str) -> None:
     metadata = folder / f"{package.replace('-', '_')}-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(f"[{GROUP}]\n{verb}\n")
+    (metadata / "entry_points.txt").write_text(f"[{VERBS.name}]\n{verb}\n")
     (folder / f"{package.replace('-', '_')}.py").write_text(source)
 
 
@@ -61,7 +62,7 @@ def ltvn(packages: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
 
 
 def test_our_verbs_are_all_offered_in_the_order_of_a_first_time_user() -> None:
-    ours = [name for name, entry in find_verbs().items() if entry.dist is not None and entry.dist.name == "ltvn"]
+    ours = [name for name, plugin in find_verbs().items() if plugin.package == OWN_PACKAGE]
     assert tuple(ours) == FIRST_SHOWN
 
 
@@ -96,7 +97,7 @@ def test_a_broken_package_is_named_in_one_line_and_spoils_no_other_verb(packages
 
 def test_what_is_no_verb_is_refused() -> None:
     with pytest.raises(PluginError, match="no subclass"):
-        load_verb(EntryPoint("path", "pathlib:Path", GROUP))
+        load_verb(Plugin(VERBS, EntryPoint("path", "pathlib:Path", VERBS.name)))
 
 
 def test_help_needs_no_heavy_library() -> None:

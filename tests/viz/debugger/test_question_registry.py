@@ -7,10 +7,11 @@ from runpy import run_path
 import pytest
 
 from ltvn_core.errors import OptionError
+from ltvn_core.plugins import QUESTIONS, find_plugins
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.debugger.question_registry import GROUP, installed_questions
+from ltvn_viz.debugger.question_registry import installed_questions
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.share_links import commands_from_link
@@ -62,12 +63,12 @@ def test_a_question_of_ones_own_is_offered_and_answers(harness: SessionHarness) 
 def test_installed_questions_follow_and_a_broken_one_is_named(caplog: pytest.LogCaptureFixture) -> None:
     here = f"{__name__}:NodeCountQuestion"
     entries = [
-        EntryPoint(name="nodes", value=here, group=GROUP),
-        EntryPoint(name="gone", value="no.such.module:Question", group=GROUP),
-        EntryPoint(name="text", value=f"{__name__}:str", group=GROUP),
+        EntryPoint(name="nodes", value=here, group=QUESTIONS.name),
+        EntryPoint(name="gone", value="no.such.module:Question", group=QUESTIONS.name),
+        EntryPoint(name="text", value=f"{__name__}:str", group=QUESTIONS.name),
     ]
 
-    (question,) = installed_questions(entries)
+    (question,) = installed_questions(find_plugins(QUESTIONS, entries=entries))
 
     assert question.word == "node-count"
     assert "The question gone cannot be loaded (ModuleNotFoundError" in caplog.text

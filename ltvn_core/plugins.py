@@ -1,0 +1,173 @@
+"""Plug-ins: what packages add to the toolkit by the entry points in their `pyproject.toml`, ours like other people's.
+
+Owns the groups, which package wins a name, and how a plug-in is imported: only when it is asked for, with a message
+that names its package when that fails. What a plug-in must be is checked by whoever uses it.
+"""
+
+import logging
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import EntryPoint, distributions, entry_points
+from typing import Generic, NamedTuple, TypeVar
+
+from ltvn_core.errors import LtvnError, MissingLibraryError, PluginError
+from ltvn_core.extras import naming_the_extra
+
+log = logging.getLogger(__name__)
+
+OWN_PACKAGE = "ltvn"
+
+Loaded = TypeVar("Loaded")
+
+
+class PluginGroup(NamedTuple):
+    """A kind of plug-in."""
+
+    name: str
+    """Its entry-point group, as in `[project.entry-points."ltvn.verbs"]`."""
+    noun: str
+    """What messages call one."""
+
+
+VERBS = PluginGroup("ltvn.verbs", "verb")
+PREDICTORS = PluginGroup("ltvn.predictors", "predictor")
+SYSTEMS = PluginGroup("ltvn.systems", "navigation system")
+ROBOTS = PluginGroup("ltvn.robots", "robot")
+READERS = PluginGroup("ltvn.readers", "reader")
+SCENES = PluginGroup("ltvn.scenes", "scene")
+QUESTIONS = PluginGroup("ltvn.questions", "question")
+
+GROUPS = (VERBS, PREDICTORS, SYSTEMS, ROBOTS, READERS, SCENES, QUESTIONS)
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """One name that a package offers in a group; nothing of it is imported yet."""
+
+    group: PluginGroup
+    entry: EntryPoint
+
+    @property
+    def name(self) -> str:
+        """What a person types."""
+        return self.entry.name
+
+    @property
+    def place(self) -> str:
+        """Where the object is, `package.module:object`."""
+        return self.entry.value
+
+    @property
+    def package(self) -> str:
+        """The package that offers it, `unknown` where nobody says."""
+        return (self.entry.dist and self.entry.dist.name) or "unknown"
+
+    @property
+    def version(self) -> str:
+        """The version of that package, `unknown` where nobody says."""
+        return (self.entry.dist and self.entry.dist.version) or "unknown"
+
+    @property
+    def title(self) -> str:
+        """What messages call it, as in `The robot turtle of the package turtles`."""
+        known = f" of the package {self.package}" if self.entry.dist is not None else ""
+        return f"The {self.group.noun} {self.name}{known}"
+
+    def load(self) -> object:
+        """Import the object.
+
+        Raises:
+            PluginError: It cannot be imported, for whatever reason.
+            MissingLibraryError: It needs a library that an extra installs.
+        """
+        try:
+            with naming_the_extra():
+                return self.entry.load()
+        except MissingLibraryError:
+            raise
+        except (Exception, SystemExit) as error:  # Another package's module may raise anything while it is imported.
+            raise PluginError(
+                f"{self.title} cannot be loaded ({type(error).__name__}: {error}); {self.remedy}."
+            ) from error
+
+    def refusal(self, reason: str) -> PluginError:
+        """Return the error that says why what was loaded cannot be used; `reason` goes on after its place."""
+        return PluginError(f"{self.title} is {self.place}, which {reason}; {self.remedy}.")
+
+    @property
+    def remedy(self) -> str:
+        """What to do about a broken plug-in."""
+        if self.package == OWN_PACKAGE:
+            return "install the toolkit anew: pip install ltvn (or -e .)"
+        return "update, repair or uninstall that package"
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedPlugins(Generic[Loaded]):
+    """The plug-ins of a group that can be used, and what is wrong with the others."""
+
+    by_name: Mapping[str, Loaded]
+    broken: Sequence[str]
+    """One clear line for each plug-in that could not be loaded."""
+
+
+def find_plugins(
+    group: PluginGroup, *, first: Sequence[str] = (), entries: Iterable[EntryPoint] | None = None
+) -> dict[str, Plugin]:
+    """Return the plug-ins of a group by name. Nothing is imported.
+
+    Where two packages offer one name, the toolkit's own stands, else that of the package that comes first by name.
+
+    Args:
+        group: Which kind.
+        first: Names to put first, in this order; the others follow by name.
+        entries: Where to look instead of in the installed packages.
+    """
+    offered = [Plugin(group, entry) for entry in (_installed(tuple(sys.path)) if entries is None else entries)]
+    found: dict[str, Plugin] = {}
+    for plugin in sorted(offered, key=lambda plugin: (plugin.package != OWN_PACKAGE, plugin.package)):
+        if plugin.entry.group == group.name:
+            found.setdefault(plugin.name, plugin)
+    places = {name: place for place, name in enumerate(first)}
+    return {name: found[name] for name in sorted(found, key=lambda name: (places.get(name, len(places)), name))}
+
+
+def load_plugins(plugins: Mapping[str, Plugin], load: Callable[[Plugin], Loaded]) -> LoadedPlugins[Loaded]:
+    """Load plug-ins by a function that raises LtvnError; one that fails is named and does not keep the others away."""
+    by_name: dict[str, Loaded] = {}
+    broken: list[str] = []
+    for name, plugin in plugins.items():
+        try:
+            by_name[name] = load(plugin)
+        except LtvnError as error:
+            broken.append(str(error))
+    return LoadedPlugins(by_name, broken)
+
+
+@lru_cache(maxsize=8)
+def _installed(_path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """Return the entry points of all groups among the packages on the import path, which takes some 40 ms."""
+    try:
+        found = entry_points()
+        return tuple(entry for group in GROUPS for entry in found.select(group=group.name))
+    except Exception:  # The list of one package is broken.
+        names = {group.name for group in GROUPS}
+        return tuple(entry for entry in _readable_entries() if entry.group in names)
+
+
+def _readable_entries() -> Iterator[EntryPoint]:
+    """Yield the entry points of each package that has a valid list of them, and name the other packages in the log."""
+    seen: set[str] = set()
+    for package in distributions():
+        name = "a package without a name"
+        try:
+            name = str(package.name)
+            entries = list(package.entry_points)
+        except Exception as error:
+            log.warning("The plug-ins of the package %s cannot be read (%s); update or uninstall it.", name, error)
+            continue
+        if name not in seen:
+            yield from entries
+        seen.add(name)

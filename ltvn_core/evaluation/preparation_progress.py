@@ -11,6 +11,8 @@ from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
 
+from ltvn_core.atomic_files import atomic_replacement
+
 _EVERY_S = 0.5
 """A worker writes, and the reader reads, at most this often."""
 
@@ -42,9 +44,9 @@ class PreparationLog:
         if now < self._next_s:
             return
         self._next_s = now + _EVERY_S
-        with suppress(OSError):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text(f"{part.share(done):.4f}", encoding="ascii")
+        # In one step, because a reader who comes between emptying and writing would go back to 0.
+        with suppress(OSError), atomic_replacement(self._path) as new:
+            new.write_text(f"{part.share(done):.4f}", encoding="ascii")
 
     def close(self) -> None:
         """Take the file away."""

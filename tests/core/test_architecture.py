@@ -54,6 +54,7 @@ CORE_ORDER = (
     "importing",
     "simulation",
     "training_data",
+    "predictors",
     "network",
     "training",
     "systems",

@@ -1,0 +1,138 @@
+"""The geometric predictor: compares images by local features, depth and poses, without trained weights.
+
+SIFT key points are matched, the camera's motion follows from those with depth, and r is how sure that motion is after
+all evidence, less where the way there cannot be driven straight. Owns the order of these steps, the shortlist for one
+image against many, and the memory of pairs. Implements `ltvn_core.types.Predictor`.
+"""
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.config import Likelihoods
+from ltvn_core.predictors.geometric_calibration import CALIBRATION_FILE, Logistic, shipped_calibration
+from ltvn_core.predictors.geometric_features import FeatureExtractor, ImageFeatures
+from ltvn_core.predictors.geometric_memory import NO_POSE, PairMemory, SurePose
+from ltvn_core.predictors.geometric_reach import drivable_share
+from ltvn_core.predictors.geometric_shortlist import WORDS_FILE, most_similar, votes
+from ltvn_core.predictors.geometric_verification import verify, waypoint
+from ltvn_core.types import Features, Observation, Prediction, Waypoint
+
+VERSION = 1
+"""Increase it whenever equal images give another answer than before."""
+
+MAX_IMAGE_SIDE_PX = 320
+"""Larger images are not more exact for the time they take."""
+
+SHORTLIST_FROM = 24
+"""One image against at least so many others is compared in full with the most similar ones alone."""
+SIMILAR = 64
+"""Of the others so many are chosen by their place vectors,"""
+SHORTLIST = 12
+"""and of those so many by the votes of their key points."""
+
+LIKELIHOODS = Likelihoods(0.9, 0.1, 0.01)
+"""Likelihoods of Eq. 3 and variance of Eq. 4 for a method with this predictor."""
+
+_UNRELATED = 0.01
+"""Reachability of a pair that nothing speaks for. Not 0, because no evidence could revise such a belief."""
+
+
+class GeometricPredictor:
+    """f(o_i, o_j) -> (r, dx, dy, dtheta) from the geometry of two images; its features are objects (N, 1)."""
+
+    needs_depth = True
+    """At least one of two images must tell how far away things are."""
+
+    def __init__(self, camera: CameraModel, *, shortlist_from: int | None = SHORTLIST_FROM) -> None:
+        """Take the camera whose images come; `shortlist_from` None compares every pair in full."""
+        self._camera = camera
+        self._extractor = FeatureExtractor(camera)
+        self._shortlist_from = shortlist_from
+        self._calibration = shipped_calibration()
+        self._memory = PairMemory()
+
+    @property
+    def fingerprint(self) -> str:
+        """Name the version, its fitted parameters and the camera."""
+        digest = hashlib.sha256(CALIBRATION_FILE.read_bytes() + WORDS_FILE.read_bytes())
+        digest.update(repr(self._camera).encode())
+        return f"geometric-{VERSION}-{digest.hexdigest()[:12]}"
+
+    @property
+    def camera(self) -> CameraModel:
+        """The camera whose images it takes."""
+        return self._camera
+
+    def encode(self, observations: Sequence[Observation]) -> Features:
+        """Return (N, 1) features: one object an image. Raises ImageError for images of another size."""
+        rows = np.empty((len(observations), 1), object)
+        for k, observation in enumerate(observations):
+            rows[k, 0] = self._extractor.extract(observation)
+        return rows
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        """Compare sources (N, 1) or (1, 1) with targets (N, 1).
+
+        One source with many targets (24 or more, unless the shortlist is off) is compared in full only with the 12 most
+        similar ones. The others get a reachability of 0.01 and a waypoint of zeros that has no meaning, as pairs do
+        that nothing speaks for.
+        """
+        self._check(sources, targets)
+        chosen = np.arange(len(targets))
+        if len(sources) == 1 and self._shortlist_from is not None and len(targets) >= self._shortlist_from:
+            chosen = self._shortlist(sources[0, 0], [row[0] for row in targets])
+        reachability = np.full(len(targets), _UNRELATED)
+        waypoints = np.zeros((len(targets), 3))
+        for k in chosen:
+            source = sources[0 if len(sources) == 1 else k, 0]
+            reachability[k], waypoints[k] = self._compare(source, targets[k, 0])
+        return Prediction(reachability, waypoints)
+
+    def _shortlist(self, source: ImageFeatures, targets: Sequence[ImageFeatures]) -> list[int]:
+        """Return which targets are compared in full, in order."""
+        similar = most_similar(source.place, [target.place for target in targets], SIMILAR)
+        counted = [votes(source.descriptors, targets[k].descriptors) for k in similar]
+        order = np.argsort([-count for count in counted], kind="stable")[:SHORTLIST]
+        return sorted(int(similar[k]) for k in order)
+
+    def _compare(self, source: ImageFeatures, target: ImageFeatures) -> tuple[float, Waypoint]:
+        pose = self._sure_pose(source, target)
+        if pose.certainty <= _UNRELATED:
+            return _UNRELATED, np.zeros(3)
+        share = drivable_share(source, pose, self._camera, self._extractor.grid)
+        return max(_UNRELATED, pose.certainty * share), pose.waypoint
+
+    def _sure_pose(self, source: ImageFeatures, target: ImageFeatures) -> SurePose:
+        """Return where the target is and how sure that is; computed once a pair, whichever way it is asked."""
+        first, second = sorted((source, target), key=lambda each: each.key)
+        pose = self._memory.recall(first.key, second.key)
+        if pose is None:
+            pose = self._verified_pose(first, second)
+            self._memory.keep(first.key, second.key, pose)
+        return pose if first is source else pose.inverse()
+
+    def _verified_pose(self, first: ImageFeatures, second: ImageFeatures) -> SurePose:
+        verified = verify(first, second, self._camera, self._extractor.grid)
+        if verified is None:
+            return NO_POSE
+        return SurePose(
+            certainty=self._logistic(first, second).probability(verified.evidence._asdict()),
+            waypoint=waypoint(verified.motion, first, second),
+            moved_m=float(np.linalg.norm(verified.motion.translation)),
+            turned_rad=verified.motion.turned_rad,
+        )
+
+    def _logistic(self, first: ImageFeatures, second: ImageFeatures) -> Logistic:
+        return self._calibration[("none", "one", "both")[first.has_depth + second.has_depth]]
+
+    def _check(self, sources: Features, targets: Features) -> None:
+        if sources.shape[1:] != (1,) or targets.shape[1:] != (1,) or object not in (sources.dtype, targets.dtype):
+            raise ValueError(
+                f"Features must be (N, 1) objects as `encode` returns them, got {sources.shape} of {sources.dtype} and "
+                f"{targets.shape} of {targets.dtype}."
+            )
+        if len(sources) not in (1, len(targets)):
+            raise ValueError(f"{len(sources)} sources cannot meet {len(targets)} targets one to one.")

@@ -1,0 +1,164 @@
+"""What the geometric predictor keeps of an image: key points with descriptors and depth, and a coarse depth image.
+
+Owns how they are found (SIFT as RootSIFT, OpenCV). Compares nothing.
+"""
+
+import hashlib
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import ImageError
+from ltvn_core.predictors.geometric_shortlist import place_vector
+from ltvn_core.types import Depth, Observation, Rgb
+
+KEY_POINTS = 640
+"""At most so many key points of an image are kept, the strongest ones."""
+
+GRID_STEP_PX = 4
+"""The coarse depth image has every fourth pixel of a row and of a column."""
+
+CONTRAST_THRESHOLD = 0.01
+"""Lower than SIFT's own 0.04, because walls and doors have little contrast."""
+EDGE_THRESHOLD = 12.0
+
+MAX_DEPTH_M = 12.0
+"""What is farther away is too uncertain to measure by."""
+
+OPTICAL_TO_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""From right, down, ahead, as OpenCV counts, to forward, left, up."""
+
+_DESCRIPTOR_SCALE = 255.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageFeatures:
+    """One image with K key points, strongest first, and M points of a coarse grid."""
+
+    key: bytes
+    """Hash of the image, of its depth and of its tilt; equal images have equal keys."""
+    rays: NDArray[np.float32]
+    """(K, 2): how far right and down of the optical axis a key point lies, at one metre of depth."""
+    depth: NDArray[np.float32]
+    """(K,): metres along the axis; 0 where there is none."""
+    descriptors: NDArray[np.uint8]
+    """(K, 128): RootSIFT, of length 255."""
+    grid_depth: NDArray[np.float32]
+    """(M,): metres along the axis; 0 where there is none."""
+    grid_gray: NDArray[np.uint8]
+    """(M,): brightness."""
+    level: NDArray[np.float64]
+    """(3, 3): from right, down, ahead of the camera to forward, left, up of a level robot."""
+    has_own_tilt: bool
+    """The camera's tilt was measured for this image, as that of a hand-held camera."""
+    place: NDArray[np.float32]
+    """(D,): what the image shows as one vector, see `geometric_shortlist`."""
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether enough of the image has depth to measure by."""
+        return bool(np.count_nonzero(self.grid_depth) * 50 >= self.grid_depth.size)
+
+
+class ImageGrid(NamedTuple):
+    """The pixels of the coarse depth image of a camera, M of them, row by row."""
+
+    rows: int
+    columns: int
+    pixels: NDArray[np.intp]
+    """(M, 2): column and row in the image."""
+    rays: NDArray[np.float32]
+    """(M, 2): right and down at one metre of depth."""
+
+
+def image_grid(camera: CameraModel) -> ImageGrid:
+    """Return the coarse grid of a camera."""
+    half = GRID_STEP_PX // 2
+    rows = np.arange(half, camera.height, GRID_STEP_PX)
+    columns = np.arange(half, camera.width, GRID_STEP_PX)
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    rays = camera.pixels_to_rays(pixels.astype(np.float64)).astype(np.float32)
+    return ImageGrid(len(rows), len(columns), pixels, rays)
+
+
+class FeatureExtractor:
+    """Finds the features of images of one camera."""
+
+    def __init__(self, camera: CameraModel) -> None:
+        """Take the camera whose images come."""
+        self._camera = camera
+        self.grid = image_grid(camera)
+
+    def extract(self, observation: Observation) -> ImageFeatures:
+        """Return the features of an image. Raises ImageError where it is not of the camera's size."""
+        rgb, depth = self._checked(observation)
+        tilt = getattr(observation, "tilt", None)
+        camera = self._camera
+        if tilt is not None:
+            camera = replace(camera, pitch_rad=float(tilt.pitch_rad), roll_rad=float(tilt.roll_rad))
+        gray = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
+        pixels, descriptors = _key_points(np.asarray(gray, np.uint8))
+        columns, rows = self.grid.pixels.T
+        smooth = cv2.blur(gray, (GRID_STEP_PX, GRID_STEP_PX))
+        return ImageFeatures(
+            key=_hash(rgb, depth, camera),
+            rays=self._camera.pixels_to_rays(pixels.astype(np.float64)).astype(np.float32),
+            depth=_depth_at(depth, pixels),
+            descriptors=descriptors,
+            grid_depth=depth[rows, columns],
+            grid_gray=np.asarray(smooth, np.uint8)[rows, columns],
+            level=camera.rotation @ OPTICAL_TO_CAMERA,
+            has_own_tilt=tilt is not None,
+            place=place_vector(descriptors),
+        )
+
+    def _checked(self, observation: Observation) -> tuple[Rgb, Depth]:
+        shape = (self._camera.height, self._camera.width)
+        depth = observation.depth
+        if observation.rgb.shape != (*shape, 3) or (depth is not None and depth.shape != shape):
+            raise ImageError(
+                f"Image {observation.step} is {observation.rgb.shape[:2]}; this geometric predictor takes {shape} "
+                "(rows, columns). Let it in through ltvn_core.preprocessing.preprocess_observation, which rectifies "
+                "images of any camera, or make the predictor for the camera that took it."
+            )
+        if depth is None:
+            return observation.rgb, np.zeros(shape, np.float32)
+        return observation.rgb, np.where((depth > 0) & (depth < MAX_DEPTH_M), depth, 0).astype(np.float32)
+
+
+def _key_points(gray: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Return pixels (K, 2) and RootSIFT descriptors (K, 128) of the strongest key points."""
+    # Made anew for each image, because one detector must not serve two threads.
+    detector = cv2.SIFT.create(nfeatures=KEY_POINTS, contrastThreshold=CONTRAST_THRESHOLD, edgeThreshold=EDGE_THRESHOLD)
+    found, descriptors = detector.detectAndCompute(gray, None)
+    if not found:
+        return np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8)
+    order = np.argsort([-point.response for point in found], kind="stable")[:KEY_POINTS]
+    pixels = np.array([found[k].pt for k in order], np.float32)
+    sift = np.asarray(descriptors, np.float32)[order]
+    root = np.sqrt(sift / np.maximum(sift.sum(1, keepdims=True), 1e-6))
+    return pixels, np.rint(root * _DESCRIPTOR_SCALE).astype(np.uint8)
+
+
+def _depth_at(depth: Depth, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the depth (K,) at pixels (K, 2): the median of the pixels around that have any."""
+    if not depth.any() or not len(pixels):
+        return np.zeros(len(pixels), np.float32)
+    reach = np.arange(-1, 2)
+    columns = np.clip(np.rint(pixels[:, 0]).astype(np.intp)[:, None] + np.tile(reach, 3), 0, depth.shape[1] - 1)
+    rows = np.clip(np.rint(pixels[:, 1]).astype(np.intp)[:, None] + np.repeat(reach, 3), 0, depth.shape[0] - 1)
+    around = np.sort(depth[rows, columns], axis=1)
+    empty = (around == 0).sum(1)
+    middle = np.minimum((empty + around.shape[1]) // 2, around.shape[1] - 1)
+    return around[np.arange(len(around)), middle]
+
+
+def _hash(rgb: Rgb, depth: Depth, camera: CameraModel) -> bytes:
+    digest = hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=16)
+    digest.update(depth.tobytes())
+    digest.update(repr(camera).encode())
+    return digest.digest()

@@ -1,0 +1,262 @@
+"""Fit the geometric predictor: `python -m tools.fit_geometric --scenes train-00 train-01 --recordings tour.rrd`.
+
+Writes the visual words and the logistic regressions that stand beside the predictor. Images come from simulated scenes,
+rendered at 320 x 240 by several cameras with noise, and from recordings with true poses. Pairs of each drive and pairs
+across drives are compared in full, and a pose counts as right when it is near the truth. The same seed gives the same
+files.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
+from scipy.optimize import minimize
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.predictors.geometric_calibration import CALIBRATION_FILE
+from ltvn_core.predictors.geometric_evidence import Evidence
+from ltvn_core.predictors.geometric_features import FeatureExtractor, ImageFeatures, ImageGrid
+from ltvn_core.predictors.geometric_shortlist import WORDS_FILE, VisualWords, visual_words, votes
+from ltvn_core.predictors.geometric_verification import verify, waypoint
+from ltvn_core.recording.reader import Recording
+from ltvn_core.simulation.rendering.renderer_selection import open_renderer
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.training_data.pose_sampling import ClusterSampling, cluster_poses
+from ltvn_core.types import Observation, Pose, Waypoint
+
+WORDS = 64
+DIMENSIONS = 32
+RIDGE = 1.0
+"""Strength of the regularisation of standardised weights."""
+RIGHT_M, RIGHT_SHARE, RIGHT_RAD = 0.12, 0.12, np.deg2rad(8)
+"""A pose is right when it is off by less than this, or this share of the distance, and turned by less."""
+
+CAMERAS = (
+    CameraModel.from_fov(320, 240, np.deg2rad(69.4), height_m=0.6),
+    CameraModel.from_fov(320, 240, np.deg2rad(57.0), height_m=0.4, pitch_rad=np.deg2rad(5)),
+    CameraModel.from_fov(320, 240, np.deg2rad(86.0), height_m=1.1, pitch_rad=np.deg2rad(-20)),
+)
+"""What simulated scenes are seen with, one after the other."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Images of one place with true poses (N, 3)."""
+
+    name: str
+    camera: CameraModel
+    observations: Sequence[Observation]
+    poses: Pose
+
+
+@dataclass(frozen=True)
+class SeenDrive:
+    """A drive with the features of its images."""
+
+    camera: CameraModel
+    grid: ImageGrid
+    features: Sequence[ImageFeatures]
+    poses: Pose
+
+
+class Comparison(NamedTuple):
+    """What a pair of images gave."""
+
+    evidence: Evidence
+    right: bool
+
+
+def simulated_drive(scene_name: str, camera: CameraModel, rng: np.random.Generator, clusters: int) -> Drive:
+    """Render clusters of neighbouring poses, with the noise of a real sensor."""
+    scene = load_scene(scene_name)
+    renderer = open_renderer(scene, camera)
+    poses = cluster_poses(scene.clearance, rng, clusters, ClusterSampling()).reshape(-1, 3)
+    seen = [noisy(*renderer.render(pose, camera), rng) for pose in poses]
+    observations = [
+        Observation(rgb=rgb, depth=depth, odometry=pose, stamp=float(k), step=k, exact_pose=pose)
+        for k, ((rgb, depth), pose) in enumerate(zip(seen, poses, strict=True))
+    ]
+    return Drive(scene_name, camera, observations, poses)
+
+
+def noisy(
+    rgb: NDArray[np.uint8], depth: NDArray[np.float32], rng: np.random.Generator
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return an image with the exposure, noise and depth of a structured-light camera."""
+    gain, grain = rng.uniform(0.75, 1.2), rng.uniform(1.0, 5.0)
+    colours = np.clip(rgb * gain + rng.normal(0, grain, rgb.shape), 0, 255).astype(np.uint8)
+    step = 0.0028 * depth**2  # One step of disparity.
+    metres = depth + rng.normal(0, 1, depth.shape) * step * rng.uniform(0.3, 1.0)
+    edges = np.abs(np.diff(depth, axis=1, append=depth[:, -1:])) > 0.05 * depth
+    lost = edges | np.roll(edges, 1, axis=1) | (rng.random(depth.shape) < 0.02) | (depth > rng.uniform(4.5, 9.0))
+    return colours, np.where(lost, 0, metres).astype(np.float32)
+
+
+def recorded_drive(path: Path, first_share: float) -> Drive:
+    """Read the first part of a recording with true poses."""
+    recording = Recording.open(path)
+    frames = list(recording.frames)
+    kept = [recording.observation(frame) for frame in frames[: int(len(frames) * first_share)]]
+    known = [each for each in kept if each.exact_pose is not None]
+    return Drive(path.stem, recording.meta.camera, known, np.array([each.exact_pose for each in known]))
+
+
+def fit_words(features: Sequence[ImageFeatures], rng: np.random.Generator) -> VisualWords:
+    """Find typical descriptors of many images."""
+    each = [f.descriptors[rng.permutation(len(f.descriptors))[:40]] for f in features]
+    sample = np.concatenate(each).astype(np.float64)
+    mean = sample.mean(0)
+    _, axes = np.linalg.eigh(np.cov((sample - mean).T))
+    axes = axes[:, ::-1][:, :DIMENSIONS]
+    centres, _ = kmeans2((sample - mean) @ axes, WORDS, minit="++", seed=rng)
+    return VisualWords(mean.astype(np.float32), axes.astype(np.float32), centres.astype(np.float32))
+
+
+def drawn_pairs(drive: SeenDrive, rng: np.random.Generator, near: int, far: int) -> NDArray[np.intp]:
+    """Return pairs (P, 2): near ones, far ones at random, and far ones whose key points match well."""
+    poses = drive.poses
+    first, second = np.triu_indices(len(poses), 1)
+    gap = relative(poses[first], poses[second])
+    close = (np.hypot(gap[:, 0], gap[:, 1]) < 2.0) & (np.abs(gap[:, 2]) < np.deg2rad(60))
+    all_pairs = np.stack([first, second], axis=1)
+    drawn = [all_pairs[rng.permutation(np.flatnonzero(part))[:count]] for part, count in ((close, near), (~close, far))]
+    return np.concatenate([*drawn, _look_alikes(drive.features, drive.features, drawn[1])])
+
+
+def _look_alikes(
+    first: Sequence[ImageFeatures], second: Sequence[ImageFeatures], pairs: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """Return the tenth of pairs (P, 2) whose strongest key points match best."""
+    counted = np.array([votes(first[i].descriptors, second[j].descriptors) for i, j in pairs])
+    return pairs[np.argsort(-counted, kind="stable")[: len(pairs) // 10]]
+
+
+def compare(drive: SeenDrive, pairs: NDArray[np.intp]) -> Iterator[Comparison]:
+    """Compare pairs of a drive in full; those without any pose give nothing to weigh."""
+    for i, j in pairs:
+        first, second = drive.features[i], drive.features[j]
+        found = verify(first, second, drive.camera, drive.grid)
+        if found is not None:
+            truth = relative(drive.poses[i], drive.poses[j])
+            yield Comparison(found.evidence, is_right(waypoint(found.motion, first, second), truth))
+
+
+def compare_across(first: SeenDrive, second: SeenDrive, rng: np.random.Generator, count: int) -> Iterator[Comparison]:
+    """Compare images of two places, of which no pair can be right."""
+    drawn = np.stack([rng.integers(len(drive.features), size=10 * count) for drive in (first, second)], axis=1)
+    for i, j in _look_alikes(first.features, second.features, drawn):
+        found = verify(first.features[i], second.features[j], first.camera, first.grid)
+        if found is not None:
+            yield Comparison(found.evidence, right=False)
+
+
+def is_right(found: Waypoint, truth: Waypoint) -> bool:
+    """Tell whether a waypoint (3,) is near enough to the truth."""
+    gap = relative(truth, found)
+    allowed = max(RIGHT_M, RIGHT_SHARE * float(np.hypot(truth[0], truth[1])))
+    return float(np.hypot(gap[0], gap[1])) < allowed and abs(float(wrap_angle(gap[2]))) < RIGHT_RAD
+
+
+def fit_logistic(evidence: NDArray[np.float64], right: NDArray[np.bool_]) -> tuple[NDArray[np.float64], float]:
+    """Return weights (E,) and bias of the logistic regression with a ridge on standardised evidence."""
+    mean, spread = evidence.mean(0), evidence.std(0) + 1e-6
+    inputs = (evidence - mean) / spread
+    signs = np.where(right, 1.0, -1.0)
+
+    def loss(parameters: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        margins = signs * (inputs @ parameters[:-1] + parameters[-1])
+        slope = -signs / (1 + np.exp(np.clip(margins, -30, 30)))
+        ridge = RIDGE * parameters[:-1]
+        gradient = np.append(inputs.T @ slope + ridge, slope.sum())
+        return float(np.logaddexp(0, -margins).sum() + parameters[:-1] @ ridge / 2), gradient
+
+    found = minimize(loss, np.zeros(inputs.shape[1] + 1), jac=True, method="L-BFGS-B").x
+    weights = found[:-1] / spread
+    return weights, float(found[-1] - weights @ mean)
+
+
+def see(drive: Drive) -> SeenDrive:
+    """Find the features of all images of a drive."""
+    extractor = FeatureExtractor(drive.camera)
+    features = [extractor.extract(observation) for observation in drive.observations]
+    return SeenDrive(drive.camera, extractor.grid, features, drive.poses)
+
+
+def without_depth(drive: SeenDrive, *, every: int) -> SeenDrive:
+    """Return the drive with the depth of each `every`-th image taken away."""
+    features = [
+        replace(each, depth=np.zeros_like(each.depth), grid_depth=np.zeros_like(each.grid_depth))
+        if k % every == 0
+        else each
+        for k, each in enumerate(drive.features)
+    ]
+    return replace(drive, features=features)
+
+
+def comparisons(drives: Sequence[SeenDrive], rng: np.random.Generator, pairs: int) -> Iterator[Comparison]:
+    """Compare `pairs` near pairs and as many far ones of each drive, and pairs of drives with one camera."""
+    for k, drive in enumerate(drives):
+        yield from compare(drive, drawn_pairs(drive, rng, pairs, pairs))
+        for other in drives[k + 1 :]:
+            if other.camera == drive.camera:
+                yield from compare_across(drive, other, rng, pairs // 10)
+
+
+def fit_part(found: Sequence[Comparison]) -> dict[str, object]:
+    """Return the weights of one logistic regression by the names of the evidence, as JSON takes them."""
+    evidence = np.array([each.evidence for each in found], np.float64)
+    right = np.array([each.right for each in found])
+    weights, bias = fit_logistic(evidence, right)
+    named = {name: round(float(weight), 4) for name, weight in zip(Evidence._fields, weights, strict=True)}
+    return {"weights": named, "bias": round(bias, 4), "pairs": len(right), "right": int(right.sum())}
+
+
+def write_words(words: VisualWords) -> None:
+    """Write the visual words beside the predictor."""
+    np.savez_compressed(WORDS_FILE, **{name: part.astype(np.float16) for name, part in words._asdict().items()})
+    visual_words.cache_clear()
+
+
+def main() -> int:
+    """Parse the command line, fit, and write both files."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", nargs="*", default=[])
+    parser.add_argument("--recordings", nargs="*", type=Path, default=[])
+    parser.add_argument("--first-share", type=float, default=0.5, help="Use so much of each recording.")
+    parser.add_argument("--clusters", type=int, default=20, help="Places of eight images in each scene.")
+    parser.add_argument("--pairs", type=int, default=500, help="Near pairs of each drive, and as many far ones.")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    drives = [
+        simulated_drive(scene, CAMERAS[k % len(CAMERAS)], rng, options.clusters)
+        for k, scene in enumerate(options.scenes)
+    ]
+    drives += [recorded_drive(path, options.first_share) for path in options.recordings]
+    fit(drives, rng, options.pairs)
+    sys.stdout.write(f"{WORDS_FILE.name} and {CALIBRATION_FILE.name} written\n")
+    return 0
+
+
+def fit(drives: Sequence[Drive], rng: np.random.Generator, pairs: int) -> None:
+    """Fit words and regressions on drives, and write them."""
+    seen = [see(drive) for drive in drives]
+    write_words(fit_words([each for drive in seen for each in drive.features], rng))
+    parts = {
+        "both": fit_part(list(comparisons(seen, rng, pairs))),
+        "one": fit_part(list(comparisons([without_depth(drive, every=2) for drive in seen], rng, pairs // 2))),
+    }
+    fitted = {"fitted_on": [drive.name for drive in drives], "pairs": pairs, "logistics": parts}
+    CALIBRATION_FILE.write_text(json.dumps(fitted, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -14,7 +14,6 @@ EXTRAS = {
     "pybullet": "sim",
     "trimesh": "sim",
     "joblib": "sim",
-    "rosbags": "import",
     "torch": "network",
     "safetensors": "network",
     "tensorboard": "train",

@@ -7,10 +7,13 @@ by the entry-point group `ltvn.readers`, where an entry is `name = "package.modu
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.types import Depth, Pose, Rgb, Tilt
+
+READERS_GROUP = "ltvn.readers"
+"""Name of the entry-point group."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -38,8 +41,7 @@ class RawFrame:
     """What messages call it: a file, or a topic and a number."""
 
 
-@dataclass(frozen=True, slots=True)
-class SourceFact:
+class SourceFact(NamedTuple):
     """One stream that a reader found: a topic, a list of files, a column."""
 
     role: str

@@ -8,7 +8,7 @@ from typing import Any
 
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.types import NodeId, Observation
-from ltvn_viz.debugger.context import DebugContext, PredictorView
+from ltvn_viz.debugger.context import DebugContext
 
 _AT_ONCE = 24
 """Images read between two pictures of the page."""
@@ -46,12 +46,12 @@ class NodeImageLoader:
         self._read.update(nodes)
         seen = [picture for picture in map(context.observation, nodes) if picture is not None]
         self._reading = ("sights", *self._run, len(self._read))
-        context.in_background(self._reading, _added(keyframes, seen, context.view))
+        context.in_background(self._reading, _added(keyframes, seen))
 
 
-def _added(keyframes: KeyframeStore, seen: Sequence[Observation], view: PredictorView) -> Callable[[], bool]:
+def _added(keyframes: KeyframeStore, seen: Sequence[Observation]) -> Callable[[], bool]:
     def add() -> bool:
-        keyframes.add([image for image in map(view.of, seen) if image is not None])
+        keyframes.add(seen)
         return True
 
     return add

@@ -8,7 +8,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from ltvn_core.config import Likelihoods
 from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -48,10 +47,9 @@ class AbsentPredictor:
     fingerprint = "none"
     camera = LOCOBOT.camera
 
-    def __init__(self, why: LtvnError, likelihoods: Likelihoods | None = None) -> None:
-        """Remember why there is no network, and what was measured of it."""
+    def __init__(self, why: LtvnError) -> None:
+        """Remember why there is no network."""
         self._why = why
-        self.likelihoods = likelihoods
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Raise the error."""

@@ -1,0 +1,101 @@
+"""The images of a recording as a predictor takes them, with their true poses."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.recording.reader import Recording
+from ltvn_core.types import Features, Observation, Pose, Predictor, is_usable
+
+_ENCODED_AT_ONCE = 32
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JudgedSequence:
+    """N images of one recording."""
+
+    path: Path
+    start_s: float
+    """Stamp of the recording's first image."""
+    observations: tuple[Observation, ...]
+    """N images, rectified to the predictor's camera."""
+    poses: Pose | None
+    """(N, 3) true poses; None where truth was not asked for."""
+    without_truth: int
+    """Images that were left out because nobody knows where they were taken,"""
+    without_depth: int
+    """because they have no depth and the predictor needs it,"""
+    skipped: int
+    """and because there are too many."""
+
+    def time_s(self, row: int) -> float:
+        """Return when an image was taken, in seconds after the recording's beginning."""
+        return self.observations[row].stamp - self.start_s
+
+
+def read_sequence(
+    recording: Recording, predictor: Predictor, *, most: int, with_truth: bool, progress: Callable[[int], object]
+) -> JudgedSequence:
+    """Read at most `most` images of a recording, evenly spaced.
+
+    Args:
+        recording: Any recording.
+        predictor: Says which camera's images it takes, and whether it needs depth.
+        most: Images to read.
+        with_truth: Leave out images without a true pose.
+        progress: Called with the number of further images that are read.
+
+    Raises:
+        RecordingError: Fewer than two images are left, or none has a true pose.
+        ImageError: An image cannot be read.
+    """
+    count = len(recording.frames)
+    chosen: list[int] = np.linspace(0, count - 1, min(count, most)).astype(int).tolist()
+    seen: list[Observation] = []
+    for k in chosen:
+        taken = recording.observation(recording.frames[k])
+        seen.append(recorded_observation(taken, recording.meta.camera, predictor.camera))
+        progress(1)
+    usable = [each for each in seen if is_usable(each, predictor)]
+    known = [each for each in usable if each.exact_pose is not None] if with_truth else usable
+    if len(known) < 2:
+        raise RecordingError(_too_few(recording.path, seen, usable))
+    return JudgedSequence(
+        path=recording.path,
+        start_s=float(recording.poses.stamps[0]),
+        observations=tuple(known),
+        poses=np.array([each.exact_pose for each in known], np.float64) if with_truth else None,
+        without_truth=len(usable) - len(known),
+        without_depth=len(seen) - len(usable),
+        skipped=count - len(chosen),
+    )
+
+
+def encode_sequence(
+    predictor: Predictor, observations: Sequence[Observation], progress: Callable[[int], object]
+) -> Features:
+    """Return the features (N, F) of images; `progress` is called with the number of further ones that are done."""
+    parts = []
+    for first in range(0, len(observations), _ENCODED_AT_ONCE):
+        part = observations[first : first + _ENCODED_AT_ONCE]
+        parts.append(predictor.encode(part))
+        progress(len(part))
+    return np.concatenate(parts)
+
+
+def _too_few(path: Path, seen: Sequence[Observation], usable: Sequence[Observation]) -> str:
+    if len(seen) < 2:
+        return f"{path} holds {len(seen)} images; two at least can be compared. Record or import a longer drive."
+    if len(usable) < 2:
+        return (
+            f"{len(usable)} of the {len(seen)} images of {path} have depth, which the predictor needs; judge one that "
+            "works from colours alone (--predictor)."
+        )
+    return (
+        f"{path}: nobody knows where its images were taken, so no answer can be called right or wrong. Import it with "
+        "its ground truth; or judge the map alone with --without-truth; or give a loop-closure matrix with --revisits."
+    )

@@ -1,0 +1,230 @@
+"""The judgement of a predictor on a recording with true poses: pairs, a map, and localising, as recorded and perturbed.
+
+Owns the order of these steps and which images are left out of the map. Reads and writes no file.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.evaluation.perturbations.geometry_perturbations import FrameLoss
+from ltvn_core.evaluation.perturbations.perturbation_registry import DROPPED_FRAMES, open_perturbation, perturb_all
+from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence, encode_sequence
+from ltvn_core.evaluation.predictor_accuracy.localisation_accuracy import LocalisationAccuracy, localisation_accuracy
+from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap, MapAccuracy, build_judged_map, map_accuracy
+from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy, PairScores, pair_accuracy, score_pairs
+from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairSample, choose_evenly, sample_pairs
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.types import Features, Pose, Predictor
+
+_PERTURBED_SHARE = 4
+"""Under a perturbation one pair in so many is compared."""
+
+
+class ProgressBars(Protocol):
+    """Shows how far one step after the other is."""
+
+    def __call__(self, step: str, total: int, unit: str) -> AbstractContextManager[Callable[[int], object]]:
+        """Begin a step of `total` units; the result is called with the number of further ones that are done."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgementPlan:
+    """How a predictor is judged."""
+
+    pairs: int = 20_000
+    """Near pairs that are compared at most, and far ones."""
+    left_out: float = 0.2
+    """Share of the images, evenly spaced, that the map is not built from and that are looked for in it."""
+    perturbations: tuple[str, ...] = ()
+    """Names; what looks is perturbed, and what is looked for is not."""
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """What was found as recorded, or under one perturbation."""
+
+    name: str
+    """The perturbation; empty as recorded."""
+    pairs: PairAccuracy | None
+    """None without truth."""
+    map: MapAccuracy
+    localisation: LocalisationAccuracy | None
+    """None without truth."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """What was found, and the answers behind it."""
+
+    conditions: tuple[Condition, ...]
+    """As recorded first, then each perturbation."""
+    scores: PairScores | None
+    """Answers as recorded; None without truth."""
+    built: JudgedMap
+
+
+class _Rows(NamedTuple):
+    looks: NDArray[np.intp]
+    """Images that are looked for in the map,"""
+    mapped: NDArray[np.intp]
+    """and those that it is built from."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Judge:
+    """One predictor on images that look and images that are looked for."""
+
+    looking: JudgedSequence
+    mapped: JudgedSequence
+    predictor: Predictor
+    system: NavigationSystem
+    plan: JudgementPlan
+    bars: ProgressBars
+
+    @cached_property
+    def targets(self) -> Features:
+        """Features of the images that are looked for."""
+        return self._encoded("encode", self.mapped)
+
+    @cached_property
+    def rows(self) -> "_Rows":
+        """Which images are looked for in the map, and which it is built from."""
+        count = len(self.mapped.observations)
+        if self.looking is not self.mapped:
+            return _Rows(np.arange(len(self.looking.observations)), np.arange(count))
+        left_out = choose_evenly(np.arange(count), max(int(self.plan.left_out * count), 1), self._rng(0))
+        return _Rows(left_out, np.setdiff1d(np.arange(count), left_out))
+
+    def run(self) -> Judgement:
+        """Judge as recorded, then under each perturbation."""
+        sources = self.targets if self.looking is self.mapped else self._encoded("encode looks", self.looking)
+        sample = self._sample()
+        scores = None if sample is None else self._scored("compare", sources, sample)
+        built = self._built("build", self.rows.mapped)
+        recorded = Condition(
+            name="",
+            pairs=None if scores is None else pair_accuracy(scores, self.system.method.building, self._rng(2)),
+            map=self._map_accuracy("recognise", built),
+            localisation=self._localisation("localise", sources, built),
+        )
+        if sample is not None:
+            sample = sample.thinned(self.plan.pairs // _PERTURBED_SHARE, self._rng(3))
+        worse = [self._perturbed(name, recorded, sources, sample, built) for name in self.plan.perturbations]
+        return Judgement(conditions=(recorded, *worse), scores=scores, built=built)
+
+    def _perturbed(
+        self, name: str, recorded: Condition, sources: Features, sample: PairSample | None, built: JudgedMap
+    ) -> Condition:
+        if name == DROPPED_FRAMES:
+            return self._with_lost_frames(recorded, sources)
+        perturbation = open_perturbation(name, self.predictor.camera)
+        worse = perturb_all(self.looking.observations, perturbation, seed=self.plan.seed)
+        with self.bars(f"{name}: encode", len(worse), "image") as progress:
+            sources = encode_sequence(self.predictor, worse, progress)
+        scores = None if sample is None else self._scored(f"{name}: compare", sources, sample)
+        return Condition(
+            name=name,
+            pairs=None if scores is None else pair_accuracy(scores, self.system.method.building, self._rng(2)),
+            map=recorded.map,
+            localisation=self._localisation(f"{name}: localise", sources, built),
+        )
+
+    def _with_lost_frames(self, recorded: Condition, sources: Features) -> Condition:
+        """Judge a map of what arrived; the pairs stay as they are, for an image that arrives is as good as ever."""
+        lost = FrameLoss().lost(len(self.mapped.observations), self._rng(4))
+        arrived = self.rows.mapped[~lost[self.rows.mapped]]
+        built = self._built(f"{DROPPED_FRAMES}: build", arrived)
+        return Condition(
+            name=DROPPED_FRAMES,
+            pairs=recorded.pairs,
+            map=self._map_accuracy(f"{DROPPED_FRAMES}: recognise", built),
+            localisation=self._localisation(f"{DROPPED_FRAMES}: localise", sources, built),
+        )
+
+    def _sample(self) -> PairSample | None:
+        looking, mapped = self.looking.poses, self.mapped.poses
+        if looking is None or mapped is None:
+            return None
+        return sample_pairs(looking, mapped, most=self.plan.pairs, rng=self._rng(1))
+
+    def _encoded(self, step: str, sequence: JudgedSequence) -> Features:
+        with self.bars(step, len(sequence.observations), "image") as progress:
+            return encode_sequence(self.predictor, sequence.observations, progress)
+
+    def _scored(self, step: str, sources: Features, sample: PairSample) -> PairScores:
+        with self.bars(step, len(sample.sources), "pair") as progress:
+            return score_pairs(
+                self.predictor, sources, self.targets, sample, self.system.method.building, progress=progress
+            )
+
+    def _built(self, step: str, rows: NDArray[np.intp]) -> JudgedMap:
+        with self.bars(step, len(rows), "image") as progress:
+            return build_judged_map(
+                [self.mapped.observations[row] for row in rows],
+                self.targets[rows],
+                _rows_of(self.mapped.poses, rows),
+                predictor=self.predictor,
+                system=self.system,
+                rng=self._rng(5),
+                progress=_further(progress),
+            )
+
+    def _map_accuracy(self, step: str, built: JudgedMap) -> MapAccuracy:
+        with self.bars(step, len(built.observations), "image") as progress:
+            return map_accuracy(built, progress=_further(progress))
+
+    def _localisation(self, step: str, sources: Features, built: JudgedMap) -> LocalisationAccuracy | None:
+        poses = _rows_of(self.looking.poses, self.rows.looks)
+        if poses is None or built.poses is None:
+            return None
+        with self.bars(step, len(self.rows.looks), "image") as progress:
+            return localisation_accuracy(built, sources[self.rows.looks], poses, progress=progress)
+
+    def _rng(self, purpose: int) -> np.random.Generator:
+        """Return a generator for one purpose, so that none depends on how many numbers another drew."""
+        return np.random.default_rng([self.plan.seed, purpose])
+
+
+def judge(
+    looking: JudgedSequence,
+    mapped: JudgedSequence,
+    *,
+    predictor: Predictor,
+    system: NavigationSystem,
+    plan: JudgementPlan,
+    bars: ProgressBars,
+) -> Judgement:
+    """Judge a predictor on the images that look, against those that are looked for.
+
+    Where both are one sequence, the map is built from a part of it and the rest is looked for in it; else the map is
+    built from all of `mapped`, and all of `looking` is looked for.
+
+    Raises:
+        MapError: No map can be built from the images.
+    """
+    return _Judge(looking=looking, mapped=mapped, predictor=predictor, system=system, plan=plan, bars=bars).run()
+
+
+def _rows_of(poses: Pose | None, rows: NDArray[np.intp]) -> Pose | None:
+    return None if poses is None else poses[rows]
+
+
+def _further(progress: Callable[[int], object]) -> ProgressCallback:
+    """Return a callback that is told images done and in all, for one that is told further images."""
+    last = 0
+
+    def show(done: int, total: int) -> None:
+        nonlocal last
+        progress(max(done - last, 0))
+        last = max(done, last)
+
+    return show

@@ -1,0 +1,175 @@
+"""A map built from a part of a recording: does it hang together, and does it confuse places, by true poses."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from ltvn_core.analysis.perceptual_aliases import PerceptualAlias, find_perceptual_aliases
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, true_waypoints
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.connectivity import strongly_connected_components
+from ltvn_core.graph.deltas import GraphDelta, NodeAdded
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import NO_PRIOR
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
+
+_MOST_RECOGNISED = 200
+"""Images that became no node and are asked which node they show; of more than these, evenly spaced ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapAccuracy:
+    """Figures of a map; None where they need truth and there is none."""
+
+    frames: int
+    """Images that the map was built from."""
+    nodes: int
+    edges: int
+    pieces: int
+    """Strongly connected components of the map,"""
+    true_pieces: int | None
+    """and the number of parts that the drive itself falls into: groups of images within D_c of each other."""
+    largest_piece_share: float
+    """Share of the images, those of the largest part of the drive, that are in the map's largest piece or recognised
+    as one of its nodes."""
+    false_edges: int | None
+    """Edges between far images."""
+    perceptual_aliases: int | None
+    """Pairs of nodes that the method takes for near each other and that are far."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JudgedMap:
+    """A map and what it was built from."""
+
+    observations: Sequence[Observation]
+    """M images."""
+    features: Features
+    """(M, F)."""
+    poses: Pose | None
+    """(M, 3) true poses; None where nobody knows them."""
+    predictor: Predictor
+    system: NavigationSystem
+    deltas: Sequence[GraphDelta]
+    """The map's history."""
+    keyframes: KeyframeStore
+    """All M images."""
+    graph: TopologicalGraph
+
+    @cached_property
+    def matcher(self) -> Matcher:
+        """Compares images with those of the map."""
+        return Matcher(self.predictor, self.keyframes, self.system.method.matching)
+
+    @cached_property
+    def pose_of(self) -> Mapping[FrameId, Pose]:
+        """True pose (3,) of each image; empty where nobody knows them."""
+        poses = () if self.poses is None else self.poses
+        return {seen.step: pose for seen, pose in zip(self.observations, poses, strict=False)}
+
+
+def build_judged_map(
+    observations: Sequence[Observation],
+    features: Features,
+    poses: Pose | None,
+    *,
+    predictor: Predictor,
+    system: NavigationSystem,
+    rng: np.random.Generator,
+    progress: ProgressCallback,
+) -> JudgedMap:
+    """Build a map from images (M of them) with their features (M, F); raises MapError as the builder does."""
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(observations, features)
+    deltas = system.build(observations, keyframes, predictor, rng=rng, progress=progress)
+    keyframes.add(observations, features)  # Images that the builder dropped are asked about too.
+    return JudgedMap(
+        observations=observations,
+        features=features,
+        poses=poses,
+        predictor=predictor,
+        system=system,
+        deltas=deltas,
+        keyframes=keyframes,
+        graph=TopologicalGraph(deltas),
+    )
+
+
+def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy:
+    """Return the figures of a map; `progress` is called with images that were localised and images in all."""
+    poses = built.pose_of
+    pieces = strongly_connected_components(built.graph)
+    groups = None if built.poses is None else _true_pieces(built.poses, built.system.method.building.connect_distance)
+    return MapAccuracy(
+        frames=len(built.observations),
+        nodes=len(built.graph.nodes),
+        edges=len(built.graph.edges),
+        pieces=len(pieces),
+        true_pieces=None if groups is None else int(groups.max()) + 1,
+        largest_piece_share=_share_in(built, set(pieces[0]), groups, progress),
+        false_edges=sum(_are_far(poses, *edge) for edge in built.graph.edges) if poses else None,
+        perceptual_aliases=len(true_aliases(built)) if poses else None,
+    )
+
+
+def true_aliases(built: JudgedMap) -> tuple[PerceptualAlias, ...]:
+    """Return the pairs of nodes that the method takes for near and that are truly far."""
+    poses = built.pose_of
+    keyframes = KeyframeStore(built.predictor)
+    # The search doubts what odometry contradicts; with true poses in its place it knows.
+    keyframes.add([replace(seen, odometry=poses[seen.step]) for seen in built.observations], built.features)
+    graph = TopologicalGraph([_at_true_pose(delta, poses) for delta in built.deltas])
+    method = built.system.method
+    found = find_perceptual_aliases(graph, Matcher(built.predictor, keyframes, method.matching), method)
+    return tuple(pair for pair in found if _are_far(poses, pair.first, pair.second))
+
+
+def _at_true_pose(delta: GraphDelta, poses: Mapping[FrameId, Pose]) -> GraphDelta:
+    if not isinstance(delta, NodeAdded):
+        return delta
+    return replace(delta, node=replace(delta.node, odometry=pose_row(poses[delta.node.id])))
+
+
+def _are_far(poses: Mapping[FrameId, Pose], first: NodeId, second: NodeId) -> bool:
+    return bool(LIMITS.far(relative(poses[first], poses[second])))
+
+
+def _true_pieces(poses: Pose, connect_distance: float) -> NDArray[np.intp]:
+    """Return for each image (M,) which part of the drive it belongs to, the largest part first."""
+    near = distance(true_waypoints(poses, poses)) < connect_distance
+    _, labels = connected_components(near, directed=False)
+    order = np.argsort(-np.bincount(labels), kind="stable")
+    return np.argsort(order)[labels]
+
+
+def _share_in(
+    built: JudgedMap, piece: set[NodeId], groups: NDArray[np.intp] | None, progress: ProgressCallback
+) -> float:
+    """Return the share of the images of the drive's largest part that are in a piece of the map."""
+    every = np.arange(len(built.observations)) if groups is None else np.flatnonzero(groups == 0)
+    rows: list[int] = every.tolist()
+    frames = [built.observations[row].step for row in rows]
+    nodes = [frame for frame in frames if frame in built.graph.nodes]
+    others = [row for row, frame in zip(rows, frames, strict=True) if frame not in built.graph.nodes]
+    asked = others[:: max(math.ceil(len(others) / _MOST_RECOGNISED), 1)]
+    recognised = 0
+    for done, row in enumerate(asked, 1):
+        recognised += _recognised(built, row) in piece
+        progress(len(frames) - len(asked) + done, len(frames))
+    share = recognised / len(asked) if asked else 0.0
+    return (sum(node in piece for node in nodes) + share * len(others)) / len(frames)
+
+
+def _recognised(built: JudgedMap, row: int) -> NodeId | None:
+    """Return the node that an image of the drive is taken for."""
+    return built.system.localise(built.features[row : row + 1], built.graph, NO_PRIOR, built.matcher).node

@@ -1,0 +1,224 @@
+"""The accuracy of a predictor on near and far pairs: does it tell them apart, and how good are its waypoints.
+
+A pair is accepted where the method would join its images by an edge: r > R_c and d < D_c. AUC, calibration and recall
+at a false-positive rate are those of r where d < D_c, and of 0 elsewhere, because a target that is truly farther away
+than D_c may well be reachable. The same figures of r alone stand beside them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from ltvn_core.config import BuildingConfig
+from ltvn_core.evaluation.confidence_intervals import Estimate, SampleGroup, estimates
+from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairSample
+from ltvn_core.geometry import distance, wrap_angle
+from ltvn_core.network.metrics.binned_metrics import CalibrationBin, calibration_table
+from ltvn_core.network.metrics.reachability_metrics import auc, calibration_error, quantile
+from ltvn_core.types import Features, Prediction, Predictor, Waypoint
+
+_STRETCHES = 10
+"""Neighbouring images see nearly the same, so the interval of a share is that over so many stretches of the sources."""
+_DISTANCES_M = (0.0, 0.1, 0.3, 0.6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DistanceBin:
+    """Near pairs whose target is between two distances away."""
+
+    low_m: float
+    high_m: float
+    pairs: int
+    recall: float | None
+    """Share that is accepted; None without pairs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairAccuracy:
+    """Figures of one predictor on near and far pairs; None where there are no such pairs."""
+
+    near_pairs: int
+    """Near pairs of the recording,"""
+    near_compared: int
+    """and those that were compared."""
+    far_pairs: int
+    far_compared: int
+    auc: float | None
+    near_recall: float | None
+    """Share of the near pairs that is accepted,"""
+    near_recall_low: float | None
+    """with its 95 % interval."""
+    near_recall_high: float | None
+    far_fpr: float | None
+    """Share of the far pairs that is accepted,"""
+    far_fpr_low: float | None
+    """with its 95 % interval."""
+    far_fpr_high: float | None
+    recall_at_far_fpr_1e3: float | None
+    """Recall where at most one far pair in 1,000 is accepted; None with fewer far pairs."""
+    recall_at_far_fpr_1e4: float | None
+    """The same, one in 10,000."""
+    waypoint_median_m: float | None
+    """Position error of accepted near pairs,"""
+    waypoint_p90_m: float | None
+    """its 90th percentile,"""
+    moved_median_m: float | None
+    """and what that median would be for a predictor that always says "here"."""
+    yaw_median_deg: float | None
+    ece: float | None
+    """Expected calibration error in ten bins; near and far pairs weigh the same."""
+    auc_of_r: float | None
+    """AUC of r alone."""
+    near_recall_of_r: float | None
+    """Share of the near pairs with r > R_c,"""
+    far_fpr_of_r: float | None
+    """and of the far pairs."""
+    near_by_distance: tuple[DistanceBin, ...]
+    calibration: tuple[CalibrationBin, ...]
+    """Of as many near as far pairs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PairScores:
+    """What a predictor says of a sample of pairs."""
+
+    sample: PairSample
+    reachability: NDArray[np.float64]
+    """(P,) r."""
+    waypoints: Waypoint
+    """(P, 3) as predicted."""
+    score: NDArray[np.float64]
+    """(P,) r, or 0 where the predicted target is too far away for an edge."""
+    accepted: NDArray[np.bool_]
+    """(P,): the method would join these."""
+
+    @property
+    def position_error_m(self) -> NDArray[np.float64]:
+        """(P,) distance from the predicted to the true target."""
+        return np.hypot(*(self.waypoints - self.sample.waypoints)[:, :2].T)
+
+    @property
+    def yaw_error_rad(self) -> NDArray[np.float64]:
+        """(P,)."""
+        return np.abs(wrap_angle(self.waypoints[:, 2] - self.sample.waypoints[:, 2]))
+
+
+def score_pairs(
+    predictor: Predictor,
+    sources: Features,
+    targets: Features,
+    sample: PairSample,
+    config: BuildingConfig,
+    *,
+    progress: Callable[[int], object],
+) -> PairScores:
+    """Ask a predictor about each source and all its targets at once, as the map does.
+
+    Args:
+        predictor: Made the features.
+        sources: (S, F), one row per image that looks.
+        targets: (T, F), one row per image that is looked for.
+        sample: Which pairs.
+        config: When two images are joined.
+        progress: Called with the number of further pairs that are done.
+    """
+    firsts = np.flatnonzero(np.diff(sample.sources, prepend=-1))
+    answers = [Prediction(np.empty(0), np.empty((0, 3)))]
+    for first, until in zip(firsts, [*firsts[1:], len(sample.sources)], strict=True):
+        source = sample.sources[first]
+        answers.append(predictor.predict(sources[source : source + 1], targets[sample.targets[first:until]]))
+        progress(int(until - first))
+    reachability, waypoints = (np.concatenate(column) for column in zip(*answers, strict=True))
+    score = np.where(distance(waypoints) < config.connect_distance, reachability, 0.0)
+    return PairScores(
+        sample=sample,
+        reachability=reachability,
+        waypoints=waypoints,
+        score=score,
+        accepted=score > config.connect_reachability,
+    )
+
+
+def pair_accuracy(scores: PairScores, config: BuildingConfig, rng: np.random.Generator) -> PairAccuracy:
+    """Return the figures of a predictor's answers; `rng` draws the pairs that calibration leaves out."""
+    near = scores.sample.is_near
+    found = near & scores.accepted
+    recall = _share(scores.accepted, near, scores.sample)
+    false_positives = _share(scores.accepted, ~near, scores.sample)
+    sure = scores.reachability > config.connect_reachability
+    even = _as_many_of_both(near, rng)
+    return PairAccuracy(
+        near_pairs=scores.sample.near_pairs,
+        near_compared=int(near.sum()),
+        far_pairs=scores.sample.far_pairs,
+        far_compared=int((~near).sum()),
+        auc=or_none(auc(scores.score, near)),
+        near_recall=recall and recall.mean,
+        near_recall_low=recall and recall.low,
+        near_recall_high=recall and recall.high,
+        far_fpr=false_positives and false_positives.mean,
+        far_fpr_low=false_positives and false_positives.low,
+        far_fpr_high=false_positives and false_positives.high,
+        recall_at_far_fpr_1e3=_recall_at(scores.score, near, 1e-3),
+        recall_at_far_fpr_1e4=_recall_at(scores.score, near, 1e-4),
+        waypoint_median_m=or_none(quantile(scores.position_error_m[found], 0.5)),
+        waypoint_p90_m=or_none(quantile(scores.position_error_m[found], 0.9)),
+        moved_median_m=or_none(quantile(np.hypot(*scores.sample.waypoints[found, :2].T), 0.5)),
+        yaw_median_deg=or_none(float(np.degrees(quantile(scores.yaw_error_rad[found], 0.5)))),
+        ece=calibration_error(scores.score[even], near[even]) if len(even) else None,
+        auc_of_r=or_none(auc(scores.reachability, near)),
+        near_recall_of_r=float(sure[near].mean()) if near.any() else None,
+        far_fpr_of_r=float(sure[~near].mean()) if not near.all() else None,
+        near_by_distance=_by_distance(scores),
+        calibration=calibration_table(scores.score[even], near[even]),
+    )
+
+
+def or_none(number: float) -> float | None:
+    """Return a number, None for NaN: JSON has none."""
+    return None if np.isnan(number) else number
+
+
+def _share(accepted: NDArray[np.bool_], kind: NDArray[np.bool_], sample: PairSample) -> Estimate | None:
+    """Return the share of pairs of a kind (P,) that is accepted; None without any."""
+    if not kind.any():
+        return None
+    hits = accepted[kind].astype(np.float64)
+    parts = [part for part in np.array_split(hits, min(_STRETCHES, len(hits))) if len(part)]
+    over_stretches = estimates([SampleGroup("", part[:, None]) for part in parts])[0]
+    half = (over_stretches.high - over_stretches.low) / 2
+    of_pairs = binomtest(int(hits.sum()), len(hits)).proportion_ci()
+    mean = float(hits.mean())
+    return Estimate(mean, min(mean - half, float(of_pairs.low)), max(mean + half, float(of_pairs.high))).within(0, 1)
+
+
+def _recall_at(score: NDArray[np.float64], near: NDArray[np.bool_], far_fpr: float) -> float | None:
+    """Return the share of near pairs above the threshold that at most a share of the far pairs exceeds."""
+    far = np.sort(score[~near])[::-1]
+    allowed = int(far_fpr * len(far) + 1e-9)
+    if not allowed or not near.any():
+        return None
+    return float((score[near] > far[allowed]).mean())
+
+
+def _as_many_of_both(near: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.intp]:
+    """Return rows of as many near as far pairs."""
+    rows = np.flatnonzero(near), np.flatnonzero(~near)
+    count = min(map(len, rows))
+    return np.concatenate([rng.choice(kind, count, replace=False) for kind in rows])
+
+
+def _by_distance(scores: PairScores) -> tuple[DistanceBin, ...]:
+    moved = np.hypot(*scores.sample.waypoints[:, :2].T)
+    rows = [
+        (low, high, scores.accepted[scores.sample.is_near & (moved >= low) & (moved < high)])
+        for low, high in pairwise(_DISTANCES_M)
+    ]
+    return tuple(
+        DistanceBin(low_m=low, high_m=high, pairs=len(hits), recall=float(hits.mean()) if len(hits) else None)
+        for low, high, hits in rows
+    )

@@ -1,0 +1,112 @@
+"""Recognising places without poses: images of a drive against a matrix that says which of them show one place."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import DatasetError
+from ltvn_core.network.metrics.reachability_metrics import auc
+from ltvn_core.types import Features, Predictor
+
+_LEAST_GAP = 15
+"""Images that follow each other show one place anyway: a revisit is so many images later at least."""
+_TEXTS = (".txt", ".csv")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RevisitAccuracy:
+    """How often a predictor knows a place again. Each image asks about all that came long before it."""
+
+    queries: int
+    """Images that show a place that was seen before."""
+    recall_at_1: float
+    """Share of them whose best answer is right."""
+    recall_at_full_precision: float
+    """Share of them whose best answer is right and surer than every wrong one of the whole drive."""
+    average_precision: float
+    """Over all images, those without a revisit too, each with its best answer."""
+    auc: float
+    """Of all pairs."""
+
+
+def read_revisits(path: Path, images: int) -> NDArray[np.bool_]:
+    """Read which images show one place, (N, N): rows of 0 and 1 as text, or a picture whose pixels are not 0.
+
+    Raises DatasetError where the file cannot be read or is not of that size.
+    """
+    try:
+        if path.suffix.lower() in _TEXTS:
+            rows = path.read_text(encoding="utf-8").replace(",", " ").splitlines()
+            matrix = np.array([row.split() for row in rows if row.strip() and not row.startswith("#")], float)
+        else:
+            picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+            matrix = np.zeros((0, 0)) if picture is None else np.asarray(picture)
+    except (OSError, ValueError) as error:
+        raise DatasetError(f"{path} cannot be read as a loop-closure matrix ({error}).") from error
+    if matrix.shape != (images, images):
+        raise DatasetError(
+            f"{path} must be a matrix of {images} x {images} numbers, one row and one column for each image of the "
+            f"recording, got {' x '.join(map(str, matrix.shape))}. It is text (.txt, .csv) or a picture (.bmp, .png)."
+        )
+    return (matrix != 0) | (matrix.T != 0)
+
+
+def revisit_accuracy(
+    predictor: Predictor,
+    features: Features,
+    same_place: NDArray[np.bool_],
+    *,
+    progress: Callable[[int], object],
+) -> RevisitAccuracy:
+    """Return how well a predictor recognises places of a drive with features (N, F); truth is (N, N).
+
+    The score of a pair is the larger r of its two directions. `progress` is called with the number of further images.
+    """
+    count = len(features)
+    score = np.full((count, count), -1.0)
+    progress(min(_LEAST_GAP, count))
+    for row in range(_LEAST_GAP, count):
+        earlier = features[: row - _LEAST_GAP + 1]
+        there = predictor.predict(features[row : row + 1], earlier).reachability
+        back = predictor.predict(earlier, np.repeat(features[row : row + 1], len(earlier), axis=0)).reachability
+        score[row, : len(earlier)] = np.maximum(there, back)
+        progress(1)
+    return summarise_revisits(score, same_place)
+
+
+def summarise_revisits(score: NDArray[np.float64], same_place: NDArray[np.bool_]) -> RevisitAccuracy:
+    """Return the figures of scores (N, N), row asks about column, -1 where it does not ask. Truth is (N, N).
+
+    Raises DatasetError where no image shows a place that was seen long before.
+    """
+    asked = score >= 0
+    is_query = (same_place & asked).any(axis=1)
+    if not is_query.any():
+        raise DatasetError(
+            f"By the matrix no image shows a place that was seen {_LEAST_GAP} images before or earlier, so there is "
+            "nothing to recognise."
+        )
+    rows = np.flatnonzero(asked.any(axis=1))
+    best = score[rows].argmax(axis=1)
+    sure, right = score[rows, best], same_place[rows, best]
+    surest_wrong = sure[~right].max(initial=-1.0)
+    queries = int(is_query.sum())
+    return RevisitAccuracy(
+        queries=queries,
+        recall_at_1=float(right.sum() / queries),
+        recall_at_full_precision=float((right & (sure > surest_wrong)).sum() / queries),
+        average_precision=_average_precision(sure, right, queries),
+        auc=auc(score[asked], same_place[asked]),
+    )
+
+
+def _average_precision(sure: NDArray[np.float64], right: NDArray[np.bool_], queries: int) -> float:
+    """Return the mean precision over the right answers, the surest first; queries without one count as 0."""
+    order = np.argsort(-sure, kind="stable")
+    hits = right[order]
+    precision = np.cumsum(hits) / np.arange(1, len(hits) + 1)
+    return float(precision[hits].sum() / queries)

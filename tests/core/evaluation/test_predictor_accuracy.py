@@ -1,0 +1,152 @@
+"""`ltvn judge` measures what it says: known predictors get the figures that they deserve."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ltvn_core.evaluation.perturbations.perturbation_registry import PERTURBATIONS
+from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, JudgementPlan
+from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
+from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
+from ltvn_core.evaluation.predictor_accuracy.pair_sampling import sample_pairs
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS
+from ltvn_core.geometry import relative
+from ltvn_core.types import Pose, Predictor
+from tests.core.evaluation.judged_drive import (
+    ConstantPredictor,
+    ShiftedPredictor,
+    drive,
+    judged,
+    knowing_predictor,
+    sequence,
+)
+
+
+@pytest.fixture(scope="module")
+def known() -> Condition:
+    images = sequence(drive())
+    return judged(images, images, knowing_predictor()).conditions[0]
+
+
+def pairs_of(predictor: Predictor, poses: Pose | None = None) -> PairAccuracy:
+    images = sequence(drive(), poses)
+    found = judged(images, images, predictor).conditions[0].pairs
+    assert found is not None
+    return found
+
+
+def test_a_predictor_that_knows_the_world_is_perfect_on_pairs_and_map(known: Condition) -> None:
+    assert known.pairs is not None
+    assert known.localisation is not None
+    assert known.pairs.auc == 1
+    assert known.pairs.far_fpr == 0
+    assert known.pairs.near_recall == pytest.approx(1, abs=0.02)
+    assert known.pairs.waypoint_median_m == pytest.approx(0, abs=1e-9)
+    assert known.pairs.ece == pytest.approx(0.025, abs=0.005)
+    assert (known.map.pieces, known.map.true_pieces, known.map.largest_piece_share) == (1, 1, 1)
+    assert (known.map.false_edges, known.map.perceptual_aliases) == (0, 0)
+    assert (known.localisation.localised_share, known.localisation.wrong_place_share) == (1, 0)
+
+
+def test_an_answer_that_is_always_the_same_tells_nothing_apart() -> None:
+    found = pairs_of(ConstantPredictor())
+    assert found.auc == 0.5
+    assert found.near_recall == found.far_fpr == 1
+    assert found.recall_at_far_fpr_1e3 == 0
+
+
+def test_poses_that_belong_to_other_images_are_noticed() -> None:
+    poses = np.array([seen.exact_pose for seen in drive()])
+    found = pairs_of(knowing_predictor(), np.random.default_rng(0).permutation(poses))
+    assert found.auc is not None
+    assert abs(found.auc - 0.5) < 0.1
+    assert (found.near_recall or 0) < 0.3
+
+
+def test_a_waypoint_that_is_off_is_measured_and_so_is_the_place_that_it_gives() -> None:
+    images = sequence(drive())
+    found = judged(images, images, ShiftedPredictor(0.3)).conditions[0]
+    assert found.pairs is not None
+    assert found.localisation is not None
+    assert found.pairs.waypoint_median_m == pytest.approx(0.3)
+    assert found.localisation.position_median_m == pytest.approx(0.3)
+
+
+def test_false_matches_between_far_images_are_counted_where_they_are_made() -> None:
+    images = sequence(drive())
+    frames = [seen.step for seen in images.observations]
+    poses = images.poses
+    assert poses is not None
+    far = [k for k in range(len(frames)) if LIMITS.far(relative(poses[0], poses[k]))]
+    lying = knowing_predictor()
+    lying.lies = {(frames[0], frames[k]): np.array([0.2, 0.0, 0.0]) for k in far}
+    found = judged(images, images, lying).conditions[0].pairs
+    assert found is not None
+    assert found.far_fpr is not None
+    assert found.far_fpr == pytest.approx(len(far) / found.far_pairs)
+    assert found.far_fpr_low is not None
+    assert found.far_fpr_high is not None
+    assert found.far_fpr_low <= found.far_fpr <= found.far_fpr_high
+
+
+def test_a_sample_is_of_the_kinds_asked_for_and_all_there_is_where_that_is_little() -> None:
+    poses = np.array([seen.exact_pose for seen in drive()])
+    everything = sample_pairs(poses, poses, most=10**6, rng=np.random.default_rng(0))
+    some = sample_pairs(poses, poses, most=500, rng=np.random.default_rng(0))
+    assert (everything.is_near.sum(), (~everything.is_near).sum()) == (everything.near_pairs, everything.far_pairs)
+    assert (some.is_near.sum(), (~some.is_near).sum()) == (min(500, some.near_pairs), 500)
+    assert len({*zip(some.sources, some.targets, strict=True)}) == len(some.sources)
+    assert (LIMITS.near(some.waypoints) == some.is_near).all()
+    assert (LIMITS.far(some.waypoints) == ~some.is_near).all()
+    np.testing.assert_allclose(some.waypoints, relative(poses[some.sources], poses[some.targets]))
+
+
+def test_two_sessions_are_judged_against_each_other() -> None:
+    first = drive()
+    images = sequence(first)
+    later = sequence([replace(seen, step=seen.step + 1) for seen in first[::3]])
+    found = judged(later, images, knowing_predictor()).conditions[0]
+    assert found.pairs is not None
+    assert found.localisation is not None
+    assert found.pairs.auc == 1
+    assert found.map.frames == len(first)
+    assert (found.localisation.looks, found.localisation.localised_share) == (len(later.observations), 1)
+
+
+def test_images_of_a_place_that_the_map_does_not_know_are_not_counted() -> None:
+    first = drive()
+    elsewhere = [replace(seen, step=seen.step + 1, exact_pose=np.array([20.0, 20.0, 0.0])) for seen in first[:4]]
+    judgement = judged(sequence([*first[:2], *elsewhere]), sequence(first), knowing_predictor())
+    found = judgement.conditions[0].localisation
+    assert found is not None
+    assert (found.looks, found.looks_elsewhere) == (2, 4)
+    assert any("4 of 6 images" in doubt for doubt in judgement_doubts(judgement, ()))
+
+
+def test_without_truth_the_map_is_judged_alone() -> None:
+    images = replace(sequence(drive()), poses=None)
+    found = judged(images, images, knowing_predictor()).conditions[0]
+    assert found.pairs is None
+    assert found.localisation is None
+    assert found.map.largest_piece_share == 1
+    assert found.map.false_edges is None
+
+
+def test_every_perturbation_is_judged_and_lost_frames_thin_the_map_alone() -> None:
+    images = sequence(drive()[::2])
+    plan = JudgementPlan(pairs=200, perturbations=PERTURBATIONS)
+    recorded, *worse = judged(images, images, knowing_predictor(), plan).conditions
+    assert [condition.name for condition in worse] == [*PERTURBATIONS]
+    lost = worse[-1]
+    assert lost.map.frames < recorded.map.frames
+    assert lost.pairs == recorded.pairs
+    assert all(condition.map == recorded.map for condition in worse[:-1])
+
+
+def test_the_same_seed_gives_the_same_figures_and_another_leaves_other_images_out(known: Condition) -> None:
+    images = sequence(drive())
+    assert judged(images, images, knowing_predictor()).conditions[0] == known
+    first = judged(images, images, knowing_predictor(), JudgementPlan(pairs=100, seed=0))
+    second = judged(images, images, knowing_predictor(), JudgementPlan(pairs=100, seed=1))
+    assert set(first.built.graph.nodes) != set(second.built.graph.nodes)

@@ -1,0 +1,140 @@
+"""`ltvn judge` gives its figures as JSON and as a page, and says what a recording or an option lacks."""
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.errors import LtvnError, OptionError, RecordingError
+from ltvn_core.evaluation.predictor_accuracy.judged_sequence import encode_sequence, read_sequence
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.reports.judgement_page import render_judgement
+from ltvn_core.types import Observation, Predictor
+from ltvn_core.verbs.judge import JudgeVerb
+from ltvn_core.verbs.verb import to_json
+from tests.core.evaluation.judged_drive import ShiftedPredictor, drive, judged, knowing_predictor
+from tests.repository import ROOT
+
+CONTRACT = {
+    "auc", "near_recall", "far_fpr", "waypoint_median_m", "waypoint_p90_m", "yaw_median_deg", "ece", "nodes", "edges",
+    "pieces", "largest_piece_share", "localised_share", "wrong_place_share",
+}  # fmt: skip
+
+
+def record(path: Path, seen: Iterable[Observation]) -> Path:
+    with RecordingWriter(path, scene="room", config={}, fingerprint="") as writer:
+        for each in seen:
+            writer.write_frame(each)
+    return path
+
+
+def without_truth(observations: Iterable[Observation]) -> list[Observation]:
+    return [replace(seen, exact_pose=None) for seen in observations]
+
+
+def read(path: Path, predictor: Predictor, *, most: int = 2000, with_truth: bool = True) -> object:
+    return read_sequence(Recording.open(path), predictor, most=most, with_truth=with_truth, progress=lambda done: None)
+
+
+def test_a_simulated_drive_is_judged_with_its_perturbations_and_a_page(tmp_path: Path) -> None:
+    pytest.importorskip("pybullet")
+    page = tmp_path / "page.html"
+    page.write_text("an older page")
+    verb = JudgeVerb(
+        recording=ROOT / "recordings" / "demo-drive.rrd",
+        predictor="oracle",
+        images=120,
+        pairs=300,
+        perturb="jpeg",
+        report=page,
+    )
+    summary = json.loads(to_json(verb.run()))
+    assert summary.keys() >= CONTRACT
+    assert summary["perturbed"]["jpeg"].keys() >= CONTRACT
+    assert summary["auc"] == 1
+    assert summary["far_fpr"] == 0
+    assert summary["images"] == 120
+    assert summary["skipped"] > 0
+    assert "oracle on demo-drive.rrd" in page.read_text()
+
+
+def test_the_page_shows_the_worst_pairs_and_the_commands_that_open_them(tmp_path: Path) -> None:
+    path = record(tmp_path / "a drive.rrd", drive())
+    images = read_sequence(
+        Recording.open(path), ShiftedPredictor(), most=2000, with_truth=True, progress=lambda done: None
+    )
+    judgement = judged(images, images, ShiftedPredictor(0.3))
+    html = render_judgement(judgement, images, images, predictor="shifted", most=3)
+    assert "Near and accepted, with the largest errors" in html
+    commands = re.findall(r"<code>(.*?)</code>", html)
+    assert 0 < len(commands) <= 2 * 3 * 3
+    assert all(re.fullmatch(r"ltvn replay &#39;.*a drive.rrd&#39; --at \d+\.\d", command) for command in commands)
+    assert html.count("data:image/jpeg;base64,") == len(commands)
+    assert "http" not in html
+
+
+def test_a_recording_without_true_poses_is_refused_with_what_is_possible_instead(tmp_path: Path) -> None:
+    path = record(tmp_path / "real.rrd", without_truth(drive()))
+    with pytest.raises(RecordingError, match=r"--without-truth; or give a loop-closure matrix with --revisits"):
+        read(path, ShiftedPredictor())
+
+
+def test_images_without_a_true_pose_are_left_out_and_counted(tmp_path: Path) -> None:
+    seen = drive()
+    path = record(tmp_path / "partly.rrd", [*without_truth(seen[:10]), *seen[10:]])
+    images = read_sequence(
+        Recording.open(path), knowing_predictor(), most=2000, with_truth=True, progress=lambda done: None
+    )
+    assert (len(images.observations), images.without_truth) == (len(seen) - 10, 10)
+    assert len(encode_sequence(knowing_predictor(), images.observations, lambda done: None)) == len(seen) - 10
+
+
+def test_a_long_recording_is_read_at_even_steps(tmp_path: Path) -> None:
+    seen = drive()
+    path = record(tmp_path / "long.rrd", seen)
+    images = read_sequence(
+        Recording.open(path), knowing_predictor(), most=20, with_truth=True, progress=lambda done: None
+    )
+    assert (len(images.observations), images.skipped) == (20, len(seen) - 20)
+    assert images.observations[-1].step == seen[-1].step
+
+
+def test_a_predictor_that_needs_depth_says_so_of_a_recording_without(tmp_path: Path) -> None:
+    class Deep(ShiftedPredictor):
+        needs_depth = True
+
+    path = record(tmp_path / "colours.rrd", [replace(seen, depth=None) for seen in drive()])
+    with pytest.raises(RecordingError, match=r"0 of the .* images of .* have depth, which the predictor needs"):
+        read(path, Deep())
+
+
+def test_a_recording_of_one_image_cannot_be_judged(tmp_path: Path) -> None:
+    path = record(tmp_path / "one.rrd", drive()[:1])
+    with pytest.raises(RecordingError, match="holds 1 images; two at least"):
+        read(path, ShiftedPredictor())
+
+
+@pytest.mark.parametrize(
+    ("verb", "message"),
+    [
+        (JudgeVerb(recording=Path("a.rrd"), left_out=1.0), "--left-out must lie between 0 and 1"),
+        (JudgeVerb(recording=Path("a.rrd"), pairs=0), "--pairs must be 1 or more"),
+        (JudgeVerb(recording=Path("a.rrd"), report=Path("a.pdf")), "must end in .html"),
+        (JudgeVerb(recording=Path("a.rrd"), perturb="fog"), "does not know fog"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_first(verb: JudgeVerb, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        verb.run()
+
+
+def test_a_file_that_is_no_recording_ends_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "cut.rrd"
+    path.write_bytes(np.random.default_rng(0).bytes(1000))
+    with pytest.raises(LtvnError):
+        JudgeVerb(recording=path).run()

@@ -16,10 +16,11 @@ TALLIES = pytest.StashKey[list[Tally]]()
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave campaigns out, unless `-m` names them."""
-    if "campaign" in config.option.markexpr:
-        return
     campaigns = [item for item in items if item.get_closest_marker("campaign") is not None]
-    if campaigns:
+    if "campaign" in config.option.markexpr:
+        for item in campaigns:  # A longer run is no test that hangs.
+            item.add_marker(pytest.mark.timeout(60 * MINUTES + float(config.getini("timeout"))))
+    elif campaigns:
         config.hook.pytest_deselected(items=campaigns)
         items[:] = [item for item in items if item not in campaigns]
 

@@ -7,15 +7,18 @@ loop.
 import logging
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods, Method, preset
 from ltvn_core.errors import SceneError
-from ltvn_core.extras import missing_text, naming_the_extra
+from ltvn_core.extras import missing_text
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.predictors.registry import open_plugin, require_predictor
+from ltvn_core.predictors.request import PredictorRequest, predictor_card
+from ltvn_core.preprocessing import ORIGINAL_SIZE
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.types import FrameId, Pose, Predictor
@@ -26,9 +29,6 @@ if TYPE_CHECKING:
     from ltvn_core.simulation.wheel_odometry import OdometryNoise
 
 log = logging.getLogger(__name__)
-
-PredictorName: TypeAlias = Literal["network", "oracle"]
-"""The trained network, or the simulator's own geometry."""
 
 START_CLEARANCE_M = 0.35
 """A robot starts where it can turn freely."""
@@ -77,36 +77,46 @@ def open_simulation(
     return Simulation(scene, robot)
 
 
-def open_predictor(name: PredictorName, scene_name: str, weights: Path | None = None) -> Predictor:
-    """Return the predictor of that name; `weights` replaces the shipped ones, the scene matters to the oracle alone.
+def open_predictor(
+    name: str, scene_name: str = "", weights: Path | None = None, *, camera: CameraModel = LOCOBOT.camera
+) -> Predictor:
+    """Return the predictor of that name.
 
-    Raises WeightsError, MissingLibraryError without PyTorch, and SceneError when the oracle is asked about a scene
-    that is not simulated.
+    Args:
+        name: `network`, `geometric`, `oracle`, or what another package adds to the entry points `ltvn.predictors`.
+        scene_name: Where the images are taken; it matters to the oracle alone.
+        weights: Weights to use instead of the shipped ones.
+        camera: Of the recording, the map or the robot; an image larger than 320 x 240 is made smaller.
+
+    Raises:
+        OptionError: No predictor has that name; the message lists those there are.
+        PluginError: Another package's predictor is broken.
+        WeightsError: The weights are missing or damaged.
+        MissingLibraryError: A library that it needs is not installed.
+        SceneError: The oracle is asked about a scene that is not simulated.
     """
-    if name == "oracle":
-        from ltvn_core.simulation.oracle_predictor import OraclePredictor
-        from ltvn_core.simulation.scene_registry import load_scene
-
-        return OraclePredictor(load_scene(scene_name).clearance, LOCOBOT.camera)
-    with naming_the_extra():
-        from ltvn_core.network.predictor import load_predictor
-
-    return load_predictor(weights)
+    return open_plugin(require_predictor(name), PredictorRequest(scene_name, weights, _at_most_original_size(camera)))
 
 
-def open_method(
-    name: str, predictor: PredictorName, weights: Path | None = None, *, likelihoods: Likelihoods | None = None
-) -> Method:
-    """Return a preset whose constants of Eq. 3 and Eq. 4 are those measured for the predictor, see `open_predictor`.
+def _at_most_original_size(camera: CameraModel) -> CameraModel:
+    scale = ORIGINAL_SIZE.scale_of(camera.width, camera.height)
+    if scale < 1:
+        camera = camera.scaled(max(round(camera.width * scale), 1), max(round(camera.height * scale), 1))
+    return replace(camera, depth_scale=1.0)  # Depth has come through the door and is in metres.
+
+
+def open_method(name: str, predictor: Predictor, *, likelihoods: Likelihoods | None = None) -> Method:
+    """Return a preset whose constants of Eq. 3 and Eq. 4 are those measured for the predictor.
 
     `likelihoods` win over measured ones; where nothing was measured the preset's own stay. Raises OptionError for an
     unknown preset and WeightsError for a damaged card.
     """
     method = preset(name)
-    constants = likelihoods or _measured_likelihoods(predictor, weights)
+    constants = likelihoods or predictor_card(predictor).likelihoods
     if constants is None:
         log.info(
-            "Nobody measured these weights; Eq. 3 and Eq. 4 use general constants. `ltvn measure --write` does it."
+            "Nobody measured this predictor; Eq. 3 and Eq. 4 use general constants. `ltvn measure --write` does it for "
+            "weights."
         )
         return method
     return replace(method, believing=replace(method.believing, **asdict(constants)))
@@ -123,15 +133,3 @@ def open_system(name: str, method: Method) -> NavigationSystem:
         OptionError: No system has that name; the message lists those there are.
     """
     return system_entry(name).factory(method)
-
-
-def _measured_likelihoods(predictor: PredictorName, weights: Path | None) -> Likelihoods | None:
-    if predictor == "oracle":
-        from ltvn_core.simulation.oracle_predictor import LIKELIHOODS
-
-        return LIKELIHOODS
-    from ltvn_core.network.cards.driving_calibration import likelihoods, read_driving
-    from ltvn_core.network.weights_file import matching_card
-
-    measured = read_driving(matching_card(weights or SHIPPED_WEIGHTS))
-    return None if measured is None else likelihoods(measured)

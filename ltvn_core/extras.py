@@ -14,6 +14,7 @@ EXTRAS = {
     "pybullet": "sim",
     "trimesh": "sim",
     "joblib": "sim",
+    "rosbags": "import",
     "torch": "network",
     "safetensors": "network",
     "tensorboard": "train",

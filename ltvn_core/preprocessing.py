@@ -203,6 +203,8 @@ def rectify_observation(
     original = observation.original
     if original is None and original_size is not None:
         original = compress_original(observation.rgb, camera, original_size)
+        if have_same_rays(original.camera, target):
+            original = None  # The result is that picture.
     return replace(
         observation,
         rgb=way.rectify_rgb(observation.rgb),

@@ -12,18 +12,21 @@ from typing import Any, Self
 
 import numpy as np
 
-from ltvn_core.composition import open_method
-from ltvn_core.config import ROBUST
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.rectification import rectified_camera
+from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_check import map_doubts
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.registry import NETWORK
+from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.robots.observation_check import sequence_doubts
 from ltvn_core.robots.robot import Robot
-from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system, system_entry
 from ltvn_core.types import FrameId, Observation, Predictor
 
@@ -44,6 +47,10 @@ class TopologicalMap:
     """The navigation system that built the map and drives by it."""
     scene: str = ""
     """Where the images were taken: a scene's name or file, or whatever a person calls the place."""
+    camera: CameraModel | None = None
+    """The camera of the images; None is the predictor's."""
+    predictor_name: str = ""
+    """By what name `predictor` can be opened again; empty where it has none."""
 
     @classmethod
     def load(cls, path: Path | str, predictor: Predictor | None = None) -> Self:
@@ -51,26 +58,31 @@ class TopologicalMap:
 
         Args:
             path: The file.
-            predictor: What compares images; None loads the shipped network.
+            predictor: What compares images; None opens the one that made the map, with its shipped weights.
 
         Raises:
             RecordingError: The file is no whole recording.
             MapError: The file holds no map, or one that another predictor made.
+            OptionError: The map's predictor or navigation system is not installed.
             WeightsError: The shipped weights are damaged.
         """
         loaded = load_map(path)
-        entry = recorded_system(loaded.meta.config)
-        system = _system(entry, predictor)
-        predictor = predictor or _network(entry)
-        check_fingerprint(loaded.meta, predictor.fingerprint)
+        meta, name = loaded.meta, ""
+        entry = recorded_system(meta.config)
+        if predictor is None:
+            name, _ = ImageSource.of(meta).choose()
+            predictor = open_predictor(name, meta.scene, entry.weights, camera=meta.camera)
+        check_fingerprint(meta, predictor.fingerprint)
         keyframes = KeyframeStore(predictor)
         keyframes.add(list(loaded.observations.values()))
         return cls(
             graph=loaded.graph,
             keyframes=keyframes,
             predictor=predictor,
-            system=system,
-            scene=loaded.meta.scene,
+            system=entry.factory(open_method("robust", predictor)),
+            scene=meta.scene,
+            camera=meta.camera,
+            predictor_name=name,
         )
 
     def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None) -> None:
@@ -90,8 +102,13 @@ class TopologicalMap:
             [self.keyframes.observation(frame) for frame in self.keyframes.frames],
             scene=self.scene,
             fingerprint=self.predictor.fingerprint,
-            camera=self.predictor.camera,
-            config={"system": self.system.name, "method": asdict(self.system.method), **(config or {})},
+            camera=self.camera or self.predictor.camera,
+            config={
+                "system": self.system.name,
+                "method": asdict(self.system.method),
+                **({"predictor": self.predictor_name} if self.predictor_name else {}),
+                **(config or {}),
+            },
         )
 
     def navigator(self, robot: Robot, *, seed: int = 0) -> Navigator:
@@ -116,8 +133,10 @@ def build_map(
     observations: Sequence[Observation],
     *,
     predictor: Predictor | None = None,
+    predictor_name: str = "",
     system: NavigationSystem | None = None,
     scene: str = "",
+    camera: CameraModel | None = None,
     seed: int = 0,
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
@@ -127,8 +146,11 @@ def build_map(
     Args:
         observations: RGB-D images with odometry, in any order; each has a `step` of its own, which names its node.
         predictor: What compares images; None loads the shipped network.
+        predictor_name: By what name it can be opened again, to be saved with the map.
         system: Strategies and thresholds; None is the paper's system with the `robust` preset.
         scene: Where the images were taken, to be saved with the map.
+        camera: The camera of the images, `Recording.meta.camera`; they are rectified to the predictor's. None where
+            they are the predictor's already.
         seed: Draws the order in which images are sampled.
         goals: Frames that must be nodes because somebody will want to go there.
         progress: Called now and then with the number of images done and of images in all.
@@ -137,14 +159,25 @@ def build_map(
         MapError: There are no observations, their steps repeat, or a goal is none of them.
         WeightsError: The shipped weights are damaged.
     """
-    system = system or _system(system_entry(DEFAULT_SYSTEM), predictor)
-    predictor = predictor or _network(system_entry(system.name))
+    if predictor is None:
+        predictor_name = NETWORK
+        predictor = open_predictor(NETWORK, weights=system_entry(system.name if system else DEFAULT_SYSTEM).weights)
+    system = system or system_entry(DEFAULT_SYSTEM).factory(open_method("robust", predictor))
+    target = predictor.camera
+    if camera is not None:
+        observations = [recorded_observation(seen, camera, target) for seen in observations]
     keyframes = KeyframeStore(predictor)
     deltas = system.build(
         observations, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress
     )
     built = TopologicalMap(
-        graph=TopologicalGraph(deltas), keyframes=keyframes, predictor=predictor, system=system, scene=scene
+        graph=TopologicalGraph(deltas),
+        keyframes=keyframes,
+        predictor=predictor,
+        system=system,
+        scene=scene,
+        camera=None if camera is None else rectified_camera(camera, target),
+        predictor_name=predictor_name,
     )
     for doubt in build_doubts(observations, built.graph):
         log.warning(doubt)
@@ -155,15 +188,3 @@ def build_doubts(observations: Sequence[Observation], graph: TopologicalGraph) -
     """Return what is doubtful of a drive and of the map that was built from it, in words."""
     in_order = sorted(observations, key=lambda seen: seen.step)
     return (*sequence_doubts(in_order), *map_doubts(graph, len(observations)))
-
-
-def _network(entry: SystemEntry) -> Predictor:
-    # Torch takes two seconds to import, so only who needs the network waits for it.
-    from ltvn_core.network.predictor import load_predictor
-
-    return load_predictor(entry.weights)
-
-
-def _system(entry: SystemEntry, predictor: Predictor | None) -> NavigationSystem:
-    """Return a system with the likelihoods of Eq. 3 measured for its own network, or general ones for another."""
-    return entry.factory(ROBUST if predictor is not None else open_method("robust", "network", entry.weights))

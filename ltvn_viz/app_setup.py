@@ -5,22 +5,27 @@ Owns the order in which things are opened, and which map is the first. Knows no 
 
 import logging
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.composition import open_method, open_system
-from ltvn_core.errors import OptionError, SceneError
+from ltvn_core.errors import OptionError, RecordingError, SceneError
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
+from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_plugins import open_robot
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
@@ -59,8 +64,12 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     if chosen is not None:
         _check_same_scene(named, chosen, own_robot)
         options = replace(options, scene=chosen.meta.scene, system=recorded_system(chosen.meta.config).name)
-    system = _open_system(options)
-    predictor = predictor_for(options)
+    source = _image_source(options, library, own_robot, chosen)
+    choice = source.choose(options.predictor)
+    logger.info("Images are compared by %s.", choice)
+    options = replace(options, predictor=choice.name)
+    predictor = predictor_for(options, source.camera)
+    system = _open_system(options, predictor)
     if chosen is not None:
         check_fingerprint(chosen.meta, predictor.fingerprint)
     known = chosen or _ready_made(options, predictor)
@@ -91,7 +100,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         goals=Goals(live_map, worker, thumbnails),
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
-        predictor_for=lambda weights: _reopen_with(options, weights),
+        predictor_for=lambda weights: _reopen_with(options, weights, source.camera),
         patient_worker=patient_worker,
         new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
@@ -132,20 +141,37 @@ def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
 
 
 def _open_learning(options: AppOptions) -> FineTuning:
-    tuner = replace(options.tuner, system=options.system) if options.predictor == "network" else None
-    return FineTuning(tuner, options.start_weights, ThreadPoolExecutor(1, "learning"))
+    tuner = replace(options.tuner, system=options.system) if options.predictor == NETWORK else None
+    executor = ThreadPoolExecutor(1, "learning")
+    return FineTuning(tuner, options.start_weights, executor)
 
 
-def _open_system(options: AppOptions) -> NavigationSystem:
-    """Return the navigation system with the constants measured for the weights. Raises OptionError, WeightsError."""
-    method = open_method(options.preset, options.predictor, options.start_weights)
-    return open_system(options.system, method)
+def _image_source(
+    options: AppOptions, library: RecordingLibrary, own_robot: Robot | None, chosen: LoadedMap | None
+) -> ImageSource:
+    """Return where images come from: the map's recording, a robot of one's own, the recording to watch, or else
+    the simulator.
+    """
+    if chosen is not None:
+        return ImageSource.of(chosen.meta)
+    if own_robot is not None:
+        return ImageSource(camera=own_robot.spec.camera)
+    if options.replay is not None:
+        with suppress(RecordingError):  # Who opens it to be watched says what is wrong with it.
+            return ImageSource.of(Recording.open(library.path(options.replay)).meta)
+    return ImageSource(camera=LOCOBOT.camera)
 
 
-def _reopen_with(options: AppOptions, weights: Path) -> tuple[Predictor, NavigationSystem]:
+def _open_system(options: AppOptions, predictor: Predictor) -> NavigationSystem:
+    """Return the navigation system with the constants measured for the predictor. Raises OptionError, WeightsError."""
+    return open_system(options.system, open_method(options.preset, predictor))
+
+
+def _reopen_with(options: AppOptions, weights: Path, camera: CameraModel) -> tuple[Predictor, NavigationSystem]:
     """Open other weights just as a new start of the app with them would."""
     changed = replace(options, weights=weights, replay=None)
-    return predictor_for(changed), _open_system(changed)
+    predictor = predictor_for(changed, camera)
+    return predictor, _open_system(changed, predictor)
 
 
 def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
@@ -173,7 +199,12 @@ def _new_recording(
     return RecordingWriter(
         path,
         scene=options.scene if scene is None else scene.address,
-        config={"verb": "app", "system": live_map.system.name, "method": asdict(live_map.system.method)},
+        config={
+            "verb": "app",
+            "system": live_map.system.name,
+            "predictor": options.predictor,
+            "method": asdict(live_map.system.method),
+        },
         fingerprint=live_map.fingerprint,
         camera=robot.spec.camera,
         live_port=options.stream,

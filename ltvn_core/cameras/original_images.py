@@ -22,6 +22,10 @@ class OriginalSize(NamedTuple):
     long_side: int = 320
     short_side: int = 240
 
+    def scale_of(self, width: int, height: int) -> float:
+        """Return by what factor, at most 1, a picture must be scaled to be no larger than this."""
+        return min(1.0, self.long_side / max(width, height), self.short_side / min(width, height))
+
 
 def compress_original(
     rgb: NDArray[np.uint8],
@@ -34,8 +38,7 @@ def compress_original(
     """
     import cv2
 
-    long_side, short_side = max(rgb.shape[:2]), min(rgb.shape[:2])
-    scale = 1.0 if size is None else min(1.0, size.long_side / long_side, size.short_side / short_side)
+    scale = 1.0 if size is None else size.scale_of(rgb.shape[1], rgb.shape[0])
     if scale < 1:
         width, height = max(round(camera.width * scale), 1), max(round(camera.height * scale), 1)
         rgb = cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)

@@ -142,7 +142,7 @@ def _build(
 ) -> None:
     scene = load_scene(plan.scene)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
-    system = open_planned_system(plan, weights, scene, maintain=False)
+    system = open_planned_system(plan, predictor, scene, maintain=False)
     keyframes = KeyframeStore(predictor)
     rng = np.random.default_rng([plan.seed, 4])
     # A drive of an earlier version may have a goal without depth, which then is no node: its episodes find no path.
@@ -158,7 +158,7 @@ def _build(
     )
     graph = TopologicalGraph(deltas)
     kept = [keyframes.observation(frame) for frame in keyframes.frames]
-    config = {"verb": "evaluate", "system": system.name, "method": asdict(system.method)}
+    config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": asdict(system.method)}
     save_map(files.map(), graph, kept, scene=scene.address, fingerprint=predictor.fingerprint, config=config)
 
 

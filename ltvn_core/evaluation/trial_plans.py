@@ -11,15 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from ltvn_core.atomic_files import write_text_atomically
-from ltvn_core.composition import PredictorName, open_method
+from ltvn_core.composition import open_method
 from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ablation import PARTS, without_parts
 from ltvn_core.evaluation.map_drawings import drawing_path
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.types import Predictor
 
 _FINE_TUNING = "fine-tuning"
 
@@ -37,7 +39,8 @@ class TrialPlan:
     """Of the navigator, which is the same for all systems."""
     parts_off: tuple[str, ...] = ()
     """Parts of the method that are switched off, see `method_parts`."""
-    predictor: PredictorName = "network"
+    predictor: str = NETWORK
+    """What compares images, by name."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones of the system."""
     finetune_steps: int = 40
@@ -55,7 +58,7 @@ class TrialPlan:
     @property
     def finetuned(self) -> bool:
         """Whether the network is fine-tuned on the drive."""
-        return bool(self.finetune_steps) and self.predictor == "network" and _FINE_TUNING not in self.parts_off
+        return bool(self.finetune_steps) and self.predictor == NETWORK and _FINE_TUNING not in self.parts_off
 
     @property
     def start_weights(self) -> Path:
@@ -67,7 +70,7 @@ class TrialPlan:
         """Name the method in file names."""
         words = [self.system]
         words += [] if self.preset == "robust" else [self.preset]
-        words += [] if self.predictor == "network" else [self.predictor]
+        words += [] if self.predictor == NETWORK else [self.predictor]
         return "-".join([*words, *(f"no-{part}" for part in self.parts_off)])
 
 
@@ -76,9 +79,9 @@ def method_parts() -> tuple[str, ...]:
     return (*PARTS, _FINE_TUNING)
 
 
-def open_planned_system(plan: TrialPlan, weights: Path, scene: Scene, *, maintain: bool) -> NavigationSystem:
-    """Return the system of a plan with the constants of its weights. Raises OptionError and WeightsError."""
-    method = open_method(plan.preset, plan.predictor, weights)
+def open_planned_system(plan: TrialPlan, predictor: Predictor, scene: Scene, *, maintain: bool) -> NavigationSystem:
+    """Return the system of a plan with the constants of its predictor. Raises OptionError and WeightsError."""
+    method = open_method(plan.preset, predictor)
     limits = {"step_limit": plan.protocol.steps_in(scene), "collision_limit": plan.protocol.collision_limit}
     method = replace(method, maintain=maintain, recovering=replace(method.recovering, **limits))
     return open_named_system(plan.system, without_parts(method, set(plan.parts_off) - {_FINE_TUNING}))

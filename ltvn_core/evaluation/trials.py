@@ -64,7 +64,7 @@ def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
     scene = load_scene(plan.scene)
     weights = planned_weights(plan, files)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
-    system = open_planned_system(plan, weights, scene, maintain=maintain)
+    system = open_planned_system(plan, predictor, scene, maintain=maintain)
     return EpisodeRunner(scene, files.map(queries), predictor, system, plan.protocol)
 
 

@@ -12,14 +12,18 @@ from numpy.typing import NDArray
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.types import NodeId, Rgb
 
-_BLOCK_PX = 6
-"""Side in pixels of the squares that are averaged, so that a shift of a few pixels hardly matters."""
+_GRID = (12, 16)
+"""Rows and columns of the blocks that are averaged, 6 pixels of the network's camera a side, so that a shift of a few
+pixels hardly matters."""
 
 
 def most_similar_nodes(
     rgb: Rgb, keyframes: KeyframeStore, nodes: Sequence[NodeId], count: int
 ) -> tuple[tuple[NodeId, float], ...]:
-    """Return the `count` nodes that resemble an image (72, 96, 3) most, best first, with a similarity in [-1, 1]."""
+    """Return the `count` nodes that resemble an image most, best first, with a similarity in [-1, 1].
+
+    The image (H, W, 3) has at least 12 x 16 pixels; its size need not be that of the nodes' images.
+    """
     if not nodes:
         return ()
     likeness = colour_descriptors(keyframes, nodes) @ _colour_descriptor(rgb)
@@ -36,12 +40,9 @@ def colour_descriptors(keyframes: KeyframeStore, nodes: Sequence[NodeId]) -> NDA
 
 def _colour_descriptor(rgb: Rgb) -> NDArray[np.float64]:
     """Return a unit vector of the image's coarse colours, without its brightness and contrast."""
-    rows, columns = rgb.shape[0] // _BLOCK_PX, rgb.shape[1] // _BLOCK_PX
-    blocks = (
-        rgb[: rows * _BLOCK_PX, : columns * _BLOCK_PX]
-        .reshape(rows, _BLOCK_PX, columns, _BLOCK_PX, 3)
-        .astype(np.float64)
-    )
+    rows, columns = _GRID
+    high, wide = rgb.shape[0] // rows, rgb.shape[1] // columns
+    blocks = rgb[: rows * high, : columns * wide].reshape(rows, high, columns, wide, 3).astype(np.float64)
     coarse = blocks.mean(axis=(1, 3))
     centred = (coarse - coarse.mean(axis=(0, 1))).ravel()
     length = np.linalg.norm(centred)

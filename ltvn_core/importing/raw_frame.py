@@ -7,13 +7,10 @@ by the entry-point group `ltvn.readers`, where an entry is `name = "package.modu
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.types import Depth, Pose, Rgb, Tilt
-
-READERS_GROUP = "ltvn.readers"
-"""Name of the entry-point group."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,7 +38,8 @@ class RawFrame:
     """What messages call it: a file, or a topic and a number."""
 
 
-class SourceFact(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class SourceFact:
     """One stream that a reader found: a topic, a list of files, a column."""
 
     role: str

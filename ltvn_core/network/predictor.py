@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.config import Likelihoods
 from ltvn_core.errors import ImageError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.cards.driving_calibration import measured_likelihoods
 from ltvn_core.network.device import CPU, device_of, to_tensor
 from ltvn_core.network.image_features import pack as pack_features
 from ltvn_core.network.prefilter import PrefilterScores
@@ -40,12 +42,23 @@ other at every layer, so that any other busy program would slow them down many t
 class NetworkPredictor:
     """f(o_i, o_j) -> (r, dx, dy, dtheta) from weights."""
 
-    def __init__(self, network: AnyNetwork, fingerprint: str, *, prefilter_from: int | None = PREFILTER_FROM) -> None:
-        """Take a trained network; `prefilter_from` None compares every pair in full."""
+    def __init__(
+        self,
+        network: AnyNetwork,
+        fingerprint: str,
+        *,
+        prefilter_from: int | None = PREFILTER_FROM,
+        weights: Path | None = None,
+    ) -> None:
+        """Take a trained network; `prefilter_from` None compares every pair in full.
+
+        The card beside `weights` tells what was measured of it.
+        """
         self._network = network.eval()
         self._device = device_of(network)
         self._fingerprint = fingerprint
         self._prefilter_from = prefilter_from
+        self._weights = weights
 
     needs_depth = True
     """An image without depth tells it nothing about where anything is."""
@@ -59,6 +72,11 @@ class NetworkPredictor:
     def camera(self) -> CameraModel:
         """The camera whose images it takes: 96 x 72, 69.4 degrees wide, level."""
         return NETWORK_CAMERA
+
+    @property
+    def likelihoods(self) -> Likelihoods | None:
+        """The constants of Eq. 3 and Eq. 4 that were measured for it, if they were. Raises WeightsError."""
+        return None if self._weights is None else measured_likelihoods(self._weights)
 
     @property
     def architecture(self) -> AnyArchitecture:
@@ -158,7 +176,7 @@ def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PRE
     network = load_weights(path)
     retain_freed_memory()
     torch.set_num_threads(max(1, min(torch.get_num_threads(), (os.cpu_count() or 1) // 2, _MAX_THREADS)))
-    return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from)
+    return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from, weights=path)
 
 
 def images_to_tensors(

@@ -1,1 +1,1 @@
-"""Predictors that need no trained network."""
+"""What compares images: the contract of a predictor by name, the choice among them, and those of the toolkit."""

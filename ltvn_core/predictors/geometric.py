@@ -18,6 +18,7 @@ from ltvn_core.predictors.geometric_memory import NO_POSE, PairMemory, SurePose
 from ltvn_core.predictors.geometric_reach import drivable_share
 from ltvn_core.predictors.geometric_shortlist import WORDS_FILE, most_similar, votes
 from ltvn_core.predictors.geometric_verification import verify, waypoint
+from ltvn_core.predictors.request import PredictorRequest
 from ltvn_core.types import Features, Observation, Prediction, Waypoint
 
 VERSION = 1
@@ -45,6 +46,7 @@ class GeometricPredictor:
 
     needs_depth = True
     """At least one of two images must tell how far away things are."""
+    likelihoods = LIKELIHOODS
 
     def __init__(self, camera: CameraModel, *, shortlist_from: int | None = SHORTLIST_FROM) -> None:
         """Take the camera whose images come; `shortlist_from` None compares every pair in full."""
@@ -136,3 +138,8 @@ class GeometricPredictor:
             )
         if len(sources) not in (1, len(targets)):
             raise ValueError(f"{len(sources)} sources cannot meet {len(targets)} targets one to one.")
+
+
+def open_geometric(request: PredictorRequest) -> GeometricPredictor:
+    """Take the camera of the request as it is; its weights and its scene are of no use here."""
+    return GeometricPredictor(request.camera)

@@ -76,11 +76,14 @@ def load_map(path: Path | str) -> LoadedMap:
 
 
 def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
-    """Raise MapError when a map was made with other weights than those in use."""
+    """Raise MapError when a map was made by another predictor, or with other weights, than those in use."""
     if meta.fingerprint != fingerprint:
+        named = meta.config.get("predictor")
+        by = "" if named is None else f" by the predictor {named}"
+        remedy = "Use the old weights" if named is None else f"Name it with --predictor {named} and its weights"
         raise MapError(
-            f"This map was made with the weights {meta.fingerprint!r}, those in use are {fingerprint!r}; their "
-            "distances do not compare. Use the old weights, or run `ltvn build` on the recording again."
+            f"This map was made{by} with the weights {meta.fingerprint!r}, those in use are {fingerprint!r}; their "
+            f"distances do not compare. {remedy}, or run `ltvn build` on the recording again."
         )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.writer import RecordingWriter
@@ -21,11 +22,18 @@ class RunDescription:
     """The resolved configuration, sayable in JSON."""
     fingerprint: str
     """Names the weights in use."""
+    camera: CameraModel | None = None
+    """Of its images; None is the simulated robot's."""
 
     def open_writer(self, path: Path, *, live_port: int | None = None) -> RecordingWriter:
         """Begin a recording of the run; raises RecordingError, and ServerError where `live_port` is taken."""
         return RecordingWriter(
-            path, scene=self.scene, config=self.config, fingerprint=self.fingerprint, live_port=live_port
+            path,
+            scene=self.scene,
+            config=self.config,
+            fingerprint=self.fingerprint,
+            camera=self.camera,
+            live_port=live_port,
         )
 
     def save_map(
@@ -39,5 +47,6 @@ class RunDescription:
             scene=self.scene,
             config=self.config,
             fingerprint=self.fingerprint,
+            camera=self.camera,
             origin=origin,
         )

@@ -47,6 +47,7 @@ class OraclePredictor:
     """Predicts from the ground truth. Implements `ltvn_core.types.Predictor`; its features are exact poses (N, 3)."""
 
     fingerprint = "oracle"
+    likelihoods = LIKELIHOODS
 
     def __init__(self, clearance: ClearanceMap, camera: CameraModel = LOCOBOT.camera) -> None:
         self._clearance = clearance

@@ -33,12 +33,18 @@ def ignore_progress(share: float, doing: str) -> None:
 
 
 def read_labelled_drive(path: Path, rule: "LabelRule") -> "TrajectoryPairs":
-    """Read a recording and label its pairs of images by a rule. Raises RecordingError."""
+    """Read a recording, as the network sees it, and label its pairs of images by a rule. Raises RecordingError."""
+    from ltvn_core.cameras.rectification import rectified_camera
+    from ltvn_core.network.architecture import NETWORK_CAMERA
+    from ltvn_core.preprocessing import recorded_observation
     from ltvn_core.recording.reader import Recording
 
     recording = Recording.open(path)
-    observations = [recording.observation(frame) for frame in recording.frames]
-    return label_drive(observations, path.name, camera=recording.meta.camera, rule=rule)
+    camera = recording.meta.camera
+    observations = [
+        recorded_observation(recording.observation(frame), camera, NETWORK_CAMERA) for frame in recording.frames
+    ]
+    return label_drive(observations, path.name, camera=rectified_camera(camera, NETWORK_CAMERA), rule=rule)
 
 
 def label_drive(

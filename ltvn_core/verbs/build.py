@@ -7,6 +7,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -16,6 +17,10 @@ class BuildSummary:
     """The size of a new map."""
 
     map: Path
+    predictor: str
+    """What compared the images,"""
+    predictor_reason: str
+    """and why this predictor."""
     frames: int
     """Images of the recording."""
     without_depth: int
@@ -42,8 +47,9 @@ class BuildVerb(Verb):
     system: SystemName = DEFAULT_SYSTEM
     """The navigation system that builds the map and is to drive by it: ltvn is the paper's, sptm and ving keep all
     images."""
-    predictor: Literal["network", "oracle"] = "network"
-    """What compares images: the trained network, or the simulator's own geometry."""
+    predictor: PredictorName = AUTO
+    """What compares images: network is the trained one, geometric needs no training and takes any camera, oracle is the
+    simulator's own geometry; auto is the network for simulated images and geometric for real ones."""
     weights: Path | None = None
     """Weights to use instead of those that come with the system."""
     seed: int = 0
@@ -56,14 +62,17 @@ class BuildVerb(Verb):
         from ltvn_core.atomic_files import require_new_path
         from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.connectivity import count_strongly_connected_components
+        from ltvn_core.predictors.choice import ImageSource
         from ltvn_core.recording.reader import Recording
         from ltvn_core.topological_map import build_doubts, build_map
 
         require_new_path(self.output)
         recording = Recording.open(self.recording)
+        meta = recording.meta
+        choice = ImageSource.of(meta).choose_anew(self.predictor)
         observations = [recording.observation(frame) for frame in recording.frames]
         entry = system_entry(self.system)
-        weights = self.weights or entry.weights
+        predictor = open_predictor(choice.name, meta.scene, self.weights or entry.weights, camera=meta.camera)
         with tqdm(total=len(observations), desc="build", unit="image") as bar:
 
             def show(done: int, total: int) -> None:
@@ -72,9 +81,11 @@ class BuildVerb(Verb):
 
             built = build_map(
                 observations,
-                predictor=open_predictor(self.predictor, recording.meta.scene, weights),
-                system=entry.factory(open_method(self.preset, self.predictor, weights)),
-                scene=recording.meta.scene,
+                predictor=predictor,
+                predictor_name=choice.name,
+                system=entry.factory(open_method(self.preset, predictor)),
+                scene=meta.scene,
+                camera=meta.camera,
                 seed=self.seed,
                 progress=show,
             )
@@ -82,6 +93,8 @@ class BuildVerb(Verb):
         graph = built.graph
         return BuildSummary(
             map=self.output,
+            predictor=choice.name,
+            predictor_reason=choice.reason,
             frames=len(observations),
             without_depth=sum(not seen.has_depth for seen in observations),
             nodes=len(graph.nodes),

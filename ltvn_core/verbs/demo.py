@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ltvn_core.errors import OptionError
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -55,8 +56,8 @@ class HeadlessDemoVerb(Verb):
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     loops: int = 2
     """How often the mapping tour goes round."""
-    predictor: Literal["network", "oracle"] = "network"
-    """What compares images: the trained network, or the simulator's own geometry."""
+    predictor: PredictorName = AUTO
+    """What compares images: the trained network, which auto takes, or another by name."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
@@ -76,11 +77,12 @@ class HeadlessDemoVerb(Verb):
             )
         return _run_headless(self)
 
-    def settings(self, system: "NavigationSystem") -> dict[str, Any]:
+    def settings(self, system: "NavigationSystem", predictor: str) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
         return {
             "verb": "demo",
             "system": system.name,
+            "predictor": predictor,
             "seed": self.seed,
             "loops": self.loops,
             "method": asdict(system.method),
@@ -98,6 +100,7 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.systems.registry import DEFAULT_SYSTEM
     from ltvn_core.verbs.headless_runner import HeadlessRunner
@@ -107,12 +110,13 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     simulation = open_simulation(options.scene, seed=options.seed)
-    predictor = open_predictor(options.predictor, options.scene, options.weights)
-    method = open_method(options.preset, options.predictor, options.weights)
-    system = open_system(DEFAULT_SYSTEM, method)
+    camera = simulation.robot.spec.camera
+    choice = ImageSource(camera=camera).choose(options.predictor)
+    predictor = open_predictor(choice.name, options.scene, options.weights, camera=camera)
+    system = open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor))
     path = options.recording or _dated_path(f"demo-{simulation.scene.name}-{options.seed}")
     run = RunDescription(
-        scene=simulation.scene.address, config=options.settings(system), fingerprint=predictor.fingerprint
+        scene=simulation.scene.address, config=options.settings(system, choice.name), fingerprint=predictor.fingerprint
     )
     with run.open_writer(path, live_port=announce_stream(options.stream)) as writer:
         runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, system, TopologicalGraph())
@@ -128,7 +132,7 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
         nodes=len(runner.graph.nodes),
         edges=len(runner.graph.edges),
         **asdict(outcome),
-        predictor=options.predictor,
+        predictor=choice.name,
         preset=options.preset,
         scene=simulation.scene.name,
         seed=options.seed,

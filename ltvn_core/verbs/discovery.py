@@ -11,6 +11,7 @@ FIRST_SHOWN = (
     "app",
     "demo",
     "collect",
+    "import",
     "build",
     "navigate",
     "plant",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Verb
 
@@ -68,8 +69,8 @@ class ProtocolOptions(Verb):
     """Parts to switch off: merging, pruning, expansion, fine-tuning; or our departures from the paper in one respect:
     our-matching, our-building, our-localising, our-planning, our-driving, our-judging, our-believing, our-expanding,
     our-recovering."""
-    predictor: Literal["network", "oracle"] = "network"
-    """What compares images: the trained network, or the simulator's own geometry."""
+    predictor: PredictorName = AUTO
+    """What compares images: the trained network, which auto takes, or another by name."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones."""
     finetune_steps: int = 40
@@ -96,6 +97,8 @@ class ProtocolOptions(Verb):
     def plans(self, method: str, episodes: int) -> "list[TrialPlan]":
         """Return a plan for each scene and seed. Raises OptionError."""
         from ltvn_core.evaluation.trial_plans import TrialPlan
+        from ltvn_core.predictors.choice import ImageSource
+        from ltvn_core.robots.robot_spec import LOCOBOT
 
         if (
             not self.scene
@@ -105,6 +108,7 @@ class ProtocolOptions(Verb):
         ):
             raise OptionError("--scene and --seed need one value at least, and none of them twice.")
         protocol = self.protocol(episodes)
+        predictor = ImageSource(camera=LOCOBOT.camera).choose(self.predictor).name
         return [
             TrialPlan(
                 scene=scene,
@@ -112,7 +116,7 @@ class ProtocolOptions(Verb):
                 system=method,
                 preset=self.preset,
                 parts_off=tuple(sorted(self.without)),
-                predictor=self.predictor,
+                predictor=predictor,
                 weights=self.weights,
                 finetune_steps=self.finetune_steps,
                 protocol=protocol,

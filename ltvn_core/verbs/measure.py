@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.training.held_out_scenes import TEST_SCENES
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ class MeasureSummary:
 class MeasureVerb(Verb):
     """Drive edges in simulation and measure the constants of Eq. 3 and Eq. 4; takes a few minutes."""
 
+    predictor: PredictorName = "network"
+    """What to measure: the trained network, or another predictor by name."""
     weights: Path | None = None
     """Weights to measure instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
@@ -47,7 +50,7 @@ class MeasureVerb(Verb):
     scenes: tuple[str, ...] = TEST_SCENES
     """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
     write: bool = False
-    """Write the result into the weights' card, from which the method takes its constants."""
+    """Write the result into the weights' card, from which the method takes its constants; for the network alone."""
 
     def run(self) -> Summary:
         """Drive and measure; raises OptionError, SceneError and, for weights that cannot be read, WeightsError."""
@@ -72,6 +75,8 @@ class MeasureVerb(Verb):
     def _check(self) -> None:
         if not self.scenes:
             raise OptionError("--scenes needs at least one scene by name.")
+        if self.write and self.predictor not in (AUTO, "network"):
+            raise OptionError(f"--write is for the card of the network's weights; {self.predictor} keeps its own.")
         if self.attempts < 2 * len(self.scenes):
             raise OptionError(f"--attempts must be two or more per scene, so {2 * len(self.scenes)} or more.")
 
@@ -79,18 +84,22 @@ class MeasureVerb(Verb):
         import numpy as np
         from tqdm import tqdm
 
+        from ltvn_core.composition import open_predictor
         from ltvn_core.config import preset
         from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
-        from ltvn_core.network.predictor import load_predictor
+        from ltvn_core.predictors.choice import ImageSource
+        from ltvn_core.robots.robot_spec import LOCOBOT
         from ltvn_core.simulation.rendering.renderer_selection import open_renderer
         from ltvn_core.simulation.scene_registry import load_scene
 
         share = self.attempts // len(self.scenes)
         shares = [share + (k < self.attempts % len(self.scenes)) for k in range(len(self.scenes))]
-        measured, predictor = [], load_predictor(self.weights)
+        measured = []
+        choice = ImageSource(camera=LOCOBOT.camera).choose(self.predictor)
         with tqdm(total=self.attempts, desc="measure", unit="edge") as bar:
             for k, (name, attempts) in enumerate(zip(self.scenes, shares, strict=True)):
                 scene = load_scene(name)
+                predictor = open_predictor(choice.name, name, self.weights)
                 measured.append(
                     measure_scene(
                         scene,
@@ -107,7 +116,8 @@ class MeasureVerb(Verb):
 
     def _command(self) -> str:
         named = "" if self.scenes == TEST_SCENES else f" --scenes {' '.join(self.scenes)}"
-        return f"ltvn measure --attempts {self.attempts} --seed {self.seed} --preset {self.preset}{named}"
+        of = "" if self.predictor in (AUTO, "network") else f" --predictor {self.predictor}"
+        return f"ltvn measure{of} --attempts {self.attempts} --seed {self.seed} --preset {self.preset}{named}"
 
     def _write(self, measured: "DrivingMeasurements") -> Path:
         from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION

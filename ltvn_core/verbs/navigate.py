@@ -2,13 +2,14 @@
 
 import logging
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
 from ltvn_core.errors import MapError, OptionError
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -32,6 +33,8 @@ class NavigateSummary:
     """What the queries came to."""
 
     recording: Path
+    predictor: str
+    """What compared the images."""
     map: Path | None
     """The map after all queries, if it was asked for."""
     nodes: int
@@ -57,8 +60,8 @@ class NavigateVerb(Verb):
     """How many random goals to drive to, one after the other."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
-    predictor: Literal["network", "oracle"] = "network"
-    """What compares images; must be the one that built the map."""
+    predictor: PredictorName = AUTO
+    """What compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
@@ -90,19 +93,28 @@ class NavigateVerb(Verb):
         """Go to the one goal, or to random nodes."""
         return runner.random_goals(self.queries, rng) if self.goal is None else [self.goal]
 
-    def settings(self, system: "NavigationSystem") -> dict[str, Any]:
+    def settings(self, system: "NavigationSystem", predictor: str) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
-        return {"verb": "navigate", "system": system.name, "seed": self.seed, "method": asdict(system.method)}
+        return {
+            "verb": "navigate",
+            "system": system.name,
+            "predictor": predictor,
+            "seed": self.seed,
+            "method": asdict(system.method),
+        }
 
 
 def _drive(options: NavigateVerb) -> NavigateSummary:
     """Open everything, run the queries, save the map if asked to."""
     import numpy as np
 
+    from ltvn_core.cameras.rectification import rectified_camera
     from ltvn_core.composition import open_method, open_predictor, open_simulation
     from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.run_description import RunDescription
+    from ltvn_core.robots.robot_spec import LOCOBOT
     from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -110,17 +122,27 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     rng = np.random.default_rng(options.seed)
     loaded = load_map(options.map)
     options.check(loaded.graph)
-    scene = loaded.meta.scene
-    entry = recorded_system(loaded.meta.config)
-    weights = options.weights or entry.weights
-    predictor = open_predictor(options.predictor, scene, weights)
-    check_fingerprint(loaded.meta, predictor.fingerprint)
-    system = entry.factory(open_method(options.preset, options.predictor, weights))
-    first_step = max(loaded.observations) + 1
-    simulation = open_simulation(scene, seed=options.seed, first_step=first_step, start=_start(loaded, rng))
+    meta = loaded.meta
+    entry = recorded_system(meta.config)
+    choice = ImageSource.of(meta).choose(options.predictor)
+    predictor = open_predictor(choice.name, meta.scene, options.weights or entry.weights, camera=meta.camera)
+    check_fingerprint(meta, predictor.fingerprint)
+    system = entry.factory(open_method(options.preset, predictor))
+    simulation = open_simulation(
+        meta.scene,
+        seed=options.seed,
+        first_step=max(loaded.observations) + 1,
+        start=_start(loaded, rng),
+        spec=replace(LOCOBOT, camera=rectified_camera(LOCOBOT.camera, predictor.camera)),
+    )
     keyframes = KeyframeStore(predictor)
     keyframes.add(list(loaded.observations.values()))
-    run = RunDescription(scene=scene, config=options.settings(system), fingerprint=predictor.fingerprint)
+    run = RunDescription(
+        scene=meta.scene,
+        config=options.settings(system, choice.name),
+        fingerprint=predictor.fingerprint,
+        camera=simulation.robot.spec.camera,
+    )
     with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
         writer.write_map(loaded.graph, loaded.observations.values())
         runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, loaded.graph)
@@ -129,6 +151,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
         run.save_map(options.output, runner.graph, runner.map_observations(), origin=options.map)
     return NavigateSummary(
         recording=options.recording,
+        predictor=choice.name,
         map=options.output,
         nodes=len(runner.graph.nodes),
         edges=len(runner.graph.edges),

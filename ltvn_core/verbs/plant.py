@@ -10,6 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from ltvn_core.errors import MapError, OptionError
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ class PlantVerb(Verb):
     met twice. If not given, all three are planted and the first is met twice."""
     steps: int = 80
     """Control steps of 0.1 s that end a query."""
+    predictor: PredictorName = AUTO
+    """What compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
@@ -76,6 +79,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
 
     from ltvn_core.composition import open_predictor, open_simulation
     from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.systems.registry import recorded_system
@@ -83,10 +87,11 @@ def _drive(options: PlantVerb) -> PlantSummary:
 
     started, loaded, rng = time.monotonic(), load_map(options.map), np.random.default_rng(options.seed)
     entry = recorded_system(loaded.meta.config)
-    weights = options.weights or entry.weights
-    predictor = open_predictor("network", loaded.meta.scene, weights)
-    system = entry.factory(_method(options, weights))
-    check_fingerprint(loaded.meta, predictor.fingerprint)
+    meta = loaded.meta
+    choice = ImageSource.of(meta).choose(options.predictor)
+    predictor = open_predictor(choice.name, meta.scene, options.weights or entry.weights, camera=meta.camera)
+    system = entry.factory(_method(options, predictor))
+    check_fingerprint(meta, predictor.fingerprint)
     keyframes, graph = KeyframeStore(predictor), loaded.graph
     if len(graph.nodes) < 2:
         raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
@@ -95,7 +100,9 @@ def _drive(options: PlantVerb) -> PlantSummary:
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
     simulation = open_simulation(loaded.meta.scene, seed=options.seed, first_step=first_step, start=start)
     run = RunDescription(
-        scene=loaded.meta.scene, config=_settings(options, system, faults), fingerprint=predictor.fingerprint
+        scene=meta.scene,
+        config=_settings(options, system, faults) | {"predictor": choice.name},
+        fingerprint=predictor.fingerprint,
     )
     with run.open_writer(options.recording) as writer:
         writer.write_map(graph, [loaded.observations[node] for node in graph.nodes])
@@ -111,11 +118,11 @@ def _drive(options: PlantVerb) -> PlantSummary:
     )
 
 
-def _method(options: PlantVerb, weights: Path) -> "Method":
+def _method(options: PlantVerb, predictor: "Predictor") -> "Method":
     """Return the robust preset, which gives up early."""
     from ltvn_core.composition import open_method
 
-    method = open_method("robust", "network", weights)
+    method = open_method("robust", predictor)
     short = replace(method.recovering, step_limit=options.steps, give_up_after_looks=12)
     return replace(method, recovering=short)
 

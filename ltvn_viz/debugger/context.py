@@ -7,18 +7,35 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor
+from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, is_usable
 from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.viewpoint import Viewpoint
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
 from ltvn_viz.timeline.run_moment import RunMoment
+
+
+class PredictorView(NamedTuple):
+    """A run's images as a predictor looks at them; may be used in any thread."""
+
+    camera: CameraModel
+    """Of the run's images."""
+    predictor: Predictor
+
+    def of(self, seen: Observation) -> Observation | None:
+        """Return an image as the predictor's camera would have taken it; None where it cannot be compared."""
+        if not is_usable(seen, self.predictor):
+            return None
+        return recorded_observation(seen, self.camera, self.predictor.camera)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +59,8 @@ class DebugContext:
     """
     observation: Callable[[FrameId], Observation | None]
     """An image by its frame; None when it is not at hand. Touch it in this thread alone."""
+    camera: CameraModel
+    """The camera of these images, which may be another than the predictor's."""
     method: Method
     """The thresholds in use."""
     predictor: Predictor
@@ -77,6 +96,11 @@ class DebugContext:
     def graph(self) -> TopologicalGraph:
         """The map at the moment; linear in its changes when it is asked first."""
         return self.timeline.graph_at(self.instant)
+
+    @property
+    def view(self) -> PredictorView:
+        """What turns an image of this run into one that the network in use can compare."""
+        return PredictorView(self.camera, self.predictor)
 
     def pose(self, node: NodeId) -> Pose | None:
         """Return where a node is drawn, (3,); None if nobody said."""

@@ -44,6 +44,7 @@ class DebugContextBuilder:
             timeline=run,
             known_events=self._count(run),
             observation=_live_observation(state) if replay is None else replay.observation,
+            camera=state.live.robot.spec.camera if replay is None else replay.camera_model,
             method=state.live_map.system.method,
             predictor=state.live_map.predictor,
             weights=state.live_map.fingerprint if replay is None else replay.weights,

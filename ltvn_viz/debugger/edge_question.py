@@ -58,8 +58,8 @@ class EdgeQuestion(Question[Never]):
             return builder.build(self._overlay(context, story))
         life = story.lifetimes[-1]
         waypoint = np.array(life.waypoint)
-        pair = image_figure(context.observation(source), f"from {source}", waypoint) + image_figure(
-            context.observation(target), f"to {target}"
+        pair = image_figure(context.observation(source), f"from {source}", context.camera, waypoint) + image_figure(
+            context.observation(target), f"to {target}", context.camera
         )
         builder.add_html(f'<div class="lt-pair">{pair}</div>')
         builder.add_text(f"Predicted: {_where(waypoint)}; r {_number(life.initial_reachability)}.")

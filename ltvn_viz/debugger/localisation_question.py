@@ -23,7 +23,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.palette import Rgb8
-from ltvn_core.types import NodeId, Observation, Predictor, is_usable
+from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.node_images import NodeImageLoader
@@ -98,7 +98,8 @@ class LocalisationQuestion(Question[FindAliases]):
         if not nodes or seen is None:
             builder.add_text("The map is empty." if not nodes else "There is no image of this moment to compare.")
             return None
-        if not is_usable(seen, context.predictor):
+        image = context.view.of(seen)
+        if image is None:
             builder.add_text("The image of this moment has no depth, so it is compared with no node.")
             return None
         keyframes, missing = self._node_images.load(context)
@@ -106,7 +107,7 @@ class LocalisationQuestion(Question[FindAliases]):
             builder.add_pending(f"Reading the images of {len(nodes)} nodes, {missing} to go")
         question = "where", context.name, frame, len(nodes), missing, context.predictor.fingerprint
         found = self._heat(
-            context.in_background, question, _heat(seen, nodes, keyframes, context.predictor, context.method)
+            context.in_background, question, _heat(image, nodes, keyframes, context.predictor, context.method)
         )
         if found is None:
             builder.add_pending("Comparing")

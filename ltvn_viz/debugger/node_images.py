@@ -8,7 +8,7 @@ from typing import Any
 
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.types import NodeId, Observation
-from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.context import DebugContext, PredictorView
 
 _AT_ONCE = 24
 """Images read between two pictures of the page."""
@@ -46,12 +46,12 @@ class NodeImageLoader:
         self._read.update(nodes)
         seen = [picture for picture in map(context.observation, nodes) if picture is not None]
         self._reading = ("sights", *self._run, len(self._read))
-        context.in_background(self._reading, _added(keyframes, seen))
+        context.in_background(self._reading, _added(keyframes, seen, context.view))
 
 
-def _added(keyframes: KeyframeStore, seen: Sequence[Observation]) -> Callable[[], bool]:
+def _added(keyframes: KeyframeStore, seen: Sequence[Observation], view: PredictorView) -> Callable[[], bool]:
     def add() -> bool:
-        keyframes.add(seen)
+        keyframes.add([image for image in map(view.of, seen) if image is not None])
         return True
 
     return add

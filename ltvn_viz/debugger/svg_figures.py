@@ -5,6 +5,7 @@ Owns the pixels. What is drawn where comes from `ltvn_core.analysis`.
 
 import base64
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 
 import cv2
@@ -12,21 +13,25 @@ import numpy as np
 
 from ltvn_core import palette
 from ltvn_core.analysis.waypoint_projection import pole_in_image
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.palette import Rgb8
-from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation, Rgb, Waypoint
 
-_SCALE = 3
+_PICTURE_PX = 288
+"""Width of an image in an answer."""
 _CURVE_PX = (340, 90)
 
 
-def image_figure(seen: Observation | None, caption: str, waypoint: Waypoint | None = None) -> str:
-    """Return a figure of an image, with a waypoint (3,) drawn into it; a grey one if there is no image."""
+def image_figure(seen: Observation | None, caption: str, camera: CameraModel, waypoint: Waypoint | None = None) -> str:
+    """Return a figure of an image of `camera`, with a waypoint (3,) drawn into it; a grey one if there is no image."""
     if seen is None:
         return f'<figure><div class="lt-none">no image</div><figcaption>{escape(caption)}</figcaption></figure>'
-    rgb = np.asarray(cv2.resize(seen.rgb, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_CUBIC), np.uint8)
+    scale = _PICTURE_PX / seen.rgb.shape[1]
+    way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
+    rgb = np.asarray(cv2.resize(seen.rgb, None, fx=scale, fy=scale, interpolation=way), np.uint8)
     if waypoint is not None:
-        _draw_pole(rgb, waypoint)
+        tilted = camera if seen.tilt is None else replace(camera, **seen.tilt._asdict())
+        _draw_pole(rgb, waypoint, tilted, scale)
     picture = f'<img src="{_data_url(rgb)}" alt="{escape(caption)}">'
     return f"<figure>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
 
@@ -90,11 +95,11 @@ def calibration_svg(cells: Sequence[tuple[float, float, int]], colour: Rgb8) -> 
     )
 
 
-def _draw_pole(rgb: Rgb, waypoint: Waypoint) -> None:
-    pole = pole_in_image(waypoint, LOCOBOT.camera)
+def _draw_pole(rgb: Rgb, waypoint: Waypoint, camera: CameraModel, scale: float) -> None:
+    pole = pole_in_image(waypoint, camera)
     if pole is None:
         return
-    top, foot = (tuple(round(_SCALE * value) for value in end) for end in pole)
+    top, foot = (tuple(round(scale * value) for value in end) for end in pole)
     colour = tuple(int(part) for part in palette.TARGET)
     cv2.line(rgb, top, foot, colour, 2, cv2.LINE_AA)
     cv2.circle(rgb, foot, 5, colour, -1, cv2.LINE_AA)

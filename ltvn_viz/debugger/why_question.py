@@ -171,9 +171,10 @@ def _doubt(story: EdgeHistory) -> str:
 def _seen(context: DebugContext, edge: EdgeKey) -> tuple[float, float] | None:
     """Return (r, d) of the pair as the network in use sees it; None without images or as long as it is at work."""
     views = [context.observation(node) for node in edge]
-    if None in views:
+    pictures = [image for seen in views if seen is not None and (image := context.view.of(seen)) is not None]
+    predictor = context.predictor
+    if len(pictures) < len(views):
         return None
-    pictures, predictor = [view for view in views if view is not None], context.predictor
 
     def compare() -> tuple[float, float]:
         features = predictor.encode(pictures)

@@ -8,6 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from ltvn_core.config import Likelihoods
 from ltvn_core.errors import LtvnError, SceneError
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -47,9 +48,10 @@ class AbsentPredictor:
     fingerprint = "none"
     camera = LOCOBOT.camera
 
-    def __init__(self, why: LtvnError) -> None:
-        """Remember why there is no network."""
+    def __init__(self, why: LtvnError, likelihoods: Likelihoods | None = None) -> None:
+        """Remember why there is no network, and what was measured of it."""
         self._why = why
+        self.likelihoods = likelihoods
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Raise the error."""

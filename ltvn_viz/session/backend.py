@@ -10,8 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.composition import START_CLEARANCE_M, open_predictor, open_simulation
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
+from ltvn_core.network.cards.driving_calibration import measured_likelihoods
+from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.map_file import LoadedMap
 from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
@@ -46,14 +49,18 @@ class Backend:
     """Why there is no robot."""
 
 
-def predictor_for(options: AppOptions) -> Predictor:
-    """Open the predictor; when a recording is only to be watched, a missing one is replaced. Raises LtvnError."""
+def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
+    """Open the predictor for a camera; when a recording is only to be watched, a missing one is replaced.
+
+    Raises LtvnError.
+    """
     try:
-        return open_predictor(options.predictor, options.scene, options.start_weights)
+        return open_predictor(options.predictor, options.scene, options.start_weights, camera=camera)
     except (SceneError, WeightsError, MissingLibraryError) as missing:
         if options.replay is None:
             raise
-        return AbsentPredictor(missing)
+        likelihoods = measured_likelihoods(options.start_weights) if options.predictor == NETWORK else None
+        return AbsentPredictor(missing, likelihoods)
 
 
 def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack) -> Backend:

@@ -73,8 +73,8 @@ class FineTuning:
         """Raise OptionError if nothing can be learned now."""
         if self._tune is None:
             raise OptionError(
-                "The oracle compares by the simulator's own geometry, so there is no network to teach. Open the app "
-                "without --predictor oracle."
+                "Only the network learns, and here there is none to teach. Open the app with --predictor network, "
+                "without --predictor oracle or another."
             )
         if self._status.phase is FineTuningPhase.LEARNING:
             raise OptionError("The network is learning already; wait for it, or stop learning first.")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ltvn_core.composition import PredictorName
+from ltvn_core.predictors.choice import AUTO
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_viz.session.fine_tuner import FineTuner
 
@@ -26,7 +26,8 @@ class AppOptions:
     """Map to begin with; None takes the ready-made one in the demo scene, else an empty one."""
     recordings: Path = Path("recordings")
     """Folder for recordings."""
-    predictor: PredictorName = "network"
+    predictor: str = AUTO
+    """What compares images, by name; `auto` takes the one that made the map, else the better one for the camera."""
     weights: Path | None = None
     """Weights instead of those that come with the system."""
     system: str = DEFAULT_SYSTEM

@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -39,8 +40,9 @@ class AppVerb(Verb):
     """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
     recordings: Path = Path("recordings")
     """Folder in which recordings are written and found."""
-    predictor: Literal["network", "oracle"] = "network"
-    """What compares images: the trained network, or the simulator's own geometry."""
+    predictor: PredictorName = AUTO
+    """What compares images, by name; auto takes the one that made the map, else the network for the simulated robot and
+    geometric for a robot of your own with another camera."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"

@@ -5,6 +5,7 @@ Part of the model card. `ltvn_core.evaluation.likelihood_measurement` makes the 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cattrs
@@ -13,6 +14,7 @@ from ltvn_core.config import Likelihoods
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.metrics.binned_metrics import CalibrationBin, ErrorBin
 from ltvn_core.network.metrics.success_rate import SuccessRate
+from ltvn_core.network.weights_file import matching_card
 
 MIN_SIGMA_M = 0.01
 """Lower bound of sigma, because Eq. 4 divides by its square."""
@@ -70,6 +72,12 @@ def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
             f"({not_there:.2f}), so these weights cannot maintain a map; train them longer, or measure more attempts."
         )
     return Likelihoods(there, not_there, max(measured.distance_sigma, MIN_SIGMA_M) ** 2)
+
+
+def measured_likelihoods(weights: Path) -> Likelihoods | None:
+    """Return the constants from the card beside weights; None where nobody measured them. Raises WeightsError."""
+    measured = read_driving(matching_card(weights))
+    return None if measured is None else likelihoods(measured)
 
 
 def read_driving(card: Mapping[str, Any]) -> DrivingMeasurements | None:

@@ -6,9 +6,11 @@ Owns the place in time and the image on show. Never writes, and keeps no image b
 from typing import Protocol
 
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.reader import Recording
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, Observation
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
@@ -38,14 +40,17 @@ class Playback:
         timeline: Timeline,
         observations: ObservationSource,
         *,
+        camera: CameraModel = LOCOBOT.camera,
         weights: str = "",
         system: str = "",
     ) -> None:
         """Show the recording `name`, made in `scene`, from its beginning.
 
-        `weights` is the fingerprint of the network that it was made with, `system` the name of what planned, if known.
+        `camera` took its images, `weights` is the fingerprint of the network that it was made with, `system` the name
+        of what planned, if known.
         """
         self.name, self.scene, self.weights, self.system = name, scene, weights, system
+        self.camera_model = camera
         self.timeline, self._observations = timeline, observations
         self._start_s = timeline.start_s
         self.length_s = max(0.0, timeline.end_s - self._start_s)
@@ -118,4 +123,4 @@ def open_replay(library: RecordingLibrary, name: str) -> Playback:
         timeline = Timeline.of(recording.events, frames)
     meta = recording.meta
     system = str(meta.config.get("system", ""))
-    return Playback(name, meta.scene, timeline, recording, weights=meta.fingerprint, system=system)
+    return Playback(name, meta.scene, timeline, recording, camera=meta.camera, weights=meta.fingerprint, system=system)

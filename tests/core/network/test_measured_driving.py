@@ -13,13 +13,23 @@ from ltvn_core.composition import open_method
 from ltvn_core.config import ROBUST, Likelihoods, preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.graph.beliefs import update_existence
-from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods, read_driving
+from ltvn_core.network.cards.driving_calibration import (
+    DRIVING_SECTION,
+    DrivingMeasurements,
+    likelihoods,
+    measured_likelihoods,
+    read_driving,
+)
 from ltvn_core.network.metrics.binned_metrics import calibration_table, error_table
 from ltvn_core.network.metrics.success_rate import SuccessRate
+from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import add_to_card, card_path, read_card
 from ltvn_core.simulation import oracle_predictor
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.verbs.measure import MeasureVerb
+from tests.core.flat_world import FlatPredictor, one_room
 
 COUNTS = st.integers(0, 400).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials)))
 
@@ -110,7 +120,8 @@ def test_a_card_gives_back_what_was_written_and_keeps_its_other_parts(tmp_path: 
 
 def test_a_card_without_a_measurement_leaves_the_presets_own_constants(tmp_path: Path) -> None:
     assert read_driving({"steps": 3}) is None
-    assert open_method("robust", "network", tmp_path / "unknown.safetensors") == ROBUST
+    assert measured_likelihoods(tmp_path / "unknown.safetensors") is None
+    assert open_method("robust", FlatPredictor(one_room())) == ROBUST
 
 
 def test_fine_tuned_weights_that_nobody_measured_inherit_their_parents_constants() -> None:
@@ -126,7 +137,7 @@ def test_a_card_of_other_weights_is_neither_written_nor_believed(tmp_path: Path)
     weights.write_bytes(b"new weights")
     with pytest.raises(WeightsError, match="not to the weights beside it"):
         add_to_card(weights, DRIVING_SECTION, asdict(measured()))
-    assert open_method("robust", "network", weights) == ROBUST
+    assert measured_likelihoods(weights) is None
 
 
 @pytest.mark.parametrize(
@@ -147,23 +158,25 @@ def test_a_damaged_measurement_is_named(damage: dict[str, object]) -> None:
 def test_the_method_takes_its_constants_from_the_shipped_card_as_far_as_they_were_measured(name: str) -> None:
     section = read_driving(read_card(SHIPPED_WEIGHTS))
     expected = {} if section is None else asdict(likelihoods(section))
-    assert open_method(name, "network").believing == replace(preset(name).believing, **expected)
+    assert open_method(name, load_predictor()).believing == replace(preset(name).believing, **expected)
 
 
 def test_the_method_takes_its_constants_from_a_card_of_its_weights(tmp_path: Path) -> None:
     weights = tmp_path / "own.safetensors"
     weights.write_bytes(b"weights")
     add_to_card(weights, DRIVING_SECTION, asdict(measured(there=18, not_there=2, sigma=0.1)))
-    believing = open_method("robust", "network", weights).believing
-    assert believing.p_success_if_reachable == pytest.approx(19 / 22)
-    assert believing.p_success_if_not == pytest.approx(3 / 22)
-    assert believing.sigma2 == pytest.approx(0.01)
+    constants = measured_likelihoods(weights)
+    assert constants is not None
+    assert constants.p_success_if_reachable == pytest.approx(19 / 22)
+    assert constants.p_success_if_not == pytest.approx(3 / 22)
+    assert constants.sigma2 == pytest.approx(0.01)
 
 
 def test_the_oracle_has_constants_of_its_own_and_explicit_ones_win() -> None:
-    assert open_method("robust", "oracle").believing.p_success_if_not == oracle_predictor.LIKELIHOODS.p_success_if_not
+    oracle = OraclePredictor(ClearanceMap(np.zeros((4, 4), bool), np.zeros(2)))
+    assert open_method("robust", oracle).believing.p_success_if_not == oracle_predictor.LIKELIHOODS.p_success_if_not
     mine = Likelihoods(0.7, 0.3, 0.04)
-    believing = open_method("robust", "oracle", likelihoods=mine).believing
+    believing = open_method("robust", oracle, likelihoods=mine).believing
     assert (believing.p_success_if_reachable, believing.p_success_if_not, believing.sigma2) == (0.7, 0.3, 0.04)
 
 

@@ -1,0 +1,104 @@
+"""What is doubtful of a drive that comes in, in words: the likely cause and what to do. Refuses nothing."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.importing.drive_findings import DriveFindings
+from ltvn_core.importing.drive_statistics import NEAR_M
+from ltvn_core.importing.frame_preparation import ASSUMED_FOV_DEG
+from ltvn_core.importing.import_options import OdometrySource
+from ltvn_core.importing.source_camera import HOW_TO
+
+STEEP_DEG = 20.0
+"""A predictor that looks level sees less than two thirds of a picture that is tilted by more."""
+MUCH_DRIFT = 0.15
+FEW_FRAMES = 20
+MANY_GAPS = 3
+_APART_SHARE = 0.1
+_DROPPED_SHARE = 0.1
+
+
+def drive_doubts(found: DriveFindings) -> Iterator[str]:
+    """Yield what is doubtful, in whole sentences."""
+    yield from _camera_doubts(found)
+    yield from _odometry_doubts(found)
+    yield from _overlap_doubts(found)
+    if found.dropped_as_wrong > _DROPPED_SHARE * (found.frames + found.dropped_as_wrong):
+        yield (
+            f"{found.dropped_as_wrong} images could not be used, see `dropped` for the reasons; is the file cut, or "
+            "were its streams recorded by different clocks?"
+        )
+
+
+def _camera_doubts(found: DriveFindings) -> Iterator[str]:
+    if not found.is_lens_known:
+        yield (
+            f"Nothing says what lens took the images; {ASSUMED_FOV_DEG:.0f} degrees were assumed, and distances will "
+            f"be wrong by as much as that is: {HOW_TO}."
+        )
+    if not found.is_depth_registered:
+        yield (
+            "The depth images are not registered to the colours; they were laid over them by the two lenses alone, and "
+            "lie a few centimetres off. Name a registered stream by --depth where there is one."
+        )
+    if not found.with_depth:
+        yield (
+            "There is no depth: predictors that need it cannot use this drive, and the others estimate distances less "
+            "well. Record the depth camera too where the robot has one."
+        )
+    elif found.with_depth < found.frames:
+        missing = found.frames - found.with_depth
+        yield f"{missing} of {found.frames} images have no depth, and are not used where it is needed."
+    if found.tilt is not None and abs(found.tilt.pitch_median_deg) > STEEP_DEG:
+        way = "down" if found.tilt.pitch_median_deg < 0 else "up"
+        yield (
+            f"The camera looks {way} by {abs(found.tilt.pitch_median_deg):.0f} degrees; a predictor for a level camera "
+            "sees little of such images. Use `--predictor geometric`, or mount the camera nearly level."
+        )
+
+
+def _odometry_doubts(found: DriveFindings) -> Iterator[str]:
+    if found.odometry is OdometrySource.NONE:
+        yield (
+            "There is no odometry, so all images are recorded at one place: distances between them are what the "
+            "predictor says, and nothing contradicts it. Give odometry by --odometry where the robot has some."
+        )
+    if found.odometry is OdometrySource.TRUTH:
+        yield (
+            "There is no odometry of its own; the true poses stand in for it, so a map of this drive is better than "
+            "wheels would make it."
+        )
+    if found.drift is not None and found.drift.per_metre > MUCH_DRIFT:
+        yield (
+            f"Odometry strays from the true poses by {found.drift.per_metre:.0%} of the way; is it in metres, of the "
+            "same robot, and turned as x forward, y left?"
+        )
+
+
+def _overlap_doubts(found: DriveFindings) -> Iterator[str]:
+    if found.frames < FEW_FRAMES:
+        yield f"Only {found.frames} images are left; a map needs a drive of some metres. See `dropped`, and --every-m."
+    if len(found.gaps_s) >= MANY_GAPS or sum(found.gaps_s) > MANY_GAPS * 10:
+        yield (
+            f"For {len(found.gaps_s)} times, {sum(found.gaps_s):.0f} s in all, no images came; did the recorder lose "
+            "messages?"
+        )
+    if found.coverage is None or found.frames < 2:
+        return
+    steps = np.diff(found.poses, axis=0)
+    apart = np.hypot(steps[:, 0], steps[:, 1]) > NEAR_M
+    apart |= np.abs(wrap_angle(steps[:, 2])) > found.field_of_view_rad / 2
+    if apart.mean() > _APART_SHARE:
+        yield (
+            f"{apart.sum()} of {len(apart)} images in a row do not overlap with the one before: farther than {NEAR_M} "
+            "m, or turned by more than half of what the camera sees. Drive slower, record more images a second, or "
+            "lower --every-m and --every-deg."
+        )
+    if found.coverage.pieces > 1:
+        yield (
+            f"By its poses the drive falls into {found.coverage.pieces} pieces, the largest with "
+            f"{found.coverage.largest_share:.0%} of the images, and a map will fall apart likewise. Do the gaps or "
+            "jumps belong there? Drive the missing ways, and come back to where you began."
+        )

@@ -1,0 +1,96 @@
+"""What is known of a drive once it was read: the frames that were kept, without pictures, and numbers about them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.importing.drive_statistics import (
+    Coverage,
+    Drift,
+    TiltRange,
+    coverage,
+    drift,
+    gaps_s,
+    tilt_range,
+)
+from ltvn_core.importing.frame_preparation import FramePreparation
+from ltvn_core.importing.import_options import OdometrySource
+from ltvn_core.types import Pose, Tilt
+
+TOO_LITTLE_MOTION = "too little motion"
+"""The one reason to leave an image out that says nothing against it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class KeptFrame:
+    """A frame of the recording, without its pictures."""
+
+    stamp: float
+    pose: Pose
+    """(3,): the odometry that was recorded."""
+    odometry: Pose | None
+    """(3,): the source's own."""
+    truth: Pose | None
+    """(3,)."""
+    tilt: Tilt | None
+    has_depth: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class DriveFindings:
+    """What is known of a drive once it was read."""
+
+    frames: int
+    dropped_as_wrong: int
+    """Images that were left out for another reason than too little motion."""
+    with_depth: int
+    is_lens_known: bool
+    is_depth_registered: bool
+    odometry: OdometrySource
+    poses: Pose
+    """(N, 3) by the odometry that was recorded."""
+    field_of_view_rad: float
+    """Horizontal."""
+    tilt: TiltRange | None
+    coverage: Coverage | None
+    """By the poses; None without any."""
+    drift: Drift | None
+    gaps_s: Sequence[float]
+
+
+def drive_findings(
+    frames: Sequence[KeptFrame],
+    stamps: Sequence[float],
+    dropped: Mapping[str, int],
+    *,
+    odometry: OdometrySource,
+    preparation: FramePreparation,
+    camera: CameraModel,
+) -> DriveFindings:
+    """Return what is known of a drive from its kept frames and the stamps of all its images in order."""
+    poses = np.array([frame.pose for frame in frames])
+    has_poses = odometry is not OdometrySource.NONE
+    return DriveFindings(
+        frames=len(frames),
+        dropped_as_wrong=sum(count for reason, count in dropped.items() if reason != TOO_LITTLE_MOTION),
+        with_depth=sum(frame.has_depth for frame in frames),
+        is_lens_known=preparation.is_lens_known,
+        is_depth_registered=preparation.is_depth_registered,
+        odometry=odometry,
+        poses=poses,
+        field_of_view_rad=camera.horizontal_fov_rad,
+        tilt=tilt_range([frame.tilt for frame in frames if frame.tilt is not None]),
+        coverage=coverage(poses, np.array([frame.stamp for frame in frames])) if has_poses else None,
+        drift=_drift(frames),
+        gaps_s=gaps_s(np.array(stamps)).tolist(),
+    )
+
+
+def _drift(frames: Sequence[KeptFrame]) -> Drift | None:
+    both = [(each.odometry, each.truth) for each in frames if each.odometry is not None and each.truth is not None]
+    if len(both) < 2:
+        return None
+    odometry, truth = (np.array(poses) for poses in zip(*both, strict=True))
+    return drift(odometry, truth)

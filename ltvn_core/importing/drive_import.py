@@ -1,0 +1,200 @@
+"""Importing a drive: raw frames are checked, chosen, prepared and written as a recording, and what happened is told.
+
+Owns the order of these steps and the count of what was left out. Knows no format.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, replace
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.atomic_files import atomic_output
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import DriveError, ImageError
+from ltvn_core.importing.drive_doubts import drive_doubts
+from ltvn_core.importing.drive_findings import TOO_LITTLE_MOTION, KeptFrame, drive_findings
+from ltvn_core.importing.frame_preparation import FramePreparation
+from ltvn_core.importing.frame_selection import FrameSelection, MotionSelection, PictureSelection
+from ltvn_core.importing.import_options import ImportOptions, OdometrySource
+from ltvn_core.importing.import_summary import ImportSummary, import_summary
+from ltvn_core.importing.raw_frame import DriveReader, RawFrame
+from ltvn_core.navigation.events import Note, Severity, StampedEvent
+from ltvn_core.recording.recorded_robot import record_images
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.types import Observation, Pose
+
+_DECIDING_FRAMES = 300
+"""The camera's usual tilt is the median of so many images, which are held until the recording begins."""
+
+Progress = Callable[[int, int | None], None]
+"""Called with the number of images looked at, and of images in all where that is known."""
+
+
+def import_drive(
+    reader: DriveReader,
+    output: Path,
+    options: ImportOptions = ImportOptions(),  # noqa: B008
+    progress: Progress = lambda _done, _total: None,
+) -> ImportSummary:
+    """Write a drive to a new recording, which appears only when it is whole.
+
+    Raises DriveError where nothing of the drive can be used, RecordingError where `output` exists or cannot be written.
+    """
+    with atomic_output(output) as part:
+        return _DriveImport(reader, options, progress).write(part, output)
+
+
+class _DriveImport:
+    """One import, from the first raw frame to the summary."""
+
+    def __init__(self, reader: DriveReader, options: ImportOptions, progress: Progress) -> None:
+        self._reader, self._options, self._progress = reader, options, progress
+        self._odometry = _chosen_odometry(reader, options.odometry)
+        self._selection = _selection(options, self._odometry)
+        self._preparation: FramePreparation | None = None
+        self._dropped: Counter[str] = Counter()
+        self._faults: list[str] = []
+        self._stamps: list[float] = []
+        self._kept: list[KeptFrame] = []
+        self._scene = options.scene or f"real:{reader.facts.place or reader.facts.format}"
+
+    def write(self, path: Path, name: Path) -> ImportSummary:
+        """Write the whole drive to `path`, and return the summary of a file that is called `name`."""
+        observations = self._observations()
+        first = list(islice(observations, _DECIDING_FRAMES))
+        if not first or self._preparation is None:
+            raise DriveError(self._nothing_left())
+        camera = self._mounted_camera(self._preparation.camera)
+        last_step, last_stamp = 0, 0.0
+        with RecordingWriter(path, scene=self._scene, config=self._config(), fingerprint="", camera=camera) as writer:
+            for seen in record_images(chain(first, observations), writer):
+                last_step, last_stamp = seen.step, seen.stamp
+            summary = self._summary(name, self._preparation, camera)
+            for doubt in summary.doubts:
+                writer.write_event(StampedEvent(last_step, last_stamp, Note(doubt, Severity.WARN)))
+        return summary
+
+    def _observations(self) -> Iterator[Observation]:
+        """Yield what is kept; everything else is counted."""
+        for raw in self._reader.frames():
+            self._progress(len(self._stamps) + sum(self._reader.dropped.values()) + 1, self._reader.facts.frames)
+            try:
+                observation = self._observation(raw)
+            except ImageError as error:
+                self._faults.append(str(error))
+                self._dropped["image, depth or pose that cannot be"] += 1
+                continue
+            if observation is not None:
+                yield observation
+
+    def _observation(self, raw: RawFrame) -> Observation | None:
+        """Return what a recording holds of a frame, None where it is left out; the reason is counted."""
+        reason = self._reason_to_drop(raw)
+        if reason is not None:
+            self._dropped[reason] += 1
+            return None
+        pose = self._pose(raw)
+        assert pose is not None  # Else there was a reason.
+        if self._preparation is None:
+            self._preparation = FramePreparation(raw, fov_deg=self._options.fov_deg)
+        observation = self._preparation.observation(raw, step=len(self._kept), odometry=pose)
+        self._kept.append(
+            KeptFrame(
+                stamp=observation.stamp,
+                pose=observation.odometry,
+                odometry=raw.odometry,
+                truth=raw.truth,
+                tilt=raw.tilt,
+                has_depth=observation.has_depth,
+            )
+        )
+        return observation
+
+    def _reason_to_drop(self, raw: RawFrame) -> str | None:
+        before = self._stamps[-1] if self._stamps else -np.inf
+        self._stamps.append(max(raw.stamp, before))
+        if not raw.stamp > before:
+            return "stamp not after the one before"
+        pose = self._pose(raw)
+        if pose is None:
+            wanted = "true pose" if self._odometry is OdometrySource.TRUTH else "odometry"
+            return f"no {wanted} at that time"
+        return None if self._selection.keeps(raw.rgb, pose, raw.tilt) else TOO_LITTLE_MOTION
+
+    def _pose(self, raw: RawFrame) -> Pose | None:
+        match self._odometry:
+            case OdometrySource.TRUTH:
+                return raw.truth
+            case OdometrySource.NONE:
+                return np.zeros(3)
+            case OdometrySource.SOURCE | OdometrySource.AUTO:
+                return raw.odometry
+
+    def _mounted_camera(self, camera: CameraModel) -> CameraModel:
+        """Return the camera as it is mounted: as the person says, else as it was tilted for the most part."""
+        height_m, pitch_deg = self._options.height_m, self._options.pitch_deg
+        tilts = [frame.tilt.pitch_rad for frame in self._kept if frame.tilt is not None]
+        usual = float(np.median(tilts)) if tilts else camera.pitch_rad
+        return replace(
+            camera,
+            height_m=camera.height_m if height_m is None else height_m,
+            pitch_rad=usual if pitch_deg is None else float(np.radians(pitch_deg)),
+        )
+
+    def _config(self) -> Mapping[str, Any]:
+        asked = {name: value for name, value in asdict(self._options).items() if value is not None}
+        found = {**asked, "odometry": str(self._odometry)}
+        return {"verb": "import", "format": self._reader.facts.format, "import": found}
+
+    def _all_dropped(self) -> dict[str, int]:
+        return dict(Counter(self._reader.dropped) + self._dropped)
+
+    def _summary(self, name: Path, preparation: FramePreparation, camera: CameraModel) -> ImportSummary:
+        dropped = self._all_dropped()
+        found = drive_findings(
+            self._kept, self._stamps, dropped, odometry=self._odometry, preparation=preparation, camera=camera
+        )
+        faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
+        return import_summary(
+            found,
+            recording=name,
+            facts=self._reader.facts,
+            scene=self._scene,
+            dropped=dropped,
+            camera=camera,
+            seconds=self._stamps[-1] - self._stamps[0],
+            doubts=(*self._reader.doubts, *faults, *drive_doubts(found)),
+        )
+
+    def _nothing_left(self) -> str:
+        streams = ", ".join(f"{each.role or 'unused'} {each.name}" for each in self._reader.facts.streams) or "nothing"
+        reasons = ", ".join(f"{reason}: {count}" for reason, count in self._all_dropped().items())
+        if not reasons:
+            return f"The drive holds no images at all; what was found: {streams}."
+        first = "".join(f" {fault}" for fault in [*self._reader.doubts, *self._faults][:1])
+        return f"None of the images can be used ({reasons}).{first} What was found: {streams}."
+
+
+def _chosen_odometry(reader: DriveReader, wanted: OdometrySource) -> OdometrySource:
+    """Return where odometry is to come from. Raises DriveError where the source has none of the wanted kind."""
+    roles = {stream.role for stream in reader.facts.streams}
+    offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
+    if wanted is OdometrySource.AUTO:
+        return next((source for source, role in offered.items() if role in roles), OdometrySource.NONE)
+    if wanted in offered and offered[wanted] not in roles:
+        found = ", ".join(sorted(roles)) or "nothing"
+        raise DriveError(
+            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Leave the option out to "
+            "take what there is."
+        )
+    return wanted
+
+
+def _selection(options: ImportOptions, odometry: OdometrySource) -> FrameSelection:
+    if odometry is OdometrySource.NONE and (options.every_m or options.every_deg):
+        return PictureSelection()
+    return MotionSelection(options.every_m, float(np.radians(options.every_deg)))

@@ -1,0 +1,123 @@
+"""A trajectory in space as others write it: `stamp tx ty tz qx qy qz qw` a line, turned so that z is up.
+
+Owns reading such files (TUM's format, which evo, ORB-SLAM and RTAB-Map write too), interpolation, and finding out which
+axis of the world is up.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
+
+LARGEST_GAP_S = 0.25
+"""Between samples that are farther apart nothing is known."""
+
+_COLUMNS = 8
+_UPRIGHT = 0.5
+"""The mean cosine between the camera's up and z from which on z is taken to be up: at most 60 degrees off."""
+_CLEARLY_UP = 0.7
+_UNIT_TOLERANCE = 0.1
+_MOST_BYTES = 500_000_000
+_AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0)}
+
+
+class PoseTrack:
+    """Poses of a camera's optical frame over time."""
+
+    def __init__(self, stamps: NDArray[np.float64], positions: NDArray[np.float64], rotations: Rotation) -> None:
+        """Take N stamps in rising order, positions (N, 3) in metres and as many rotations, optical to world."""
+        self.stamps = stamps
+        self.up_axis = _up_axis(rotations)
+        """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
+        turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
+        self._positions = positions if turn is None else turn.apply(positions)
+        self._rotations = rotations if turn is None else turn * rotations
+        self._slerp = Slerp(stamps, self._rotations) if len(stamps) > 1 else None
+
+    @classmethod
+    def read(cls, path: Path) -> "PoseTrack":
+        """Read a file. Raises DriveError that names the first line that cannot be right."""
+        return cls(*_parsed(path))
+
+    def at(self, stamp: float) -> SpatialPose | None:
+        """Return the pose at a time, between samples in proportion; None where there is no sample nearby."""
+        after = int(np.searchsorted(self.stamps, stamp))
+        if after < len(self.stamps) and self.stamps[after] == stamp:
+            return self._sample(after)
+        if not 0 < after < len(self.stamps) or self.stamps[after] - self.stamps[after - 1] > LARGEST_GAP_S:
+            return self._nearest(stamp)
+        before_s, after_s = self.stamps[after - 1], self.stamps[after]
+        share = (stamp - before_s) / (after_s - before_s)
+        position = (1 - share) * self._positions[after - 1] + share * self._positions[after]
+        assert self._slerp is not None  # There are two samples.
+        return spatial_pose(position, self._slerp(stamp).as_matrix())
+
+    def _nearest(self, stamp: float) -> SpatialPose | None:
+        place = int(np.argmin(np.abs(self.stamps - stamp)))
+        return self._sample(place) if abs(self.stamps[place] - stamp) <= LARGEST_GAP_S / 10 else None
+
+    def _sample(self, place: int) -> SpatialPose:
+        return spatial_pose(self._positions[place], self._rotations[place].as_matrix())
+
+
+def stamped_lines(path: Path, *, least_columns: int) -> Sequence[tuple[float, list[str]]]:
+    """Return the lines of a text file as stamps and the words that follow, in the order of the stamps.
+
+    Lines that begin with # are comments. Raises DriveError that names the first line that cannot be right.
+    """
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise DriveError(f"{path} has more than {_MOST_BYTES:,} bytes, which no list of images or poses has.")
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
+    lines: list[tuple[float, list[str]]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.replace(",", " ").split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            stamp = float(words[0])
+        except ValueError:
+            stamp = np.nan
+        if not np.isfinite(stamp) or len(words) < least_columns:
+            raise DriveError(
+                f"{path}, line {number}: expected a stamp in seconds and {least_columns - 1} more columns, got "
+                f"{line!s:.60}."
+            )
+        lines.append((stamp, words[1:]))
+    return sorted(lines, key=lambda line: line[0])
+
+
+def _parsed(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Rotation]:
+    lines = stamped_lines(path, least_columns=_COLUMNS)
+    if not lines:
+        raise DriveError(f"{path} holds no poses; it needs lines of stamp tx ty tz qx qy qz qw.")
+    try:
+        numbers = np.array([[stamp, *map(float, words[: _COLUMNS - 1])] for stamp, words in lines])
+    except ValueError as error:
+        raise DriveError(f"{path}: a pose is no row of numbers ({error!s:.80}).") from error
+    numbers = numbers[np.unique(numbers[:, 0], return_index=True)[1]]
+    norms = np.linalg.norm(numbers[:, 4:], axis=1)
+    wrong = ~np.isfinite(numbers).all(axis=1) | (np.abs(norms - 1) > _UNIT_TOLERANCE)
+    if wrong.any():
+        raise DriveError(
+            f"{path}: the pose at {numbers[np.argmax(wrong), 0]} is not finite, or its quaternion is not of length 1; "
+            "the columns are stamp tx ty tz qx qy qz qw."
+        )
+    return numbers[:, 0], numbers[:, 1:4], Rotation.from_quat(numbers[:, 4:])
+
+
+def _up_axis(rotations: Rotation) -> str:
+    """Return the axis of the world that is up, for a camera that is carried upright for the most part."""
+    up = rotations.apply([0.0, -1.0, 0.0]).mean(axis=0)
+    length = np.linalg.norm(up)
+    if length == 0 or up[2] / length >= _UPRIGHT:
+        return "z"
+    best = max(_AXES, key=lambda name: float(up @ _AXES[name]))
+    return best if float(up @ _AXES[best]) / length >= _CLEARLY_UP else "z"

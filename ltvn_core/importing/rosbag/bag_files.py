@@ -1,0 +1,212 @@
+"""The files of a bag as one stream of messages in the order of recording, whatever ROS wrote them.
+
+Owns opening, the order of files, the limits of memory, and turning each failure of the library into one clear line.
+Messages have ROS's own types, which `rosbags` brings along: definitions that lie in the file are never read, because
+the library makes code of them.
+"""
+
+import re
+import shutil
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.rosbag.bounded_decompression import (
+    MAX_CHUNK_BYTES,
+    ZSTD_MAGIC,
+    bound_decompression,
+    decompress_message,
+)
+from ltvn_core.importing.rosbag.file_names import COMPRESSED, SUFFIXES, named_as_bag, plain_suffix
+
+_NANOSECONDS = 1e-9
+_MAX_OVERLAPPING_BYTES = 2**30
+"""Chunks of an MCAP whose times overlap are in memory together."""
+_MAX_RATIO = 1000
+"""Images do not compress so well; a file that unpacks to more was made to fill the disk."""
+_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
+
+
+class RawMessage(NamedTuple):
+    """A message as it lies in the bag."""
+
+    topic: str
+    msgtype: str
+    """As `nav_msgs/msg/Odometry`."""
+    log_s: float
+    """When it was recorded, in seconds."""
+    data: bytes
+
+
+@dataclass(slots=True)
+class BagTopic:
+    """A topic of a bag."""
+
+    name: str
+    msgtype: str
+    count: int = 0
+    """Messages."""
+
+
+class BagFiles:
+    """A bag that was looked into: what topics it has, and how to read their messages."""
+
+    def __init__(self, path: Path) -> None:
+        """Look into every file of the bag. Raises DriveError."""
+        bound_decompression()
+        self.path = path
+        self.topics: dict[str, BagTopic] = {}
+        self.duration_s = 0.0
+        """From the first message to the last."""
+        self._files = bag_files(path)
+        self._typestore = _typestore(ros1=self._files[0].suffix == ".bag")
+        begin, end = float("inf"), float("-inf")
+        for file in self._files:
+            with _opened(file) as reader:
+                self._count(reader.connections)
+                if any(each.msgcount for each in reader.connections):
+                    begin = min(begin, reader.start_time * _NANOSECONDS)
+                    end = max(end, reader.end_time * _NANOSECONDS)
+        self.duration_s = max(end - begin, 0.0)
+
+    def messages(self, topics: Collection[str]) -> Iterator[RawMessage]:
+        """Yield the messages of some topics as they were recorded. Raises DriveError where the bag is damaged."""
+        for file in self._files:
+            with _opened(file) as reader:
+                wanted = [each for each in reader.connections if each.topic in topics]
+                stream = reader.messages(connections=wanted) if wanted else iter(())
+                while True:
+                    with _explained(file):
+                        found = next(stream, None)
+                        if found is None:
+                            break
+                        message = _raw_message(*found)
+                    yield message
+
+    def decode(self, message: RawMessage) -> Any:
+        """Return the fields of a message as an object of its type. Raises DriveError where it is damaged."""
+        try:
+            if self._files[0].suffix == ".bag":
+                return self._typestore.deserialize_ros1(message.data, message.msgtype)
+            return self._typestore.deserialize_cdr(message.data, message.msgtype)
+        except Exception as error:  # The library reads lengths from the message and trusts them.
+            raise DriveError(
+                f"{self.path}: a message of {message.topic} is no {message.msgtype} ({_said(error)})."
+            ) from error
+
+    def _count(self, connections: Collection[Connection]) -> None:
+        for each in connections:
+            self.topics.setdefault(each.topic, BagTopic(each.topic, each.msgtype)).count += each.msgcount
+
+
+def bag_files(path: Path) -> list[Path]:
+    """Return the files of a bag in the order in which they were written. Raises DriveError where there are none."""
+    try:
+        found = sorted(named_as_bag(path), key=_natural_order)
+    except OSError as error:
+        raise DriveError(f"{path} cannot be read ({error.strerror}).") from error
+    kinds = {plain_suffix(file) for file in found}
+    if not found:
+        raise DriveError(f"{path} holds no bag: expected files that end in {', '.join(SUFFIXES)}.")
+    if len(kinds) > 1:
+        raise DriveError(f"{path} holds bags of several kinds ({', '.join(sorted(kinds))}); name one of its files.")
+    return found
+
+
+def _natural_order(file: Path) -> list[tuple[int, str]]:
+    """Sort `bag_10.mcap` behind `bag_9.mcap`."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"([0-9]{1,18})", file.name)]
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[Reader1 | Reader2]:
+    with ExitStack() as stack:
+        with _explained(file):
+            if file.suffix == COMPRESSED:
+                file = _decompressed(file, Path(stack.enter_context(TemporaryDirectory())))
+            reader = Reader1(file) if file.suffix == ".bag" else Reader2(file)
+            stack.enter_context(reader)
+            _limit_memory(reader)
+        yield reader
+
+
+def _decompressed(file: Path, folder: Path) -> Path:
+    from backports import zstd
+
+    target = folder / file.stem
+    most = min(file.stat().st_size * _MAX_RATIO, shutil.disk_usage(folder).free // 2)
+    with zstd.open(file, "rb") as packed, target.open("wb") as unpacked:
+        while piece := packed.read(2**20):
+            if unpacked.tell() > most:
+                raise DriveError(
+                    f"{file} unpacks to more than {most:,} bytes, which is more than images do or than half of the "
+                    "free disk; unpack it yourself with `zstd -d` and name the unpacked file."
+                )
+            unpacked.write(piece)
+    return target
+
+
+def _limit_memory(reader: Reader1 | Reader2) -> None:
+    """Refuse an MCAP of which too much is needed at once, and have sqlite make no value larger than a chunk."""
+    storage = getattr(reader, "storage", None)
+    if (database := getattr(storage, "dbconn", None)) is not None:
+        import apsw
+
+        database.limit(apsw.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES)
+    changes = []
+    for chunk in getattr(storage, "chunks", ()):
+        changes.append((chunk.message_start_time, chunk.uncompressed_size))
+        changes.append((chunk.message_end_time + 1, -chunk.uncompressed_size))
+    held = 0
+    for _, change in sorted(changes):
+        held += change
+        if held > _MAX_OVERLAPPING_BYTES:
+            raise DriveError(
+                f"chunks of more than {_MAX_OVERLAPPING_BYTES:,} bytes have messages of the same time; sort the bag "
+                "with `mcap sort`"
+            )
+
+
+def _raw_message(connection: Connection, time_ns: int, data: bytes) -> RawMessage:
+    if data[:4] == ZSTD_MAGIC:
+        data = decompress_message(data)
+    if len(data) > MAX_CHUNK_BYTES:
+        raise DriveError(f"a message of {connection.topic} has {len(data):,} bytes, more than any image")
+    return RawMessage(connection.topic, connection.msgtype, time_ns * _NANOSECONDS, data)
+
+
+@contextmanager
+def _explained(file: Path) -> Iterator[None]:
+    """Raise DriveError, whatever the library raises: it trusts a file, so a damaged one ends in any exception."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise DriveError(f"{file} does not exist; name a bag or its folder.") from error
+    except Exception as error:
+        raise DriveError(
+            f"{file} cannot be read as a bag: {_said(error)}. If it was cut while recording, mend it with `mcap "
+            "recover`, `ros2 bag reindex` or `rosbag reindex`."
+        ) from error
+
+
+def _said(error: Exception) -> str:
+    words = " ".join(str(error).split()).rstrip(".")
+    return f"{words or type(error).__name__:.200}"
+
+
+def _typestore(*, ros1: bool) -> Typestore:
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+    if ros1:
+        for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):
+            store.register(get_types_from_msg(_TRANSFORMS, name))
+    return store

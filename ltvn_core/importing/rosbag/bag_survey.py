@@ -1,0 +1,100 @@
+"""What the beginning of a bag says: one message of each topic that matters, and the frames of the robot.
+
+Owns the look before the reading, and how stamps, poses and frames are taken out of ROS's messages. No image is decoded.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ltvn_core.importing.moving_frame import transform
+from ltvn_core.importing.rosbag.bag_files import BagFiles, RawMessage
+from ltvn_core.importing.rosbag.ros_cameras import CAMERA_INFO
+from ltvn_core.importing.rosbag.ros_images import COMPRESSED_IMAGE, IMAGE
+from ltvn_core.importing.rosbag.transform_tree import TransformTree
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSES = (
+    ODOMETRY,
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/TransformStamped",
+)
+"""Types of messages that say where the robot is."""
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+STATIC = "tf_static"
+_SURVEY_S = (1.0, 20.0)
+"""The beginning of a bag: at least so long, and at most where a topic keeps silent."""
+
+
+@dataclass(frozen=True, slots=True)
+class BagSurvey:
+    """What the beginning of a bag says."""
+
+    samples: dict[str, Any] = field(default_factory=dict)
+    """The first message of each topic."""
+    ahead_s: dict[str, float] = field(default_factory=dict)
+    """How far the stamp of that message is ahead of the moment at which it was recorded."""
+    tree: TransformTree = field(default_factory=TransformTree)
+    """Frames of `/tf` and `/tf_static` so far."""
+
+
+def survey(files: BagFiles) -> BagSurvey:
+    """Read the beginning of a bag, until each topic that matters has said something. Raises DriveError."""
+    found = BagSurvey()
+    kinds = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, *POSES, *TRANSFORMS)
+    topics = {topic.name for topic in files.topics.values() if topic.count and topic.msgtype in kinds}
+    begin: float | None = None
+    for raw in files.messages(topics):
+        begin = raw.log_s if begin is None else begin
+        passed = raw.log_s - begin
+        if passed > _SURVEY_S[1] or (passed > _SURVEY_S[0] and topics <= found.samples.keys()):
+            break
+        if raw.msgtype in TRANSFORMS or raw.topic not in found.samples:
+            _take(found, raw, files.decode(raw))
+    return found
+
+
+def add_transforms(tree: TransformTree, message: Any, raw: RawMessage, *, by_log: bool = False, skip: str = "") -> None:
+    """Take a message of `/tf` or `/tf_static` into the tree, but nothing of the frame `skip`.
+
+    With `by_log` all its stamps count as the moment of recording.
+    """
+    for each in message.transforms:
+        child, parent = frame_name(each.child_frame_id), frame_name(each.header.frame_id)
+        pose = transform(*ros_pose(each))
+        if pose is None or child == skip or not child or not parent:
+            continue
+        if raw.topic.endswith(STATIC):
+            tree.add_fixed(parent, child, pose)
+        else:
+            tree.add_moving(parent, child, raw.log_s if by_log else stamp_s(each), pose)
+
+
+def ros_pose(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return place (3,) and quaternion x, y, z, w of an odometry, a pose with or without covariance, or a transform."""
+    if hasattr(message, "transform"):
+        place, turn = message.transform.translation, message.transform.rotation
+    else:
+        pose = getattr(message.pose, "pose", message.pose)
+        place, turn = pose.position, pose.orientation
+    return (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+
+
+def frame_name(name: Any) -> str:
+    """Return the name of a frame; ROS 1 put a slash before it."""
+    return str(name).lstrip("/")
+
+
+def stamp_s(message: Any) -> float:
+    """Return the stamp of a message in seconds; 0 where it has none."""
+    header = getattr(message, "header", None)
+    return 0.0 if header is None else header.stamp.sec + header.stamp.nanosec * 1e-9
+
+
+def _take(found: BagSurvey, raw: RawMessage, message: Any) -> None:
+    if raw.topic not in found.samples:
+        found.samples[raw.topic] = message
+        if hasattr(message, "header"):
+            found.ahead_s[raw.topic] = stamp_s(message) - raw.log_s
+    if raw.msgtype in TRANSFORMS:
+        add_transforms(found.tree, message, raw)

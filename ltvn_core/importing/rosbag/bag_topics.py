@@ -1,0 +1,163 @@
+"""Which topics of a bag are a drive: the images of one camera, its depth, the odometry, by type, name and content.
+
+Owns the choice and the sentences about it.
+"""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.raw_frame import ReadOptions
+from ltvn_core.importing.rosbag.bag_files import BagFiles
+from ltvn_core.importing.rosbag.bag_survey import ODOMETRY, POSES, BagSurvey
+from ltvn_core.importing.rosbag.ros_cameras import CAMERA_INFO
+from ltvn_core.importing.rosbag.ros_images import COMPRESSED_IMAGE, IMAGE, shows_depth
+
+FROM_TREE = "tf"
+"""What `--odometry` says for the tree of frames."""
+NOTHING = "none"
+"""What an option says for leaving a stream out."""
+
+_SUFFIXES = re.compile(r"/(compressed|compressedDepth)$")
+_TRUTH = re.compile(r"(^|[/_])(ground_?truth|gt|mocap|vicon|optitrack|qualisys)([/_]|$)", re.IGNORECASE)
+_NO_CAMERA = re.compile(
+    r"infra|(^|[/_])ir\d?([/_]|$)|thermal|debug|annotat|overlay|detect|result|segment|mask|costmap|disparity",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenTopics:
+    """The topics that make up a drive."""
+
+    rgb: str
+    depth: str | None
+    odometry: str | None
+    """None where the tree of frames says it, or nothing."""
+    truth: str | None
+    camera_info: str | None
+    depth_info: str | None
+
+    def roles(self) -> dict[str, str]:
+        """Return what each topic is used for."""
+        pairs = {
+            self.rgb: "rgb",
+            self.depth: "depth",
+            self.odometry: "odometry",
+            self.truth: "truth",
+            self.camera_info: "camera_info",
+            self.depth_info: "camera_info",
+        }
+        return {topic: role for topic, role in pairs.items() if topic is not None}
+
+    def moments(self) -> tuple[str, ...]:
+        """Return the topics whose stamps are compared."""
+        return tuple(topic for topic in (self.rgb, self.depth, self.odometry, self.truth) if topic is not None)
+
+
+def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> ChosenTopics:
+    """Return the topics of the drive. Raises DriveError that lists what there is, where nothing or too much fits."""
+    images = _named(files, IMAGE, COMPRESSED_IMAGE)
+    depths = [name for name in images if _is_depth(name, found)]
+    rgb = _asked(files, options.rgb, "--rgb", images) or _colour(images, depths, files)
+    depth = None
+    if options.depth != NOTHING:
+        depth = _asked(files, options.depth, "--depth", images) or _depth(depths, rgb)
+    infos = _named(files, CAMERA_INFO)
+    odometry, truth = _poses(files, options)
+    return ChosenTopics(
+        rgb=rgb,
+        depth=depth,
+        odometry=odometry,
+        truth=truth,
+        camera_info=_asked(files, options.camera_info, "--camera-info", infos) or _info_beside(rgb, infos),
+        depth_info=None if depth is None else _info_beside(depth, infos),
+    )
+
+
+def _named(files: BagFiles, *msgtypes: str) -> list[str]:
+    return sorted(topic.name for topic in files.topics.values() if topic.count and topic.msgtype in msgtypes)
+
+
+def _is_depth(name: str, found: BagSurvey) -> bool:
+    sample = found.samples.get(name)
+    return "depth" in name.lower() if sample is None else shows_depth(sample)
+
+
+def _asked(files: BagFiles, name: str | None, option: str, candidates: Sequence[str]) -> str | None:
+    if name is None or name in (FROM_TREE, NOTHING):
+        return None
+    for candidate in (name, "/" + name):
+        if candidate in candidates:
+            return candidate
+    raise DriveError(f"{files.path} has no topic {name} for {option}; it may be {_listed(candidates)}.")
+
+
+def _colour(images: Sequence[str], depths: Collection[str], files: BagFiles) -> str:
+    colours = [name for name in images if name not in depths]
+    if not colours:
+        kinds = sorted({topic.msgtype for topic in files.topics.values()})
+        raise DriveError(
+            f"{files.path} has no colour images: expected a topic of type {IMAGE} or {COMPRESSED_IMAGE}, found "
+            f"{_listed(kinds)}."
+        )
+    best = min(map(_colour_rank, colours))
+    equal = [name for name in colours if _colour_rank(name) == best]
+    if len({_camera_of(name) for name in equal}) > 1:
+        raise DriveError(f"{files.path} has several cameras; choose one by --rgb: {_listed(equal)}.")
+    # Of one camera: rectified images before raw ones, and the shortest name, which is not compressed.
+    return min(equal, key=lambda name: ("rect" not in name, len(name), name))
+
+
+def _colour_rank(name: str) -> int:
+    words = set(re.split(r"[/_]", name.lower()))
+    rank = 20 if _NO_CAMERA.search(name) else 0
+    rank += 4 * bool(words & {"rear", "back", "side", "right", "down", "up"}) + 2 * ("left" in words)
+    return rank - 2 * bool(words & {"front", "forward"}) - bool(words & {"color", "colour", "rgb"})
+
+
+def _camera_of(name: str) -> str:
+    """Return the namespace of a camera: all of a topic's name before its last part."""
+    return _SUFFIXES.sub("", name).rpartition("/")[0]
+
+
+def _depth(depths: Sequence[str], rgb: str) -> str | None:
+    def rank(name: str) -> tuple[bool, bool, int, int, str]:
+        pairs = zip(name.split("/"), rgb.split("/"), strict=False)
+        shared = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+        registered = re.search(r"aligned|registered", name) is not None
+        return bool(_NO_CAMERA.search(name)), not registered, -shared, len(name), name
+
+    return min(depths, key=rank, default=None)
+
+
+def _info_beside(image: str, infos: Sequence[str]) -> str | None:
+    """Return the CameraInfo in the namespace of an image topic, or in the nearest one around it."""
+    namespace = _camera_of(image)
+    while namespace:
+        if f"{namespace}/camera_info" in infos:
+            return f"{namespace}/camera_info"
+        namespace = namespace.rpartition("/")[0]
+    return infos[0] if len(infos) == 1 else None
+
+
+def _poses(files: BagFiles, options: ReadOptions) -> tuple[str | None, str | None]:
+    """Return the topics of odometry and of ground truth."""
+    poses = _named(files, *POSES)
+    truths = [name for name in poses if _TRUTH.search(name) and name != options.odometry]
+    truth = truths[0] if truths else None
+    if options.odometry in (FROM_TREE, NOTHING):
+        return None, truth
+    if (asked := _asked(files, options.odometry, "--odometry", [*poses, FROM_TREE, NOTHING])) is not None:
+        return asked, truth
+    candidates = [name for name in _named(files, ODOMETRY) if name not in truths]
+    best = [name for name in candidates if name.endswith("/odom")] or candidates
+    if len(best) > 1:
+        raise DriveError(f"{files.path} has several odometries; choose one by --odometry: {_listed(best)}.")
+    return (best[0] if best else None), truth
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:20]) + (f" and {len(names) - 20} more" if len(names) > 20 else "") or "nothing"

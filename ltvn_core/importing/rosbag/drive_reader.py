@@ -1,0 +1,211 @@
+"""A bag of ROS as a drive: colours with the depth and the pose of the same moment, one after the other.
+
+Owns the way from messages to raw frames. The bag streams past once after a look at its beginning, whatever its size.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.moving_frame import MovingFrame, transform
+from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.rosbag.bag_files import BagFiles, RawMessage
+from ltvn_core.importing.rosbag.bag_survey import (
+    TRANSFORMS,
+    BagSurvey,
+    add_transforms,
+    frame_name,
+    ros_pose,
+    stamp_s,
+    survey,
+)
+from ltvn_core.importing.rosbag.bag_topics import NOTHING, ChosenTopics, choose_topics
+from ltvn_core.importing.rosbag.camera_rig import CameraRig, FrameEdge, find_rig, robot_frame
+from ltvn_core.importing.rosbag.frame_decoder import FrameDecoder
+from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage, StampMatcher
+from ltvn_core.importing.spatial_pose import spatial_pose
+from ltvn_core.types import Pose
+
+_CLOCKS_APART_S = 5.0
+"""Stamps that differ so much for messages recorded together come from different clocks."""
+_TOLERANCES_S = (0.01, 0.1)
+"""Colours and depth belong together within half a frame, within these limits."""
+_MOST_DOUBTS = 10
+
+NO_POSE = "no pose of that moment"
+NO_DEPTH = "no depth image of that moment"
+DAMAGED = "damaged image"
+NOT_LATER = "not later than the image before"
+
+
+class BagDrive:
+    """A bag that is open for reading; a `DriveReader`."""
+
+    def __init__(self, files: BagFiles, found: BagSurvey, topics: ChosenTopics, options: ReadOptions) -> None:
+        """Prepare reading; `open_bag` is the way in."""
+        self._files = files
+        self._topics = topics
+        self._samples = found.samples
+        self._tree = found.tree
+        self._truth = MovingFrame()
+        self.dropped: Counter[str] = Counter()
+        """How many images were left out, by reason."""
+        self.doubts: list[str] = []
+        """What is doubtful of the bag."""
+        self._by_log = self._has_clocks_apart(found.ahead_s)
+        self._edge = self._odometry_frames(options)
+        self._rig = self._find_rig()
+        self._decoder = FrameDecoder(
+            topics, self._samples, self._tree, self._rig, asked=options.camera, doubt=self._doubt
+        )
+        self._last_stamp = float("-inf")
+
+    @property
+    def facts(self) -> DriveFacts:
+        """What was found."""
+        roles = self._topics.roles()
+        if self._rig.world and self._topics.odometry is None:
+            roles |= dict.fromkeys(self._transform_topics(), "odometry")
+        seconds = self._files.duration_s
+        streams = [
+            SourceFact(
+                role=roles.get(topic.name, ""),
+                name=topic.name,
+                count=topic.count,
+                rate_hz=topic.count / seconds if seconds > 0 else None,
+            )
+            for topic in self._files.topics.values()
+        ]
+        frames = self._files.topics[self._topics.rgb].count
+        return DriveFacts(format="rosbag", frames=frames, streams=streams, place=self._files.path.resolve().stem)
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the frames in the order of their stamps. Raises DriveError where the bag is damaged or none fits."""
+        for matched in self._matches():
+            frame = self._frame(matched)
+            if frame is not None:
+                self._last_stamp = frame.stamp
+                yield frame
+        if self._last_stamp == float("-inf"):
+            said = ", ".join(f"{count} with {reason}" for reason, count in self.dropped.items()) or "it holds none"
+            raise DriveError(
+                f"{self._files.path}: no image of {self._topics.rgb} can be used ({said}); {' '.join(self.doubts)} "
+                "Choose other topics by --rgb, --depth and --odometry; `none` leaves one out."
+            )
+
+    def _matches(self) -> Iterator[MatchedImages]:
+        matcher = StampMatcher(
+            needs_depth=self._topics.depth is not None,
+            tolerance_s=self._tolerance_s(),
+            is_known=lambda stamp: self._known_s() >= stamp,
+        )
+        for raw in self._files.messages({*self._topics.roles(), *self._transform_topics()}):
+            self._take(raw, matcher)
+            yield from matcher.ready(raw.log_s)
+        yield from matcher.ready(float("inf"))
+
+    def _take(self, raw: RawMessage, matcher: StampMatcher) -> None:
+        message = self._files.decode(raw)
+        if raw.msgtype in TRANSFORMS:
+            skip = "" if self._edge is None else self._edge.child
+            add_transforms(self._tree, message, raw, by_log=self._by_log, skip=skip)
+            return
+        stamp = 0.0 if self._by_log else stamp_s(message)
+        image = PendingImage(stamp if stamp > 0 else raw.log_s, raw.log_s, message, len(raw.data))
+        if raw.topic == self._topics.rgb:
+            matcher.add_colours(image)
+        elif raw.topic == self._topics.depth:
+            matcher.add_depth(image)
+        elif raw.topic in (self._topics.odometry, self._topics.truth):
+            self._take_pose(raw.topic, message, image.stamp)
+        else:
+            self._samples.setdefault(raw.topic, message)
+
+    def _take_pose(self, topic: str, message: Any, stamp: float) -> None:
+        pose = transform(*ros_pose(message))
+        if pose is None:
+            self._doubt(f"Some poses of {topic} are not finite; they are left out.")
+        elif topic == self._topics.truth:
+            self._truth.add(stamp, pose)
+        elif self._edge is not None:
+            self._tree.add_moving(self._edge.parent, self._edge.child, stamp, pose)
+
+    def _known_s(self) -> float:
+        return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")
+
+    def _frame(self, matched: MatchedImages) -> RawFrame | None:
+        """Return a frame, or None where it had to be dropped."""
+        pose = self._rig.pose(self._tree, matched.colours.stamp)
+        if matched.colours.stamp <= self._last_stamp:
+            reason = NOT_LATER
+        elif self._topics.depth is not None and matched.depth is None:
+            reason = NO_DEPTH
+        elif self._rig.world and pose is None:
+            reason = NO_POSE
+        else:
+            try:
+                return self._decoder.decode(matched, pose, self._true_pose(matched.colours.stamp))
+            except DriveError as error:
+                reason = DAMAGED
+                if not self.dropped[DAMAGED]:
+                    self._doubt(f"An image was left out: {error}")
+        self.dropped[reason] += 1
+        return None
+
+    def _true_pose(self, stamp: float) -> Pose | None:
+        robot = self._truth.at(stamp)
+        if robot is None:
+            return None
+        camera = robot @ self._rig.camera_on_robot
+        return spatial_pose(camera[:3, 3], camera[:3, :3]).planar
+
+    def _transform_topics(self) -> list[str]:
+        return [name for name, topic in self._files.topics.items() if topic.msgtype in TRANSFORMS]
+
+    def _has_clocks_apart(self, ahead_s: Mapping[str, float]) -> bool:
+        used = [ahead_s[topic] for topic in self._topics.moments() if topic in ahead_s]
+        if not used or max(used) - min(used) < _CLOCKS_APART_S:
+            return False
+        self._doubt(
+            f"The stamps of the topics differ by up to {max(used) - min(used):.3g} s for messages that were recorded "
+            "together, so the time of recording counts instead; set the clocks of all machines before you record."
+        )
+        return True
+
+    def _odometry_frames(self, options: ReadOptions) -> FrameEdge | None:
+        """Return the frames of the odometry topic; None where the tree of frames is to say it."""
+        if options.odometry == NOTHING:
+            return FrameEdge("", robot_frame(self._tree))
+        odometry = self._samples.get(self._topics.odometry or "")
+        if odometry is None:
+            return None
+        child = frame_name(getattr(odometry, "child_frame_id", "")) or robot_frame(self._tree)
+        return FrameEdge(frame_name(odometry.header.frame_id) or "odom", child)
+
+    def _find_rig(self) -> CameraRig:
+        image = self._samples.get(self._topics.rgb)
+        camera_frame = "" if image is None else frame_name(image.header.frame_id)
+        rig = find_rig(self._tree, camera_frame, self._edge, 0.0 if image is None else stamp_s(image))
+        if rig.world and rig.mounting is None and rig.carrier != camera_frame:
+            self._doubt(
+                f"The bag does not say where {camera_frame or 'the camera'} is on {rig.carrier}; it is taken to look "
+                "straight ahead from there. Record /tf_static as well."
+            )
+        return rig
+
+    def _tolerance_s(self) -> float:
+        period_s = self._files.duration_s / max(self._files.topics[self._topics.rgb].count, 1)
+        return min(max(period_s / 2, _TOLERANCES_S[0]), _TOLERANCES_S[1])
+
+    def _doubt(self, sentence: str) -> None:
+        if sentence not in self.doubts and len(self.doubts) < _MOST_DOUBTS:
+            self.doubts.append(sentence)
+
+
+def open_bag(path: Path, options: ReadOptions) -> BagDrive:
+    """Look into a bag and choose its topics. Raises DriveError."""
+    files = BagFiles(path)
+    found = survey(files)
+    return BagDrive(files, found, choose_topics(files, found, options), options)

@@ -1,0 +1,136 @@
+"""From matched image messages to a raw frame: images decoded, lenses looked up, depth laid over the colours.
+
+Owns the cameras of a bag's images. Which messages belong together is decided before.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.importing.depth_registration import register_depth
+from ltvn_core.importing.moving_frame import Transform
+from ltvn_core.importing.raw_frame import RawFrame
+from ltvn_core.importing.rosbag.bag_survey import frame_name
+from ltvn_core.importing.rosbag.bag_topics import ChosenTopics
+from ltvn_core.importing.rosbag.camera_rig import CameraRig
+from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage
+from ltvn_core.importing.rosbag.ros_cameras import is_calibrated, ros_camera
+from ltvn_core.importing.rosbag.ros_images import decode_colours, decode_metres
+from ltvn_core.importing.rosbag.transform_tree import TransformTree
+from ltvn_core.importing.source_camera import fitted
+from ltvn_core.importing.spatial_pose import SpatialPose
+from ltvn_core.types import Depth, Pose, Rgb
+
+_SAME_LENS = 0.015
+"""Lenses whose focal lengths and centres differ by less than this share of the width are one."""
+
+
+class FrameDecoder:
+    """Decodes the images of one colour camera and of the depth beside it."""
+
+    def __init__(
+        self,
+        topics: ChosenTopics,
+        samples: Mapping[str, Any],
+        tree: TransformTree,
+        rig: CameraRig,
+        *,
+        asked: CameraModel | None,
+        doubt: Callable[[str], None],
+    ) -> None:
+        """Take what the bag said so far; `samples` grows while it streams past.
+
+        Args:
+            topics: The topics in use.
+            samples: The first message of each topic.
+            tree: Where the frames of colours and depth are.
+            rig: How the camera is mounted.
+            asked: The colour camera that a person names; wins over the bag's.
+            doubt: Called with what is doubtful.
+        """
+        self._topics = topics
+        self._samples = samples
+        self._tree = tree
+        self._rig = rig
+        self._asked = asked
+        self._doubt = doubt
+        self._lenses: dict[tuple[str, int, int], CameraModel | None] = {}
+
+    def decode(self, matched: MatchedImages, pose: SpatialPose | None, truth: Pose | None) -> RawFrame:
+        """Return the frame. Raises DriveError where an image is damaged or no camera fits it."""
+        stamp = matched.colours.stamp
+        name = f"{self._topics.rgb} at {stamp:.3f}"
+        rgb = decode_colours(matched.colours.message, name)
+        lens = self._colour_lens(rgb, name)
+        depth, depth_lens = None, None
+        if matched.depth is not None:
+            depth, depth_lens = self._depth(matched.depth, lens, frame_name(matched.colours.message.header.frame_id))
+        return RawFrame(
+            stamp=stamp,
+            rgb=rgb,
+            depth_m=depth,
+            camera=None if lens is None else self._mounted(lens),
+            depth_camera=depth_lens,
+            odometry=None if pose is None else pose.planar,
+            truth=truth,
+            tilt=None if pose is None else self._rig.own_tilt(pose.tilt),
+            name=name,
+        )
+
+    def _mounted(self, lens: CameraModel) -> CameraModel:
+        is_mounted = any((lens.height_m, lens.pitch_rad, lens.roll_rad, lens.quarter_turns))
+        return lens if is_mounted else self._rig.mounted(lens)
+
+    def _colour_lens(self, rgb: Rgb, name: str) -> CameraModel | None:
+        height, width = rgb.shape[:2]
+        if self._asked is not None:
+            return fitted(self._asked, width, height, name)
+        return self._lens(self._topics.rgb, self._topics.camera_info, width, height)
+
+    def _lens(self, image_topic: str, info_topic: str | None, width: int, height: int) -> CameraModel | None:
+        """Return the lens of images of a size, level; None where the bag does not say. Raises DriveError."""
+        key = (image_topic, width, height)
+        if self._lenses.get(key) is None:
+            info = self._samples.get(info_topic or "")
+            is_rectified = "rect" in image_topic.lower()
+            self._lenses[key] = (
+                ros_camera(info, width, height, rectified=is_rectified, topic=str(info_topic))
+                if info is not None and is_calibrated(info)
+                else None
+            )
+        return self._lenses[key]
+
+    def _depth(
+        self, image: PendingImage, colours: CameraModel | None, colours_frame: str
+    ) -> tuple[Depth, CameraModel | None]:
+        """Return depth as the colours show it; or as it is, with its own lens where that is another."""
+        topic = str(self._topics.depth)
+        depth = decode_metres(image.message, f"{topic} at {image.stamp:.3f}")
+        lens = self._lens(topic, self._topics.depth_info, depth.shape[1], depth.shape[0])
+        own_lens = None if lens is None or colours is None or _are_one(colours, lens) else lens
+        depth_frame = frame_name(image.message.header.frame_id)
+        if depth_frame == colours_frame:
+            return depth, own_lens
+        apart = self._tree.lookup(colours_frame, depth_frame, image.stamp)
+        if apart is None or lens is None or colours is None:
+            self._doubt(
+                f"Depth is of the frame {depth_frame or 'without a name'} and colours are of "
+                f"{colours_frame or 'one without a name'}, and the bag does not say how the two lie to each other, so "
+                "they are taken for one place. Record /tf_static and both camera_info, or registered depth."
+            )
+            return depth, own_lens
+        return register_depth(depth, lens, colours, self._optical(apart)), None
+
+    def _optical(self, apart: Transform) -> Transform:
+        """Return a pose between two frames of images as one between optical frames."""
+        turn = np.eye(4)
+        turn[:3, :3] = self._rig.image_turn
+        return turn.T @ apart @ turn
+
+
+def _are_one(colours: CameraModel, depth: CameraModel) -> bool:
+    scaled = colours.scaled(depth.width, depth.height)
+    mine, other = (np.array([lens.fx, lens.fy, lens.cx, lens.cy]) for lens in (scaled, depth))
+    return bool(np.abs(mine - other).max() < _SAME_LENS * depth.width)

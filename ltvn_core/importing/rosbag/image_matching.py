@@ -1,0 +1,85 @@
+"""Images that wait for the depth and the pose of their moment, while a bag streams past.
+
+Owns the queues and their limits; knows no message.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+_PATIENCE_S = 1.0
+"""What was recorded so much later does not come any more."""
+_MOST_BYTES = 2**28
+"""Of images that wait."""
+_MOST_WAITING = 200
+
+
+class PendingImage(NamedTuple):
+    """An image message that waits."""
+
+    stamp: float
+    """When it was taken, in seconds."""
+    log_s: float
+    """When it was recorded."""
+    message: Any
+    size_bytes: int
+
+
+class MatchedImages(NamedTuple):
+    """Colours and the depth of the same moment."""
+
+    colours: PendingImage
+    depth: PendingImage | None
+    """None where there is no depth topic, or no depth of that moment."""
+
+
+class StampMatcher:
+    """Matches colours with depth by their stamps, in the order in which colours came."""
+
+    def __init__(self, *, needs_depth: bool, tolerance_s: float, is_known: Callable[[float], bool]) -> None:
+        """Begin with empty queues.
+
+        Args:
+            needs_depth: There is a depth topic.
+            tolerance_s: Stamps that differ by no more are of one moment.
+            is_known: Tells whether the pose of a moment has come.
+        """
+        self._needs_depth = needs_depth
+        self._tolerance_s = tolerance_s
+        self._is_known = is_known
+        self._colours: deque[PendingImage] = deque()
+        self._depths: deque[PendingImage] = deque()
+
+    def add_colours(self, image: PendingImage) -> None:
+        """Put an image into the queue."""
+        self._colours.append(image)
+
+    def add_depth(self, image: PendingImage) -> None:
+        """Put a depth image into the queue."""
+        self._depths.append(image)
+        while len(self._depths) > _MOST_WAITING or _held(self._depths) > _MOST_BYTES:
+            self._depths.popleft()
+
+    def ready(self, log_s: float) -> Iterator[MatchedImages]:
+        """Yield what waits for nothing any more at a moment of the recording; infinity empties the queue."""
+        while self._colours:
+            first = self._colours[0]
+            crowded = len(self._colours) > _MOST_WAITING or _held(self._colours) > _MOST_BYTES
+            if not (crowded or log_s - first.log_s > _PATIENCE_S or self._is_complete(first.stamp)):
+                return
+            self._colours.popleft()
+            yield MatchedImages(first, self._nearest_depth(first.stamp))
+
+    def _is_complete(self, stamp: float) -> bool:
+        has_depth = not self._needs_depth or any(depth.stamp >= stamp for depth in self._depths)
+        return has_depth and self._is_known(stamp)
+
+    def _nearest_depth(self, stamp: float) -> PendingImage | None:
+        while len(self._depths) > 1 and self._depths[0].stamp < stamp - self._tolerance_s:
+            self._depths.popleft()
+        nearest = min(self._depths, key=lambda depth: abs(depth.stamp - stamp), default=None)
+        return nearest if nearest is not None and abs(nearest.stamp - stamp) <= self._tolerance_s else None
+
+
+def _held(images: deque[PendingImage]) -> int:
+    return sum(image.size_bytes for image in images)

@@ -1,0 +1,146 @@
+"""The camera of a drive as people write it down: numbers on the command line, or a `camera.json` beside the images.
+
+Owns these two notations and the fit of a camera to the images that were found. Guesses nothing: where nobody says what
+the lens is, there is no camera.
+"""
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import CameraError, DriveError
+
+CAMERA_FILE = "camera.json"
+HOW_TO = (
+    "say it by --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 where there is one), "
+    "or roughly by --fov DEGREES, the horizontal field of view"
+)
+"""What a message advises where the lens is not known."""
+
+_SIX = 6
+_ASPECT_TOLERANCE = 0.02
+_MOST_BYTES = 1_000_000
+
+
+class CameraFile(NamedTuple):
+    """What a `camera.json` says; None for what it leaves open."""
+
+    camera: CameraModel | None
+    """Of the colour images."""
+    depth_focal_px: float | None
+    """Focal length of depth images that are not registered to the colours, `depth_fx_nominal`."""
+    metres_per_unit: float | None
+    """Of the depth images."""
+
+
+def parse_camera(text: str) -> CameraModel:
+    """Read `fx,fy,cx,cy,width,height[,k1,k2,p1,p2[,k3[,k4,k5,k6]]]`. Raises DriveError."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+        fx, fy, cx, cy, width, height = numbers[:_SIX]
+        return _camera(fx, fy, cx, cy, width=width, height=height, distortion=numbers[_SIX:])
+    except (ValueError, OverflowError, CameraError) as error:
+        raise DriveError(f"--camera {text!s:.80} is no camera ({error!s:.160}); {HOW_TO}.") from error
+
+
+def read_camera_option(text: str) -> CameraModel:
+    """Read what a person said of a camera: numbers, or the name of a `camera.json`. Raises DriveError."""
+    if not text.endswith(".json"):
+        return parse_camera(text)
+    camera = read_camera_file(Path(text)).camera
+    if camera is None:
+        raise DriveError(f"{text} does not say what the lens is; it needs fx, fy, cx and cy in pixels.")
+    return camera
+
+
+def read_camera_file(path: Path) -> CameraFile:
+    """Read a `camera.json`.
+
+    It has `width`, `height`, `fx`, `fy`, `cx`, `cy`, and where they are known `distortion`, `fisheye`, `height_m`,
+    `pitch_rad`, `roll_rad`, `quarter_turns` and `depth_scale`. A `depth_scale` above 1 counts units per metre (5000 in
+    TUM's files), one up to 1 metres per unit. A focal length of null says that the lens is not known. Raises
+    DriveError where the file cannot be right.
+    """
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise ValueError("it is too long")
+        fields = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(fields, dict):
+            raise ValueError("it is no JSON object")
+        return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), _depth_unit(fields))
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError, CameraError) as error:
+        raise DriveError(
+            f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs width, height, fx, fy, cx "
+            "and cy in pixels. Mend it, or take it away and use --camera."
+        ) from error
+
+
+def camera_of_fov(width: int, height: int, horizontal_fov_deg: float) -> CameraModel:
+    """Return a camera with a centred lens without distortion. Raises DriveError for an impossible angle."""
+    try:
+        return CameraModel.from_fov(width, height, math.radians(horizontal_fov_deg))
+    except CameraError as error:
+        raise DriveError(f"--fov {horizontal_fov_deg:g}: {error}") from error
+
+
+def fitted(camera: CameraModel, width: int, height: int, source: str) -> CameraModel:
+    """Return a camera scaled to images of a size. Raises DriveError where they are of another aspect."""
+    if (camera.width, camera.height) == (width, height):
+        return camera
+    if abs(width / height / camera.aspect - 1) > _ASPECT_TOLERANCE:
+        raise DriveError(
+            f"{source}: the images are {width} x {height}, but the camera takes {camera.width} x {camera.height}, "
+            f"which is of another aspect, so it is not the camera of these images; {HOW_TO}."
+        )
+    return camera.scaled(width, height)
+
+
+def _file_camera(fields: dict[str, Any]) -> CameraModel | None:
+    if any(fields.get(name) is None for name in ("fx", "fy", "cx", "cy")):
+        return None
+    return _camera(
+        *(float(fields[name]) for name in ("fx", "fy", "cx", "cy")),
+        width=float(fields["width"]),
+        height=float(fields["height"]),
+        distortion=[float(number) for number in fields.get("distortion") or ()],
+        fisheye=bool(fields.get("fisheye", False)),
+        height_m=float(fields.get("height_m") or 0.0),
+        pitch_rad=float(fields.get("pitch_rad") or 0.0),
+        roll_rad=float(fields.get("roll_rad") or 0.0),
+        quarter_turns=int(fields.get("quarter_turns") or 0),
+    )
+
+
+def _camera(
+    fx: float, fy: float, cx: float, cy: float, *, width: float, height: float, distortion: list[float], **mounting: Any
+) -> CameraModel:
+    if not (width.is_integer() and height.is_integer()):
+        raise CameraError(f"width and height are whole numbers of pixels, got {width} and {height}")
+    if not any(distortion) and not mounting.get("fisheye"):
+        distortion = []
+    return CameraModel(
+        width=int(width),
+        height=int(height),
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        distortion=tuple(distortion),
+        **mounting,
+    )
+
+
+def _depth_unit(fields: dict[str, Any]) -> float | None:
+    scale = _positive(fields, "depth_scale")
+    return None if scale is None else (1 / scale if scale > 1 else scale)
+
+
+def _positive(fields: dict[str, Any], name: str) -> float | None:
+    if fields.get(name) is None:
+        return None
+    number = float(fields[name])
+    if not 0 < number < math.inf:
+        raise ValueError(f"{name} must be positive, got {number}")
+    return number

@@ -1,0 +1,160 @@
+"""Reads folders in the layout of the TUM RGB-D benchmark, which many SLAM programs write and read.
+
+`rgb.txt` and `depth.txt` list stamps and images, `groundtruth.txt` poses of the camera's optical frame; the depth
+images are 16-bit PNGs of 5000 units a metre. Depth and poses may be missing. Sturm et al., IROS 2012.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.encoded_images import decode_colour, decode_depth
+from ltvn_core.importing.image_folder import read_bytes_within
+from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
+from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_camera_file
+from ltvn_core.importing.stamp_matching import nearest, rate_hz
+from ltvn_core.types import Depth
+
+UNITS_PER_METRE = 5000.0
+NO_DEPTH = "none"
+SLACK_S = 0.02
+"""Colour and depth belong together within half a frame, or within this where frames come faster."""
+
+
+def _kinect(fx: float, fy: float, cx: float, cy: float, *distortion: float) -> CameraModel:
+    return CameraModel(width=640, height=480, fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion)
+
+
+BENCHMARK_CAMERAS = {
+    "1": _kinect(517.3, 516.5, 318.6, 255.3, 0.2624, -0.9531, -0.0054, 0.0026, 1.1633),
+    "2": _kinect(520.9, 521.0, 325.1, 249.7, 0.2312, -0.7849, -0.0033, -0.0001, 0.9172),
+    "3": _kinect(535.4, 539.2, 320.1, 247.6),
+}
+"""The benchmark's calibrations of its cameras freiburg1, 2 and 3; the images of the third are undistorted already."""
+_BENCHMARK_NAME = re.compile(r"(?:freiburg|fr)([123])(?![0-9])")
+
+
+class TumReader:
+    """A folder in TUM's layout that is open for reading."""
+
+    def __init__(self, folder: Path, options: ReadOptions) -> None:
+        """Read the lists, and no image yet. Raises DriveError."""
+        self._folder = folder
+        self._colour = _image_list(folder, options.rgb or "rgb.txt")
+        self._depth = _depth_list(folder, options.depth)
+        self._truth = _track(folder / "groundtruth.txt")
+        self._odometry = _track(folder / options.odometry) if options.odometry else None
+        self._described = _described_camera(folder)
+        self._camera = options.camera or self._described.camera or _benchmark_camera(folder)
+        self.dropped: Counter[str] = Counter()
+        self.doubts = _axis_doubts(self._truth, self._odometry)
+        self.facts = DriveFacts(
+            format="tum", frames=len(self._colour), streams=self._streams(), place=folder.resolve().name
+        )
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell whether a path is a folder with a list of colour images."""
+        return (path / "rgb.txt").is_file()
+
+    @classmethod
+    def open(cls, path: Path, options: ReadOptions) -> "TumReader":
+        """Open a folder. Raises DriveError."""
+        return cls(path, options)
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the colour images with the depth image and the pose of the same time."""
+        partners = nearest([stamp for stamp, _ in self._colour], [stamp for stamp, _ in self._depth], slack_s=SLACK_S)
+        for (stamp, name), partner in zip(self._colour, partners, strict=True):
+            try:
+                yield self._frame(stamp, name, None if partner is None else self._depth[partner][1])
+            except DriveError as error:
+                if not self.dropped["damaged or missing image"]:
+                    self.doubts.append(f"An image was left out: {error}")
+                self.dropped["damaged or missing image"] += 1
+
+    def _frame(self, stamp: float, name: str, depth_name: str | None) -> RawFrame:
+        rgb = decode_colour(read_bytes_within(self._folder, name), name)
+        height, width = rgb.shape[:2]
+        depth = None if depth_name is None else self._read_depth(depth_name)
+        truth = None if self._truth is None else self._truth.at(stamp)
+        odometry = None if self._odometry is None else self._odometry.at(stamp)
+        known = truth or odometry
+        return RawFrame(
+            stamp=stamp,
+            rgb=rgb,
+            depth_m=depth,
+            camera=None if self._camera is None else fitted(self._camera, width, height, name),
+            depth_camera=None if depth is None else self._depth_camera(depth),
+            odometry=None if odometry is None else odometry.planar,
+            truth=None if truth is None else truth.planar,
+            tilt=None if known is None else known.tilt,
+            name=name,
+        )
+
+    def _read_depth(self, name: str) -> Depth:
+        unit = self._described.metres_per_unit or 1 / UNITS_PER_METRE
+        return decode_depth(read_bytes_within(self._folder, name), unit, name)
+
+    def _depth_camera(self, depth: Depth) -> CameraModel | None:
+        """Return the lens of depth images that are not registered to the colours, where the folder names one."""
+        focal, camera = self._described.depth_focal_px, self._camera
+        if focal is None or camera is None:
+            return None
+        height, width = depth.shape
+        focal *= width / camera.width
+        return CameraModel(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
+
+    def _streams(self) -> Sequence[SourceFact]:
+        listed = [("rgb", "rgb.txt", self._colour), ("depth", "depth.txt", self._depth)]
+        found = [
+            SourceFact(role, name, len(images), rate_hz([stamp for stamp, _ in images]))
+            for role, name, images in listed
+            if images
+        ]
+        tracks = [("truth", "groundtruth.txt", self._truth), ("odometry", "odometry", self._odometry)]
+        return (
+            *found,
+            *(SourceFact(role, name, len(t.stamps), rate_hz(t.stamps)) for role, name, t in tracks if t is not None),
+        )
+
+
+def _image_list(folder: Path, name: str) -> list[tuple[float, str]]:
+    images = [(stamp, words[0]) for stamp, words in stamped_lines(folder / name, least_columns=2)]
+    if not images:
+        raise DriveError(f"{folder / name} lists no images; it needs lines of a stamp and a file.")
+    return images
+
+
+def _depth_list(folder: Path, wanted: str | None) -> list[tuple[float, str]]:
+    if wanted == NO_DEPTH or (wanted is None and not (folder / "depth.txt").is_file()):
+        return []
+    return _image_list(folder, wanted or "depth.txt")
+
+
+def _track(path: Path) -> PoseTrack | None:
+    return PoseTrack.read(path) if path.is_file() else None
+
+
+def _described_camera(folder: Path) -> CameraFile:
+    path = folder / CAMERA_FILE
+    return read_camera_file(path) if path.is_file() else CameraFile(None, None, None)
+
+
+def _benchmark_camera(folder: Path) -> CameraModel | None:
+    """Return the benchmark's own camera where the folder is called like one of its sequences."""
+    found = _BENCHMARK_NAME.search(folder.resolve().name)
+    return None if found is None else BENCHMARK_CAMERAS[found.group(1)]
+
+
+def _axis_doubts(*tracks: PoseTrack | None) -> list[str]:
+    return [
+        f"The camera stands upright in its poses where {track.up_axis} of their world is up, and was read so; TUM's "
+        "files have z up."
+        for track in tracks
+        if track is not None and track.up_axis != "z"
+    ]

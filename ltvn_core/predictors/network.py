@@ -1,0 +1,9 @@
+"""The trained network as a predictor by name."""
+
+from ltvn_core.network.predictor import NetworkPredictor, load_predictor
+from ltvn_core.predictors.request import PredictorRequest
+
+
+def open_network(request: PredictorRequest) -> NetworkPredictor:
+    """Open the weights asked for, the shipped ones where none are. Raises WeightsError."""
+    return load_predictor(request.weights)

@@ -1,0 +1,10 @@
+"""The simulator's own geometry as a predictor by name."""
+
+from ltvn_core.predictors.request import PredictorRequest
+from ltvn_core.simulation.oracle_predictor import OraclePredictor
+from ltvn_core.simulation.scene_registry import load_scene
+
+
+def open_oracle(request: PredictorRequest) -> OraclePredictor:
+    """Ask the scene's clearance map. Raises SceneError where the scene is not simulated."""
+    return OraclePredictor(load_scene(request.scene).clearance, request.camera)

@@ -1,0 +1,52 @@
+"""What a predictor plug-in is asked for, and what it says of itself."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.config import Likelihoods
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Predictor
+
+
+class PredictorRequest(NamedTuple):
+    """What a predictor is opened for. A factory takes of it what it can use."""
+
+    scene: str = ""
+    """Name or path of the scene; empty where there is none, or nobody says. Only who may know the truth needs it."""
+    weights: Path | None = None
+    """Weights to use instead of the predictor's own."""
+    camera: CameraModel = LOCOBOT.camera
+    """The camera of the recording, the map or the robot, at most 320 x 240, with depth in metres. A predictor that can
+    work with any camera takes this one as its own, so that images need not be rectified."""
+
+
+PredictorFactory: TypeAlias = Callable[[PredictorRequest], Predictor]
+"""What an entry point of the group `ltvn.predictors` names."""
+
+
+class PredictorCard(NamedTuple):
+    """What a predictor says of itself."""
+
+    fingerprint: str
+    """Changes whenever the same images give other numbers; maps remember it."""
+    camera: CameraModel
+    """The camera whose images it takes."""
+    needs_depth: bool
+    """Whether it can compare nothing without depth."""
+    likelihoods: Likelihoods | None
+    """The constants of Eq. 3 and Eq. 4 as they were measured for it; None where nobody measured them."""
+
+
+def predictor_card(predictor: Predictor) -> PredictorCard:
+    """Return what a predictor says of itself; `needs_depth` and `likelihoods` are attributes that it may leave out.
+
+    Raises WeightsError where the constants beside weights are damaged.
+    """
+    return PredictorCard(
+        fingerprint=predictor.fingerprint,
+        camera=predictor.camera,
+        needs_depth=bool(getattr(predictor, "needs_depth", False)),
+        likelihoods=getattr(predictor, "likelihoods", None),
+    )

@@ -75,10 +75,11 @@ class ImportVerb(Verb):
             camera=None if self.camera is None else read_camera_option(self.camera),
             rate_hz=self.rate,
         )
-        with tqdm(desc="import", unit="image") as bar:
+        drive = open_drive(self.source, self.format, read)
+        with tqdm(desc="import", unit="image", total=drive.facts.frames) as bar:
 
             def show(done: int, total: int | None) -> None:
                 bar.total = total
                 bar.update(done - bar.n)
 
-            return import_drive(open_drive(self.source, self.format, read), self.output, options, show)
+            return import_drive(drive, self.output, options, show)

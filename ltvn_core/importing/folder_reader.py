@@ -1,0 +1,186 @@
+"""Reads a plain folder of pictures, with or without depth, with or without a table of odometry.
+
+Pictures are taken in natural order (2 before 10). `depth/` beside them holds 16-bit PNGs of the same names in
+millimetres, `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. The lens comes from `camera.json`, or
+roughly from what a phone or camera writes into its JPEGs.
+"""
+
+import io
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from PIL import Image
+
+from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.encoded_images import decode_colour, decode_depth
+from ltvn_core.importing.image_folder import read_bytes_within
+from ltvn_core.importing.odometry_table import OdometryTable
+from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_camera_file
+from ltvn_core.importing.stamp_matching import rate_hz
+from ltvn_core.types import Depth
+
+IMAGE_SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".webp", ".bmp", ".ppm", ".tif", ".tiff"))
+IMAGE_FOLDERS = ("", "rgb", "images", "color", "colour", "image", "img")
+"""Where pictures lie: in the folder itself, or in one of these."""
+DEPTH_FOLDER = "depth"
+ODOMETRY_FILES = ("odometry.csv", "poses.csv")
+NO_DEPTH = "none"
+RATE_HZ = 10.0
+"""Pictures without any stamps are taken to be so many a second."""
+
+_FEWEST = 2
+_FOCAL_35MM_TAG = 0xA405
+_EXIF_FOLDER_TAG = 0x8769
+_DIAGONAL_35MM = 43.267
+_DAMAGED = "damaged or missing image"
+
+
+class FolderReader:
+    """A folder of pictures that is open for reading."""
+
+    def __init__(self, folder: Path, options: ReadOptions) -> None:
+        """List the pictures and read the tables beside them. Raises DriveError."""
+        self._folder, self._options = folder, options
+        self._images = _images(folder, options.rgb)
+        self._depth = _depth_by_stem(folder, options.depth)
+        self._table = _table(folder, options.odometry)
+        self._stamps = self._known_stamps()
+        self._described = _described_camera(folder)
+        self.dropped: Counter[str] = Counter()
+        self.doubts: list[str] = []
+        self.facts = DriveFacts(
+            format="folder", frames=len(self._images), streams=self._streams(), place=folder.resolve().name
+        )
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell whether a path is a folder with some pictures."""
+        try:
+            return path.is_dir() and any(len(_listed(path / name)) >= _FEWEST for name in IMAGE_FOLDERS)
+        except OSError:
+            return False
+
+    @classmethod
+    def open(cls, path: Path, options: ReadOptions) -> "FolderReader":
+        """Open a folder. Raises DriveError."""
+        return cls(path, options)
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the pictures in natural order, with the depth image of the same name and the odometry of the table."""
+        for place, path in enumerate(self._images):
+            try:
+                yield self._frame(place, path)
+            except DriveError as error:
+                if not self.dropped[_DAMAGED]:
+                    self.doubts.append(f"An image was left out: {error}")
+                self.dropped[_DAMAGED] += 1
+
+    def _frame(self, place: int, path: Path) -> RawFrame:
+        name = str(path.relative_to(self._folder))
+        blob = read_bytes_within(self._folder, name)
+        rgb = decode_colour(blob, name)
+        height, width = rgb.shape[:2]
+        camera = self._options.camera or self._described.camera or _exif_camera(blob, width, height)
+        stamp = self._stamps[place]
+        return RawFrame(
+            stamp=stamp,
+            rgb=rgb,
+            depth_m=self._read_depth(path.stem),
+            camera=None if camera is None else fitted(camera, width, height, name),
+            odometry=None if self._table is None else self._table.pose(path.name, stamp, place),
+            name=name,
+        )
+
+    def _read_depth(self, stem: str) -> Depth | None:
+        path = self._depth.get(stem)
+        if path is None:
+            return None
+        name = str(path.relative_to(self._folder))
+        unit = self._described.metres_per_unit or MILLIMETRES
+        return decode_depth(read_bytes_within(self._folder, name), unit, name)
+
+    def _known_stamps(self) -> Sequence[float]:
+        """Return stamps from the names of the pictures, from the table, or by the rate."""
+        if self._options.rate_hz is None:
+            named = [_stamp_in(path.stem) for path in self._images]
+            stamps = [stamp for stamp in named if stamp is not None]
+            if len(stamps) == len(named) and all(a < b for a, b in pairwise(stamps)):
+                return stamps
+            if self._table is not None and self._table.stamps_by_place(len(self._images)) is not None:
+                return self._table.stamps_by_place(len(self._images)) or ()
+        return [place / (self._options.rate_hz or RATE_HZ) for place in range(len(self._images))]
+
+    def _streams(self) -> Sequence[SourceFact]:
+        rate = rate_hz(self._stamps)
+        found = [SourceFact("rgb", str(self._images[0].parent.relative_to(self._folder)), len(self._images), rate)]
+        if self._depth:
+            found.append(SourceFact("depth", DEPTH_FOLDER, len(self._depth), rate))
+        if self._table is not None:
+            found.append(SourceFact("odometry", self._table.name, len(self._table), None))
+        return found
+
+
+def _images(folder: Path, wanted: str | None) -> list[Path]:
+    if not folder.is_dir():
+        raise DriveError(f"{folder} is no folder; name the folder that the pictures lie in.")
+    for name in IMAGE_FOLDERS if wanted is None else (wanted,):
+        if found := _listed(folder / name):
+            return found
+    raise DriveError(f"{folder / (wanted or '')} holds no pictures ({', '.join(sorted(IMAGE_SUFFIXES))}).")
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Return the pictures of a folder in natural order: 2 before 10."""
+    if not folder.is_dir():
+        return []
+    found = (path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(path))
+    return sorted(found, key=lambda path: [int(p) if p.isdigit() else p for p in re.split(r"([0-9]+)", path.name)])
+
+
+def _is_hidden(path: Path) -> bool:
+    return path.name.startswith(".")
+
+
+def _depth_by_stem(folder: Path, wanted: str | None) -> dict[str, Path]:
+    if wanted == NO_DEPTH:
+        return {}
+    found = _listed(folder / (wanted or DEPTH_FOLDER))
+    if wanted is not None and not found:
+        raise DriveError(f"{folder / wanted} holds no depth images; give the name of their folder, or none.")
+    return {path.stem: path for path in found}
+
+
+def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
+    names = ODOMETRY_FILES if wanted is None else (wanted,)
+    path = next((folder / name for name in names if (folder / name).is_file()), None)
+    if path is None and wanted is not None:
+        path = Path(wanted)
+    return None if path is None else OdometryTable.read(path)
+
+
+def _described_camera(folder: Path) -> CameraFile:
+    path = folder / CAMERA_FILE
+    return read_camera_file(path) if path.is_file() else CameraFile(None, None, None)
+
+
+def _stamp_in(stem: str) -> float | None:
+    """Return the seconds in a name such as 1305031452.791720; whole numbers only count the pictures."""
+    return float(stem) if re.fullmatch(r"[0-9]{1,10}\.[0-9]+", stem) else None
+
+
+def _exif_camera(blob: bytes, width: int, height: int) -> CameraModel | None:
+    """Return the lens that a JPEG names by its focal length on 35 mm film, where it does."""
+    try:
+        with Image.open(io.BytesIO(blob)) as image:
+            focal_mm = float(image.getexif().get_ifd(_EXIF_FOLDER_TAG).get(_FOCAL_35MM_TAG, 0))
+    except Exception:  # What strangers write there may be anything.
+        return None
+    if not 5 <= focal_mm <= 1000:
+        return None
+    focal_px = focal_mm / _DIAGONAL_35MM * (width**2 + height**2) ** 0.5
+    return CameraModel(width=width, height=height, fx=focal_px, fy=focal_px, cx=(width - 1) / 2, cy=(height - 1) / 2)

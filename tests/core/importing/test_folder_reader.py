@@ -1,0 +1,131 @@
+"""A plain folder of pictures is a drive too, with what lies beside them, and what is wrong with it is said."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.drive_import import import_drive
+from ltvn_core.importing.folder_reader import FolderReader
+from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
+from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.recording.reader import Recording
+
+
+def write_pictures(folder: Path, names: list[str]) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for k, name in enumerate(names):
+        cv2.imwrite(str(folder / name), np.full((48, 64, 3), 10 * k, np.uint8))
+    return folder
+
+
+def read(folder: Path, options: ReadOptions | None = None) -> list[RawFrame]:
+    return list(FolderReader.open(folder, options or ReadOptions()).frames())
+
+
+def test_pictures_come_in_natural_order_with_stamps_by_the_rate(tmp_path: Path) -> None:
+    folder = write_pictures(tmp_path, ["img10.png", "img2.png", "img1.png", ".hidden.png"])
+    frames = read(folder, ReadOptions(rate_hz=5))
+    assert [frame.name for frame in frames] == ["img1.png", "img2.png", "img10.png"]
+    assert [frame.stamp for frame in frames] == pytest.approx([0, 0.2, 0.4])
+    assert open_drive(folder).facts.format == "folder"
+
+
+def test_names_that_are_seconds_are_stamps(tmp_path: Path) -> None:
+    folder = write_pictures(tmp_path / "rgb", ["1305031452.79.jpg", "1305031453.10.jpg"]).parent
+    assert [frame.stamp for frame in read(folder)] == [1305031452.79, 1305031453.10]
+
+
+def test_depth_of_the_same_name_is_in_millimetres_or_as_the_camera_file_says(tmp_path: Path) -> None:
+    folder = write_pictures(tmp_path, ["1.jpg", "2.jpg"])
+    (folder / "depth").mkdir()
+    cv2.imwrite(str(folder / "depth/2.png"), np.full((48, 64), 2500, np.uint16))
+    frames = read(folder)
+    assert frames[0].depth_m is None
+    assert frames[1].depth_m is not None
+    assert np.allclose(frames[1].depth_m, 2.5)
+    fields = {"width": 640, "height": 480, "fx": 500, "fy": 500, "cx": 319.5, "cy": 239.5, "depth_scale": 5000}
+    (folder / "camera.json").write_text(json.dumps(fields))
+    again = read(folder)[1]
+    assert again.depth_m is not None
+    assert np.allclose(again.depth_m, 0.5)
+    assert again.camera is not None
+    assert again.camera.fx == 50
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "file,x,y,yaw\n2.jpg,1,2,0.5\n1.jpg,0,0,0\n",
+        "stamp, x, y, z, yaw\n0.0,0,0,9,0\n0.1,1,2,9,0.5\n",
+        "0.0,0,0,0\n0.11,1,2,0.5\n",
+        "1,0,0,0\n2,1,2,0.5\n",
+    ],
+    ids=["by file", "by stamp", "without a heading", "by the stem"],
+)
+def test_a_table_of_odometry_finds_its_pictures(tmp_path: Path, table: str) -> None:
+    folder = write_pictures(tmp_path / "drive", ["1.jpg", "2.jpg"])
+    (folder / "odometry.csv").write_text(table)
+    assert [frame.odometry.tolist() for frame in read(folder) if frame.odometry is not None] == [[0, 0, 0], [1, 2, 0.5]]
+    (folder / "odometry.csv").rename(tmp_path / "elsewhere.csv")
+    assert [frame.odometry for frame in read(folder)] == [None, None]
+    outside = read(folder, ReadOptions(odometry=str(tmp_path / "elsewhere.csv")))
+    assert [frame.odometry is not None for frame in outside] == [True, True]
+
+
+def test_a_picture_that_the_table_does_not_name_is_left_out_with_the_reason(tmp_path: Path) -> None:
+    folder = write_pictures(tmp_path / "drive", ["a.jpg", "b.jpg", "c.jpg"])
+    (folder / "odometry.csv").write_text("file,x,y,yaw\na.jpg,0,0,0\nc.jpg,1,0,0\n")
+    summary = import_drive(FolderReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
+    assert summary.dropped == {"no odometry at that time": 1}
+    assert Recording.open(tmp_path / "tour.rrd").poses.odometry.tolist() == [[0, 0, 0], [1, 0, 0]]
+
+
+def test_the_lens_of_a_phone_is_known_from_its_pictures(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 26
+    for name in ("a.jpg", "b.jpg"):
+        Image.new("RGB", (400, 300), (90, 80, 70)).save(tmp_path / name, exif=exif)
+    camera = read(tmp_path)[0].camera
+    assert camera is not None
+    assert np.degrees(camera.horizontal_fov_rad) == pytest.approx(67.3, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "message"),
+    [
+        ("odometry.csv", "", "holds no rows"),
+        ("odometry.csv", "file,x,y\n1.jpg,0,0\n", "has the columns file, x, y"),
+        ("odometry.csv", "file,x,y,yaw\n1.jpg,0,north,0\n", "row 1 is 1.jpg,0,north,0"),
+        ("odometry.csv", "\0\xff\xfe", "odometry.csv"),
+        ("camera.json", "{}{}", "camera.json describes no camera"),
+    ],
+)
+def test_a_table_or_camera_that_cannot_be_right_is_refused_in_one_line(
+    tmp_path: Path, file: str, text: str, message: str
+) -> None:
+    (write_pictures(tmp_path, ["1.jpg", "2.jpg"]) / file).write_text(text, encoding="latin-1")
+    with pytest.raises(DriveError, match=message) as refusal:
+        read(tmp_path)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("blob", [b"", b"\xff\xd8\xff\xe0" + b"\0" * 50, b"GIF89a" + b"\0" * 50, b"not a picture"])
+def test_a_cut_or_foreign_picture_is_left_out_and_counted(tmp_path: Path, blob: bytes) -> None:
+    (write_pictures(tmp_path, ["1.jpg", "2.jpg", "3.jpg"]) / "2.jpg").write_bytes(blob)
+    reader = FolderReader.open(tmp_path, ReadOptions())
+    assert [frame.name for frame in reader.frames()] == ["1.jpg", "3.jpg"]
+    assert reader.dropped == {"damaged or missing image": 1}
+    assert "2.jpg" in reader.doubts[0]
+
+
+def test_a_folder_without_pictures_is_no_drive(tmp_path: Path) -> None:
+    assert not FolderReader.recognises(tmp_path)
+    with pytest.raises(DriveError, match="holds no pictures"):
+        FolderReader.open(tmp_path, ReadOptions())
+    with pytest.raises(DriveError, match="holds no depth images"):
+        FolderReader.open(write_pictures(tmp_path, ["1.jpg", "2.jpg"]), ReadOptions(depth="deep"))

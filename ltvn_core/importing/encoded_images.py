@@ -29,8 +29,14 @@ def decode_colour(blob: bytes, source: str) -> Rgb:
 
 
 def decode_depth(blob: bytes, metres_per_unit: float, source: str) -> Depth:
-    """Return depth (H, W) in metres from a 16-bit PNG or a TIFF of floats; raises DriveError like `decode_colour`."""
+    """Return depth (H, W) in metres from a 16-bit PNG or a TIFF of floats; raises DriveError like `decode_colour`.
+
+    A PNG of four channels holds the four bytes of a float in metres, as RTAB-Map writes it.
+    """
     units = _decoded(blob, cv2.IMREAD_UNCHANGED, source)
+    if units.dtype == np.uint8 and units.ndim == 3 and units.shape[2] == 4:
+        metres = np.ascontiguousarray(units).view("<f4")[..., 0]
+        return np.where(np.isfinite(metres) & (metres > 0), metres, 0).astype(np.float32)
     if units.ndim != 2 or units.dtype not in (np.uint16, np.float32):
         raise DriveError(
             f"{source} is no depth image: expected one channel of 16 bits, got shape {units.shape} of {units.dtype}."

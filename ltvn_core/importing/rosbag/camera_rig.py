@@ -10,20 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.importing.camera_mounting import LOWEST_M, CameraMounting
 from ltvn_core.importing.moving_frame import Transform
 from ltvn_core.importing.rosbag.transform_tree import TransformTree
 from ltvn_core.importing.spatial_pose import BODY_FROM_OPTICAL, SpatialPose, spatial_pose
-from ltvn_core.types import Tilt
 
 _ODOMETRY_FRAMES = ("odom", "odometry", "odom_combined")
 _GROUND_FRAMES = ("base_footprint", "base_link_footprint", "footprint")
 _ROBOT_FRAMES = ("base_link", "base_footprint", "base")
 _STEEP_RAD = np.radians(60.0)
 """A camera that seems to look up or down so steeply is rather one whose frame is not optical."""
-_SAME_TILT_RAD = np.radians(0.5)
-_LOWEST_M = 0.02
-"""A camera lower than this stands at the origin of its frames, and nobody said how high that is."""
 
 
 class FrameEdge(NamedTuple):
@@ -45,37 +41,13 @@ class CameraRig:
     """(3, 3): takes directions of the optical frame to the carrier."""
     image_turn: NDArray[np.float64]
     """(3, 3): takes directions of the optical frame to the frame that the images name."""
-    camera_on_robot: Transform
-    """(4, 4): the optical frame in the robot's frame; at its origin where it is unknown."""
-    mounting: Tilt | None
-    """How the camera is tilted on a level robot; None where that is unknown."""
-    quarter_turns: int
-    """How often images must be turned to stand upright, see `CameraModel`."""
-    height_m: float
-    """Above the ground; 0 where it is unknown."""
+    mounting: CameraMounting
+    """Where the camera is on the robot; without a tilt where that is unknown."""
 
     def pose(self, tree: TransformTree, stamp: float) -> SpatialPose | None:
         """Return where the camera was at a moment, None where the tree does not tell."""
         found = tree.lookup(self.world, self.carrier, stamp) if self.world else None
         return None if found is None else spatial_pose(found[:3, 3], found[:3, :3] @ self.turn)
-
-    def own_tilt(self, tilt: Tilt) -> Tilt | None:
-        """Return the tilt of an image, None where it is the one of the mounting."""
-        upright = _upright(tilt, self.quarter_turns)
-        usual = self.mounting or Tilt(0.0, 0.0)
-        same = max(abs(upright.pitch_rad - usual.pitch_rad), abs(_wrapped(upright.roll_rad - usual.roll_rad)))
-        return None if same < _SAME_TILT_RAD else upright
-
-    def mounted(self, camera: CameraModel) -> CameraModel:
-        """Return a lens as it is mounted."""
-        tilt = self.mounting or Tilt(0.0, 0.0)
-        return replace(
-            camera,
-            height_m=self.height_m,
-            pitch_rad=tilt.pitch_rad,
-            roll_rad=tilt.roll_rad,
-            quarter_turns=self.quarter_turns,
-        )
 
 
 def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None, stamp: float) -> CameraRig:
@@ -95,19 +67,12 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
     turn = _optical(camera_frame, on_robot)
     camera_on_robot = on_robot.copy()
     camera_on_robot[:3, :3] = on_robot[:3, :3] @ turn
-    seen = spatial_pose(camera_on_robot[:3, 3], camera_on_robot[:3, :3])
-    is_camera = robot == camera_frame or "optical" in robot
-    turns = 0 if is_camera else round(-seen.tilt.roll_rad / (np.pi / 2)) % 4
-    return CameraRig(
-        world=world,
-        carrier=camera_frame,
-        turn=turn,
-        image_turn=turn,
-        camera_on_robot=camera_on_robot,
-        mounting=None if is_camera else _upright(seen.tilt, turns),
-        quarter_turns=turns,
-        height_m=_height(tree, camera_frame, seen.height_m, stamp),
-    )
+    mounting = CameraMounting.of(camera_on_robot)
+    if robot == camera_frame or "optical" in robot:
+        mounting = CameraMounting(camera_on_robot=camera_on_robot)
+    else:
+        mounting = replace(mounting, height_m=_height(tree, camera_frame, mounting.height_m, stamp))
+    return CameraRig(world=world, carrier=camera_frame, turn=turn, image_turn=turn, mounting=mounting)
 
 
 def robot_frame(tree: TransformTree) -> str:
@@ -117,17 +82,12 @@ def robot_frame(tree: TransformTree) -> str:
 
 
 def _bare_rig(world: str, robot: str) -> CameraRig:
-    camera_on_robot = np.eye(4)
-    camera_on_robot[:3, :3] = BODY_FROM_OPTICAL
     return CameraRig(
         world=world,
         carrier=robot,
         turn=BODY_FROM_OPTICAL,
         image_turn=np.eye(3),
-        camera_on_robot=camera_on_robot,
-        mounting=None,
-        quarter_turns=0,
-        height_m=0.0,
+        mounting=CameraMounting.unknown(),
     )
 
 
@@ -157,15 +117,7 @@ def _height(tree: TransformTree, camera_frame: str, on_robot_m: float, stamp: fl
     ground = next((frame for frame in sorted(tree.frames) if _last(frame) in _GROUND_FRAMES), None)
     over_ground = None if ground is None else tree.lookup(ground, camera_frame, stamp)
     height = on_robot_m if over_ground is None else float(over_ground[2, 3])
-    return height if height > _LOWEST_M else 0.0
-
-
-def _upright(tilt: Tilt, quarter_turns: int) -> Tilt:
-    return Tilt(tilt.pitch_rad, _wrapped(tilt.roll_rad + quarter_turns * np.pi / 2))
-
-
-def _wrapped(angle_rad: float) -> float:
-    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+    return height if height > LOWEST_M else 0.0
 
 
 def _last(frame: str) -> str:

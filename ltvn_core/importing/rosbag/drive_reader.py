@@ -158,7 +158,7 @@ class BagDrive:
         robot = self._truth.at(stamp)
         if robot is None:
             return None
-        camera = robot @ self._rig.camera_on_robot
+        camera = robot @ self._rig.mounting.camera_on_robot
         return spatial_pose(camera[:3, 3], camera[:3, :3]).planar
 
     def _transform_topics(self) -> list[str]:
@@ -188,7 +188,7 @@ class BagDrive:
         image = self._samples.get(self._topics.rgb)
         camera_frame = "" if image is None else frame_name(image.header.frame_id)
         rig = find_rig(self._tree, camera_frame, self._edge, 0.0 if image is None else stamp_s(image))
-        if rig.world and rig.mounting is None and rig.carrier != camera_frame:
+        if rig.world and rig.mounting.tilt is None and rig.carrier != camera_frame:
             self._doubt(
                 f"The bag does not say where {camera_frame or 'the camera'} is on {rig.carrier}; it is taken to look "
                 "straight ahead from there. Record /tf_static as well."

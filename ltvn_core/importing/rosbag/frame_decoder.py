@@ -71,17 +71,13 @@ class FrameDecoder:
             stamp=stamp,
             rgb=rgb,
             depth_m=depth,
-            camera=None if lens is None else self._mounted(lens),
+            camera=None if lens is None else self._rig.mounting.mounted(lens),
             depth_camera=depth_lens,
             odometry=None if pose is None else pose.planar,
             truth=truth,
-            tilt=None if pose is None else self._rig.own_tilt(pose.tilt),
+            tilt=None if pose is None else self._rig.mounting.own_tilt(pose.tilt),
             name=name,
         )
-
-    def _mounted(self, lens: CameraModel) -> CameraModel:
-        is_mounted = any((lens.height_m, lens.pitch_rad, lens.roll_rad, lens.quarter_turns))
-        return lens if is_mounted else self._rig.mounted(lens)
 
     def _colour_lens(self, rgb: Rgb, name: str) -> CameraModel | None:
         height, width = rgb.shape[:2]

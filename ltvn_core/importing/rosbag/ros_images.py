@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ltvn_core.cameras.camera_model import MILLIMETRES
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.encoded_images import decode_colour, decode_depth
+from ltvn_core.importing.rvl_depth import decode_rvl
 from ltvn_core.types import Depth, Rgb
 
 IMAGE = "sensor_msgs/msg/Image"
@@ -20,7 +21,7 @@ COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
 _DEPTH_HEADER = struct.Struct("<iff")
 """Before the PNG of a `compressedDepth` message: which compression, and two constants for depth in floats."""
-_RVL = b"RVL"
+_RVL_HEADER = struct.Struct("<II")
 
 
 class _Layout(NamedTuple):
@@ -129,16 +130,23 @@ def _compressed_metres(data: bytes, form: str, source: str) -> Depth:
         return decode_depth(data, MILLIMETRES, source)
     if len(data) <= _DEPTH_HEADER.size:
         raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
-    if form.upper().encode().rstrip().endswith(_RVL):
-        raise DriveError(f"{source}: depth compressed by RVL is not read; record it as png.")
     _, scale, offset = _DEPTH_HEADER.unpack_from(data)
-    png = data[_DEPTH_HEADER.size :]
+    steps = _compressed_units(data[_DEPTH_HEADER.size :], form, source)
     if not form.lower().startswith("32fc1"):
-        return decode_depth(png, MILLIMETRES, source)
+        return steps * np.float32(MILLIMETRES)
     # Floats are sent as 16 bits of inverse depth.
-    steps = decode_depth(png, 1.0, source)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(steps > 0, np.float32(scale) / (steps - np.float32(offset)), 0).astype(np.float32)
+
+
+def _compressed_units(data: bytes, form: str, source: str) -> Depth:
+    """Return the 16 bits of each pixel as they were compressed, by PNG or by RVL behind width and height."""
+    if not form.lower().rstrip().endswith("rvl"):
+        return decode_depth(data, 1.0, source)
+    if len(data) < _RVL_HEADER.size:
+        raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
+    width, height = _RVL_HEADER.unpack_from(data)
+    return decode_rvl(data[_RVL_HEADER.size :], width, height, source).astype(np.float32)
 
 
 def _clean(metres: Depth) -> Depth:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.importing.rosbag_reader import RosbagReader
 from tests.core.importing.rosbag.bag_examples import BEGIN_S, bag, colours, jpeg, metres, png
+from tests.core.importing.rvl_encoder import encode_rvl
 
 SMOOTH = colours(3)
 COLOURS, DEPTH = "/camera/color/image_raw", "/camera/depth/image_raw"
@@ -106,6 +107,7 @@ INVERSE = np.round(100.0 / metres(4) + 7.0).astype(np.uint16)
         ("16UC1", MILLIMETRES),
         ("32FC1", np.where(np.eye(48, 64) > 0, np.nan, metres(4)).astype(np.float32)),
         ("16UC1; compressedDepth png", compressed_depth(MILLIMETRES)),
+        ("16UC1; compressedDepth rvl", struct.pack("<iffII", 0, 0, 0, 64, 48) + encode_rvl(MILLIMETRES)),
         ("32FC1; compressedDepth png", compressed_depth(INVERSE, 100.0, 7.0)),
         ("16UC1; png compressed ", png(MILLIMETRES)),
     ],

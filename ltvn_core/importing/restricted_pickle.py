@@ -1,0 +1,98 @@
+"""Pickles of strangers, of which only numbers, texts, lists, mappings and numpy's arrays come out.
+
+A pickle is a program. Here it may call nothing but what puts an array together, in forms that allocate no more than
+the file itself holds. Owns that list.
+"""
+
+import io
+import pickle
+import pickletools
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ltvn_core.errors import DriveError
+
+MOST_BYTES = 50_000_000
+"""A million poses; a longer file is no trajectory."""
+_MOST_STEPS = 2_000_000
+"""Steps of the pickle's program."""
+
+
+def load_pickle(path: Path) -> Any:
+    """Return what a pickle holds. Raises DriveError where it is damaged, or wants to do anything else."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise DriveError(f"{path} has more than {MOST_BYTES:,} bytes, which no trajectory has.")
+        data = path.read_bytes()
+        _check_steps(data)
+        return _ArrayUnpickler(io.BytesIO(data)).load()
+    except DriveError:
+        raise
+    except Exception as error:  # A damaged program fails in as many ways as there are steps.
+        raise DriveError(f"{path} is no pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
+
+
+def _check_steps(data: bytes) -> None:
+    """Raise ValueError for a program that is too long, or that numbers what it remembers beyond its own length."""
+    for count, (step, argument, _) in enumerate(pickletools.genops(data)):
+        if count > _MOST_STEPS:
+            raise ValueError(f"it has more than {_MOST_STEPS:,} steps")
+        # The interpreter makes a list as long as the number, whatever was put into it.
+        if step.name.endswith("PUT") and isinstance(argument, int) and argument > count:
+            raise ValueError("it numbers what it remembers too high")
+
+
+class _ArrayUnpickler(pickle.Unpickler):
+    """Finds what puts arrays together, and nothing else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return our own form of what a pickle calls."""
+        module = module.replace("numpy.core.", "numpy._core.")
+        found = _ALLOWED.get(f"{module}.{name}")
+        if found is None:
+            raise pickle.UnpicklingError(
+                f"it wants to call {module:.60}.{name:.60}, which a trajectory needs not, and was not called"
+            )
+        return found
+
+    def persistent_load(self, pid: Any) -> NoReturn:
+        """Refuse what lies outside of the file."""
+        raise pickle.UnpicklingError("it refers to something outside of the file")
+
+
+class _Marker:
+    """Stands for numpy's array class, which could allocate any size."""
+
+
+def _empty_array(subtype: object, shape: object, dtype: object) -> np.ndarray:
+    """Return the empty array that numpy's pickles begin with; their state fills it."""
+    return np.empty(0, np.int8)
+
+
+def _array(buffer: bytes, dtype: np.dtype, shape: tuple[int, ...], order: str) -> np.ndarray:
+    return np.frombuffer(buffer, dtype=dtype).reshape(shape, order="F" if order == "F" else "C")
+
+
+def _scalar(dtype: np.dtype, data: bytes) -> Any:
+    return np.frombuffer(data, dtype=dtype, count=1)[0]
+
+
+def _latin(text: str, encoding: str) -> bytes:
+    if encoding not in ("latin1", "latin-1"):
+        raise pickle.UnpicklingError(f"it uses the encoding {encoding!r:.20}")
+    return text.encode("latin1")
+
+
+_ALLOWED: dict[str, Callable[..., Any]] = {
+    "numpy.ndarray": _Marker,
+    "numpy.dtype": np.dtype,
+    "numpy._core.multiarray._reconstruct": _empty_array,
+    "numpy._core.multiarray.scalar": _scalar,
+    "numpy._core.numeric._frombuffer": _array,
+    "_codecs.encode": _latin,
+    "collections.OrderedDict": OrderedDict,
+}

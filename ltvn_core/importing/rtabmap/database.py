@@ -1,0 +1,183 @@
+"""RTAB-Map's database as rows: nodes with their poses, images on demand, loop closures, the optimised map.
+
+Owns the file, the queries and the limits. Opens it for reading alone, and believes no length that it names.
+"""
+
+import re
+import sqlite3
+import zlib
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.moving_frame import Transform
+from ltvn_core.importing.rtabmap.calibration import POSE_FLOATS, parse_pose
+
+MAX_BLOB_BYTES = 2**27
+"""The largest value; images have a few megabytes."""
+_OLDEST = (0, 10)
+_CLOSURES = (1, 2, 3, 4)
+"""Types of links between places that are not neighbours in time: global, near in space, near in time, by hand."""
+_MOST_STEPS = 100_000
+"""Steps of sqlite's machine between two looks at the watch."""
+_MOST_LOOKS = 20_000
+"""Looks in one query: minutes. A query over a table as RTAB-Map makes it ends in seconds."""
+_MATRIX_TAIL = 12
+"""Behind a compressed matrix stand its rows, columns and type."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Node:
+    """A place that RTAB-Map remembers."""
+
+    id: int
+    session: int
+    """Counts drives; odometry begins anew in each."""
+    stamp: float
+    """Seconds; 0 where the program did not say."""
+    odometry: Transform | None
+    """(4, 4) of the robot."""
+    truth: Transform | None
+    """(4, 4) of the robot in the world, where the program was told."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class NodeImages:
+    """What was seen from a place, as it is stored."""
+
+    colours: bytes
+    depth: bytes | None
+    """Of a stereo camera it is the right image."""
+    calibration: bytes
+
+
+class RtabmapDatabase:
+    """A database that was looked into. Raises DriveError where it is damaged or another program's."""
+
+    def __init__(self, path: Path) -> None:
+        """Look into the file and check that it is RTAB-Map's."""
+        self.path = path
+        self._looks = 0
+        tables = {row[0] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {b"Node", b"Data", b"Admin"} <= tables:
+            raise DriveError(f"{path} is no database of RTAB-Map: it lacks its tables Node, Data and Admin.")
+        self.version = self._version()
+        if self.version < _OLDEST:
+            raise DriveError(
+                f"{path} was written by RTAB-Map {'.'.join(map(str, self.version))}, and databases are read from 0.10 "
+                "on; open it in a newer RTAB-Map, which converts it."
+            )
+
+    def nodes(self) -> list[Node]:
+        """Return all nodes that have an image, in the order of their ids."""
+        truth = "ground_truth_pose" if "ground_truth_pose" in self._columns("Node") else "NULL"
+        rows = self._rows(
+            f"SELECT Node.id, map_id, stamp, pose, {truth} FROM Node JOIN Data ON Node.id = Data.id "
+            "WHERE length(image) > 0 ORDER BY Node.id"
+        )
+        return [
+            Node(
+                id=_whole(number),
+                session=_whole(session),
+                stamp=float(stamp) if isinstance(stamp, float | int) and np.isfinite(stamp) else 0.0,
+                odometry=parse_pose(pose),
+                truth=parse_pose(true_pose),
+            )
+            for number, session, stamp, pose, true_pose in rows
+        ]
+
+    def images(self, node: Node) -> NodeImages:
+        """Return what was seen from a node."""
+        query = "SELECT image, depth, calibration FROM Data WHERE id = ?"
+        colours, depth, calibration = next(self._rows(query, (node.id,)), (None, None, None))
+        if not isinstance(colours, bytes):
+            raise DriveError(f"{self.path}: node {node.id} has no image.")
+        return NodeImages(
+            colours=colours,
+            depth=depth if isinstance(depth, bytes) and len(depth) > 4 else None,
+            calibration=calibration if isinstance(calibration, bytes) else b"",
+        )
+
+    def closures(self) -> int:
+        """Return between how many pairs of nodes RTAB-Map found a loop closure."""
+        if not self._columns("Link"):
+            return 0
+        places = ", ".join("?" * len(_CLOSURES))
+        query = f"SELECT count(*) FROM Link WHERE type IN ({places}) AND from_id > to_id"
+        return _whole(next(self._rows(query, _CLOSURES))[0])
+
+    def optimised(self) -> dict[int, Transform]:
+        """Return the poses (4, 4) of the optimised map by node; empty where there is none, or none that can be read."""
+        if not {"opt_ids", "opt_poses"} <= self._columns("Admin"):
+            return {}
+        ids, poses = next(self._rows("SELECT opt_ids, opt_poses FROM Admin LIMIT 1"), (None, None))
+        numbers, floats = _matrix(ids, "<i4"), _matrix(poses, "<f4")
+        if numbers is None or floats is None or len(floats) != POSE_FLOATS * len(numbers):
+            return {}
+        found = {
+            int(number): parse_pose(row.tobytes()) for number, row in zip(numbers, floats.reshape(-1, 12), strict=True)
+        }
+        return {number: pose for number, pose in found.items() if pose is not None}
+
+    def _version(self) -> tuple[int, ...]:
+        (text,) = next(self._rows("SELECT version FROM Admin LIMIT 1"), (None,))
+        words = text.decode(errors="replace") if isinstance(text, bytes) else ""
+        found = re.match(r"(\d{1,4})\.(\d{1,4})(?:\.(\d{1,4}))?", words)
+        if found is None:
+            raise DriveError(f"{self.path} is no database of RTAB-Map: its version is {words!r:.40}.")
+        return tuple(int(part or 0) for part in found.groups())
+
+    def _columns(self, table: str) -> set[str]:
+        return {row[1].decode(errors="replace") for row in self._rows(f"PRAGMA table_info({table})")}
+
+    def _rows(self, query: str, values: tuple[int, ...] = ()) -> Iterator[tuple[Any, ...]]:
+        self._looks = 0
+        with self._explained(), closing(self._connect()) as connection:
+            yield from connection.execute(query, values)
+
+    def _connect(self) -> sqlite3.Connection:
+        connection = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+        connection.text_factory = bytes
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BLOB_BYTES)
+        connection.execute("PRAGMA trusted_schema = OFF")
+        connection.set_progress_handler(self._watch, _MOST_STEPS)
+        return connection
+
+    def _watch(self) -> int:
+        """Stop a query that takes minutes; a table can be made so that it never ends."""
+        self._looks += 1
+        return int(self._looks > _MOST_LOOKS)
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except (sqlite3.Error, OverflowError, MemoryError, UnicodeError, ValueError) as error:
+            raise DriveError(
+                f"{self.path} cannot be read as a database of RTAB-Map ({error!s:.120}); if the program was ended "
+                "early, mend it with `rtabmap-recovery`."
+            ) from error
+
+
+def _whole(value: object) -> int:
+    return value if isinstance(value, int) else 0
+
+
+def _matrix(blob: object, dtype: str) -> np.ndarray | None:
+    """Return the numbers of a matrix that OpenCV held and zlib compressed; None where it is damaged."""
+    if not isinstance(blob, bytes) or len(blob) <= _MATRIX_TAIL:
+        return None
+    rows, columns, _ = np.frombuffer(blob[-_MATRIX_TAIL:], "<i4")
+    size = int(rows) * int(columns) * np.dtype(dtype).itemsize
+    if not 0 < size <= MAX_BLOB_BYTES:
+        return None
+    try:
+        raw = zlib.decompressobj().decompress(blob[:-_MATRIX_TAIL], size + 1)
+    except zlib.error:
+        return None
+    return np.frombuffer(raw, dtype) if len(raw) == size else None

@@ -1,0 +1,138 @@
+"""Reads trajectories as GNM, ViNT and NoMaD are trained from: `0.jpg`, `1.jpg`, ... and `traj_data.pkl`.
+
+The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row and image have one number. There is no
+depth, no stamp and no camera.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.encoded_images import decode_colour
+from ltvn_core.importing.image_folder import read_bytes_within
+from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.restricted_pickle import load_pickle
+from ltvn_core.importing.source_camera import fitted
+from ltvn_core.types import Pose
+
+TRAJECTORY = "traj_data.pkl"
+DEFAULT_RATE_HZ = 4.0
+"""At which GNM's data sets are sampled."""
+
+_SUFFIXES = (".jpg", ".jpeg", ".png")
+_LARGEST_M = 1e5
+_LISTED = 10
+
+DAMAGED = "damaged image"
+NO_POSE = "without a row of poses"
+
+
+class VintReader:
+    """A trajectory that is open for reading."""
+
+    def __init__(self, folder: Path, options: ReadOptions) -> None:
+        """Read the poses and list the images. Raises DriveError."""
+        self._folder = folder
+        self._camera = options.camera
+        self._rate_hz = options.rate_hz or DEFAULT_RATE_HZ
+        self._poses = _poses(folder)
+        self._images = _images(folder)
+        self.dropped: Counter[str] = Counter()
+        self.doubts: list[str] = []
+        if options.rate_hz is None:
+            self.doubts.append(f"The images have no stamps; {DEFAULT_RATE_HZ:g} a second are assumed, --rate says it.")
+        self.facts = DriveFacts(
+            format="vint",
+            frames=len(self._images),
+            streams=(
+                SourceFact("rgb", "*.jpg", len(self._images), self._rate_hz),
+                SourceFact("odometry", TRAJECTORY, len(self._poses), self._rate_hz),
+            ),
+            place=folder.resolve().name,
+        )
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell whether a path is a folder with a trajectory, or one of such folders; never raises."""
+        try:
+            return (path / TRAJECTORY).is_file() or bool(_trajectories(path))
+        except OSError:
+            return False
+
+    @classmethod
+    def open(cls, path: Path, options: ReadOptions) -> Self:
+        """Open a trajectory. Raises DriveError, which lists those of a whole data set."""
+        if not (path / TRAJECTORY).is_file() and (several := _trajectories(path)):
+            names = ", ".join(several[:_LISTED]) + (" ..." if len(several) > _LISTED else "")
+            raise DriveError(f"{path} holds {len(several)} trajectories; name one of them: {names}.")
+        return cls(path, options)
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the images with the poses of their rows. Raises DriveError where none can be read."""
+        read = 0
+        for number, name in self._images.items():
+            try:
+                yield self._frame(number, name)
+                read += 1
+            except DriveError as error:
+                if not self.dropped[DAMAGED]:
+                    self.doubts.append(f"An image was left out: {error}")
+                self.dropped[DAMAGED] += 1
+        if not read:
+            raise DriveError(f"{self._folder} has no image that can be read. {' '.join(self.doubts)}")
+
+    def _frame(self, number: int, name: str) -> RawFrame:
+        rgb = decode_colour(read_bytes_within(self._folder, name), name)
+        height, width = rgb.shape[:2]
+        return RawFrame(
+            stamp=number / self._rate_hz,
+            rgb=rgb,
+            camera=None if self._camera is None else fitted(self._camera, width, height, name),
+            odometry=self._poses[number] if number < len(self._poses) else None,
+            name=name,
+        )
+
+
+def _trajectories(path: Path) -> list[str]:
+    if not path.is_dir():
+        return []
+    return sorted(each.name for each in path.iterdir() if (each / TRAJECTORY).is_file())
+
+
+def _poses(folder: Path) -> Pose:
+    """Return the poses (T, 3). Raises DriveError where the pickle holds none."""
+    path = folder / TRAJECTORY
+    if not path.is_file():
+        raise DriveError(f"{folder} has no {TRAJECTORY}, which holds position (T, 2) and yaw (T,).")
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise DriveError(f"{path} lies outside of {folder}, and is not read.")
+    held = load_pickle(path)
+    if not isinstance(held, Mapping) or not {"position", "yaw"} <= held.keys():
+        raise DriveError(f"{path} holds no trajectory: expected a mapping with position (T, 2) and yaw (T,).")
+    position, yaw = _numbers(held["position"]), _numbers(held["yaw"])
+    if position.ndim != 2 or position.shape[1] < 2 or len(position) != yaw.size or not len(position):
+        raise DriveError(f"{path}: position of shape {position.shape} and yaw of {yaw.shape} are no (T, 2) and (T,).")
+    poses = np.column_stack([position[:, :2], yaw.reshape(-1)])
+    if not np.isfinite(poses).all() or np.abs(poses[:, :2]).max() > _LARGEST_M:
+        raise DriveError(f"{path}: poses must be finite, in metres and radians.")
+    return poses
+
+
+def _numbers(held: object) -> np.ndarray:
+    array = np.asarray(held) if isinstance(held, np.ndarray | list | tuple) else np.empty(0)
+    return array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
+
+
+def _images(folder: Path) -> dict[int, str]:
+    """Return the images by their numbers, in order. Raises DriveError where there are none."""
+    found: dict[int, str] = {}
+    for path in folder.iterdir():
+        if path.suffix.lower() in _SUFFIXES and path.stem.isdecimal() and len(path.stem) < 10:
+            found.setdefault(int(path.stem), path.name)
+    if not found:
+        raise DriveError(f"{folder} has no images; expected 0.jpg, 1.jpg and so on beside {TRAJECTORY}.")
+    return dict(sorted(found.items()))

@@ -18,6 +18,7 @@ from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_check import map_doubts
+from ltvn_core.graph.map_diagnosis import MappedDrive, likely_causes
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
@@ -51,6 +52,8 @@ class TopologicalMap:
     """The camera of the images; None is the predictor's."""
     predictor_name: str = ""
     """By what name `predictor` can be opened again; empty where it has none."""
+    doubts: tuple[str, ...] = ()
+    """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
 
     @classmethod
     def load(cls, path: Path | str, predictor: Predictor | None = None) -> Self:
@@ -137,6 +140,7 @@ def build_map(
     system: NavigationSystem | None = None,
     scene: str = "",
     camera: CameraModel | None = None,
+    is_lens_known: bool = True,
     seed: int = 0,
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
@@ -151,6 +155,8 @@ def build_map(
         scene: Where the images were taken, to be saved with the map.
         camera: The camera of the images, `Recording.meta.camera`; they are rectified to the predictor's. None where
             they are the predictor's already.
+        is_lens_known: Whether somebody said what the lens of that camera is; else it is named among the likely causes
+            of a map that nobody can navigate by.
         seed: Draws the order in which images are sampled.
         goals: Frames that must be nodes because somebody will want to go there.
         progress: Called now and then with the number of images done and of images in all.
@@ -164,24 +170,33 @@ def build_map(
         predictor = open_predictor(NETWORK, weights=system_entry(system.name if system else DEFAULT_SYSTEM).weights)
     system = system or system_entry(DEFAULT_SYSTEM).factory(open_method("robust", predictor))
     target = predictor.camera
+    images = observations
     if camera is not None:
-        observations = [recorded_observation(seen, camera, target) for seen in observations]
+        images = [recorded_observation(seen, camera, target) for seen in observations]
     keyframes = KeyframeStore(predictor)
-    deltas = system.build(
-        observations, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress
+    deltas = system.build(images, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress)
+    graph = TopologicalGraph(deltas)
+    drive = MappedDrive(
+        observations=sorted(observations, key=lambda seen: seen.step),
+        camera=camera,
+        is_lens_known=is_lens_known,
+        graph=graph,
+        keyframes=keyframes,
+        predictor=predictor,
     )
-    built = TopologicalMap(
-        graph=TopologicalGraph(deltas),
+    doubts = (*build_doubts(observations, graph), *likely_causes(drive))
+    for doubt in doubts:
+        log.warning(doubt)
+    return TopologicalMap(
+        graph=graph,
         keyframes=keyframes,
         predictor=predictor,
         system=system,
         scene=scene,
         camera=None if camera is None else rectified_camera(camera, target),
         predictor_name=predictor_name,
+        doubts=doubts,
     )
-    for doubt in build_doubts(observations, built.graph):
-        log.warning(doubt)
-    return built
 
 
 def build_doubts(observations: Sequence[Observation], graph: TopologicalGraph) -> tuple[str, ...]:

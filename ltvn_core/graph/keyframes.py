@@ -28,6 +28,8 @@ class KeyframeStore:
         self._order: list[FrameId] = []
         self._free: list[int] = []
         self._features: Features | None = None
+        self._has_odometry = False
+        """Whether odometry ever moved; where it did not, it does not say which images are near each other."""
 
     def __contains__(self, frame: FrameId) -> bool:
         return frame in self._rows
@@ -78,6 +80,8 @@ class KeyframeStore:
 
     def temporal_neighbours(self, frame: FrameId, gap: float) -> tuple[FrameId, ...]:
         """Return the frames just before and after, if odometry puts them within d < gap."""
+        if not self._has_odometry:
+            return ()
         here = bisect_left(self._order, frame)
         beside = [self._order[k] for k in (here - 1, here + 1) if 0 <= k < len(self._order)]
         odometry = self.observation(frame).odometry
@@ -92,6 +96,8 @@ class KeyframeStore:
 
     def _unbroken(self, frames: Sequence[FrameId]) -> Sequence[FrameId]:
         """Return the frames up to the first jump between two of them."""
+        if not self._has_odometry:
+            return frames[:1]
         odometry = np.array([self._observations[frame].odometry for frame in frames])
         jumps = np.flatnonzero(distance(relative(odometry[:-1], odometry[1:])) > _ODOMETRY_JUMP)
         return frames[: jumps[0] + 1] if len(jumps) else frames
@@ -100,6 +106,9 @@ class KeyframeStore:
         store = self._with_room(row)
         place = self._free.pop() if self._free else len(self._rows)
         store[place] = row
+        if not self._has_odometry and self._observations:
+            first = next(iter(self._observations.values()))
+            self._has_odometry = not np.array_equal(first.odometry, seen.odometry)
         self._rows[seen.step] = place
         self._observations[seen.step] = seen
         insort(self._order, seen.step)

@@ -1,7 +1,11 @@
 """What is doubtful of a map as a whole, in words. Decides nothing: such a map is kept and can be driven by."""
 
+from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.topological_graph import TopologicalGraph
 
+MANY_NODES = 6
+SMALL_PIECE = 0.5
+"""A map of so many nodes is in pieces when the largest piece has a smaller share of them."""
 MANY_IMAGES = 20
 """From so many images on a map of one node is doubtful; a drive of two metres has as many."""
 
@@ -20,4 +24,12 @@ def map_doubts(graph: TopologicalGraph, images: int) -> tuple[str, ...]:
             f"None of the {len(graph.nodes)} nodes is joined to another, and nobody can navigate by this map. Are the "
             "images far apart, or the weights trained for another camera?",
         )
+    if len(graph.nodes) >= MANY_NODES:
+        pieces = strongly_connected_components(graph)
+        if len(pieces[0]) < SMALL_PIECE * len(graph.nodes):
+            return (
+                f"The map falls into {len(pieces)} pieces, the largest with {len(pieces[0])} of {len(graph.nodes)} "
+                "nodes, and between them nobody can navigate. Drive the ways between them too, slowly and both ways "
+                "round.",
+            )
     return ()

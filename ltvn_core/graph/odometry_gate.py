@@ -1,7 +1,8 @@
 """What odometry knows of two images of one trajectory: how far apart they can be at most, allowing for its drift.
 
 Owns the allowance. It is evidence against false edges between perceptual aliases, and saves comparing what cannot be
-near; it never places a node. Where odometry jumps, as after a restart, it knows nothing.
+near; it never places a node. Where odometry jumps, as after a restart, it knows nothing, and nowhere where it stands
+still for the whole drive, which is how a drive without odometry is recorded.
 """
 
 from collections.abc import Sequence
@@ -31,7 +32,8 @@ class OdometryGate:
         self._poses = np.array([seen.odometry for seen in ordered])
         steps_m = np.hypot(*np.diff(self._poses[:, :2], axis=0).T)
         self._path_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-        self._segment = np.concatenate([[0], np.cumsum(steps_m > _JUMP_M)])
+        stands_still = not np.ptp(self._poses, axis=0).any()
+        self._segment = np.concatenate([[0], np.cumsum((steps_m > _JUMP_M) | stands_still)])
         self._config = config
 
     def may_be_near(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:

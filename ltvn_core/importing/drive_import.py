@@ -70,7 +70,9 @@ class _DriveImport:
             raise DriveError(self._nothing_left())
         camera = self._mounted_camera(self._preparation.camera)
         last_step, last_stamp = 0, 0.0
-        with RecordingWriter(path, scene=self._scene, config=self._config(), fingerprint="", camera=camera) as writer:
+        with RecordingWriter(
+            path, scene=self._scene, config=self._config(self._preparation), fingerprint="", camera=camera
+        ) as writer:
             for seen in record_images(chain(first, observations), writer):
                 last_step, last_stamp = seen.step, seen.stamp
             summary = self._summary(name, self._preparation, camera)
@@ -145,9 +147,9 @@ class _DriveImport:
             pitch_rad=usual if pitch_deg is None else float(np.radians(pitch_deg)),
         )
 
-    def _config(self) -> Mapping[str, Any]:
+    def _config(self, preparation: FramePreparation) -> Mapping[str, Any]:
         asked = {name: value for name, value in asdict(self._options).items() if value is not None}
-        found = {**asked, "odometry": str(self._odometry)}
+        found = {**asked, "odometry": str(self._odometry), "is_lens_known": preparation.is_lens_known}
         return {"verb": "import", "format": self._reader.facts.format, "import": found}
 
     def _all_dropped(self) -> dict[str, int]:

@@ -64,7 +64,7 @@ class BuildVerb(Verb):
         from ltvn_core.graph.connectivity import count_strongly_connected_components
         from ltvn_core.predictors.choice import ImageSource
         from ltvn_core.recording.reader import Recording
-        from ltvn_core.topological_map import build_doubts, build_map
+        from ltvn_core.topological_map import build_map
 
         require_new_path(self.output)
         recording = Recording.open(self.recording)
@@ -86,6 +86,7 @@ class BuildVerb(Verb):
                 system=entry.factory(open_method(self.preset, predictor)),
                 scene=meta.scene,
                 camera=meta.camera,
+                is_lens_known=meta.config.get("import", {}).get("is_lens_known", True),
                 seed=self.seed,
                 progress=show,
             )
@@ -101,5 +102,5 @@ class BuildVerb(Verb):
             edges=len(graph.edges),
             reserve=len(graph.reserve),
             pieces=count_strongly_connected_components(graph),
-            doubts=build_doubts(observations, graph),
+            doubts=built.doubts,
         )

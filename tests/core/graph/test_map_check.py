@@ -1,14 +1,19 @@
 """A map that nobody can navigate by is told of, and a map in order is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ltvn_core.graph.deltas import Cause, NodeAdded
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.graph.connectivity import count_strongly_connected_components
+from ltvn_core.graph.deltas import Cause, EdgeAdded, NodeAdded
 from ltvn_core.graph.map_check import map_doubts
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.topological_map import build_doubts, build_map
+from ltvn_core.types import Features, Prediction, Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
 from tests.repository import DEMO_MAP
 
@@ -17,7 +22,7 @@ def test_a_map_of_one_node_is_told(caplog: pytest.LogCaptureFixture) -> None:
     standing = [observation_at(np.array([2.0, 2.0, 0.0]), step) for step in range(30)]
     built = build_map(standing, predictor=FlatPredictor(one_room()))
     assert len(built.graph.nodes) == 1
-    doubt = build_doubts(standing, built.graph)[-1]
+    (doubt,) = build_doubts(standing, built.graph)
     assert "has one node, as if all 30 images showed one place" in doubt
     assert doubt in caplog.text
 
@@ -36,3 +41,68 @@ def test_maps_in_order_and_short_drives_are_not_doubted() -> None:
     built = build_map(images, predictor=FlatPredictor(one_room()), system=None)
     assert map_doubts(built.graph, len(images)) == ()
     assert map_doubts(TopologicalGraph(), 1) == ()
+
+
+def test_a_map_in_small_pieces_is_told() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
+    built = build_map(images, predictor=FlatPredictor(one_room()))
+    nodes = list(built.graph.nodes.values())
+    pieces = TopologicalGraph(NodeAdded(node, Cause.BUILD) for node in nodes)
+    edge = next(iter(built.graph.edges.values()))
+    pieces.apply(EdgeAdded(edge, Cause.BUILD))
+    (doubt,) = map_doubts(pieces, len(images))
+    assert f"falls into {len(nodes)} pieces" in doubt
+
+
+class BlindPredictor(FlatPredictor):
+    """Calls no pair of images one place."""
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        found = super().predict(sources, targets)
+        return Prediction(np.zeros_like(found.reachability), found.waypoints)
+
+
+def test_why_nothing_came_of_a_drive_is_said_with_what_to_do() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7)]))
+    tilted = [replace(seen, depth=None, tilt=Tilt(-0.7, 0.0)) for seen in images]
+    camera = CameraModel.from_fov(96, 72, np.radians(50))
+    built = build_map(tilted, predictor=BlindPredictor(one_room()), camera=camera, is_lens_known=False)
+    said = " ".join(built.doubts)
+    for cause in ("lens is not known", f"{len(images)} of {len(images)} images have no depth", "pitched by -40"):
+        assert cause in said
+    assert "in a row 0 are recognised as one place. The predictor cannot compare" in said
+    assert sum("Likely cause" in doubt for doubt in built.doubts) == 4
+
+
+def test_images_too_far_apart_to_overlap_are_told_from_a_blind_predictor() -> None:
+    far = [observation_at(np.array([0.7 + 1.2 * (k % 3), 0.7 + 1.2 * (k // 10), 2.0 * k]), k) for k in range(30)]
+    built = build_map(far, predictor=BlindPredictor(one_room()))
+    assert any("they hardly overlap" in doubt for doubt in built.doubts)
+
+
+def test_a_robot_that_never_moved_and_saw_one_thing_is_told_to_drive() -> None:
+    rng = np.random.default_rng(0)
+    wall = np.linspace(20, 200, 96)[None, :, None] * np.ones((72, 1, 3))
+    images = [
+        replace(
+            observation_at(np.array([2.0, 2.0, 0.01 * k]), k),
+            rgb=(wall + rng.normal(0, 3, wall.shape)).astype(np.uint8),
+        )
+        for k in range(25)
+    ]
+    said = " ".join(build_map(images, predictor=FlatPredictor(one_room())).doubts)
+    assert "stayed within 0.5 m" in said
+    assert "all images look alike" in said
+
+
+def test_a_map_in_order_has_no_causes_to_look_for() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
+    built = build_map(images, predictor=FlatPredictor(one_room()), is_lens_known=False)
+    assert not any("Likely cause" in doubt for doubt in built.doubts)
+
+
+def test_a_drive_without_odometry_is_joined_by_what_its_images_say_alone() -> None:
+    images = [replace(seen, odometry=np.zeros(3)) for seen in tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)])]
+    built = build_map(images, predictor=FlatPredictor(one_room()))
+    assert len(built.graph.nodes) > 5
+    assert count_strongly_connected_components(built.graph) == 1

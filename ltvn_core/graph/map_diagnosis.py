@@ -1,0 +1,163 @@
+"""Why nothing came of a drive: likely causes of a map that nobody can navigate by, each with what to do.
+
+Owns the questions and their limits. Asks the predictor about some images in a row, because images that follow each
+other are near if anything is. Decides nothing.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.rectification import Rectification, have_same_rays
+from ltvn_core.geometry import relative
+from ltvn_core.graph.image_similarity import colour_descriptors
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.map_check import map_doubts
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Observation, Predictor, is_usable
+
+PAIRS = 30
+"""So many pairs of images in a row are asked about, spread over the drive."""
+RECOGNISED = 0.5
+"""Images with a higher r show one place,"""
+FEW_RECOGNISED = 0.5
+"""and where fewer of those in a row than this do, that is why the map falls apart."""
+SEEN = 0.6
+"""A predictor that is shown less of its own field of view than this sees little."""
+MOST_WITHOUT_DEPTH = 0.5
+ALIKE = 0.97
+"""Similarity of images far apart in time, above which they look alike throughout the drive."""
+NO_WAY_M, NO_TURN_RAD = 0.5, math.radians(15)
+"""A drive within both of these has one place to show."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MappedDrive:
+    """A drive and the map that was built of it."""
+
+    observations: Sequence[Observation]
+    """As they were recorded, in the order of their steps."""
+    camera: CameraModel | None
+    """That took them; None where it is the predictor's."""
+    is_lens_known: bool
+    """Whether somebody said what the lens of that camera is."""
+    graph: TopologicalGraph
+    keyframes: KeyframeStore
+    """The images as the predictor sees them."""
+    predictor: Predictor
+
+
+def likely_causes(drive: MappedDrive) -> tuple[str, ...]:
+    """Return why a map came of a drive that nobody can navigate by; nothing for a map in order."""
+    if not map_doubts(drive.graph, len(drive.observations)):
+        return ()
+    return (*_lens(drive), *_depth(drive), *_view(drive), *_places(drive), *_overlap(drive))
+
+
+def _lens(drive: MappedDrive) -> Iterator[str]:
+    if not drive.is_lens_known:
+        yield (
+            "Likely cause: the lens is not known, a field of view was assumed. Import the drive again and say the lens "
+            "by --camera, or roughly by --fov."
+        )
+
+
+def _depth(drive: MappedDrive) -> Iterator[str]:
+    without = sum(not seen.has_depth for seen in drive.observations)
+    if without > MOST_WITHOUT_DEPTH * len(drive.observations):
+        yield (
+            f"Likely cause: {without} of {len(drive.observations)} images have no depth, and without it distances are "
+            "guessed or images left out. Record the depth camera too."
+        )
+
+
+def _view(drive: MappedDrive) -> Iterator[str]:
+    """Ask how much of what the predictor expects to see the camera showed at all."""
+    camera, target = drive.camera, drive.predictor.camera
+    if camera is None or have_same_rays(camera, target):
+        return
+    tilts = [seen.tilt for seen in drive.observations if seen.tilt is not None]
+    if tilts:
+        pitch, roll = (float(np.median(angles)) for angles in np.array(tilts).T)
+        camera = replace(camera, pitch_rad=pitch, roll_rad=roll)
+    seen = float(Rectification(camera, target).seen.mean())
+    if seen < SEEN:
+        yield (
+            f"Likely cause: the predictor's camera is level and {math.degrees(target.horizontal_fov_rad):.0f} degrees "
+            f"wide, the drive's is pitched by {math.degrees(camera.pitch_rad):.0f} and "
+            f"{math.degrees(camera.horizontal_fov_rad):.0f} degrees wide, so it sees {seen:.0%} of what it needs. Use "
+            "--predictor geometric, which takes any camera, or mount the camera nearly level."
+        )
+
+
+def _places(drive: MappedDrive) -> Iterator[str]:
+    """Ask whether the drive shows more than one place."""
+    poses = np.array([seen.odometry for seen in drive.observations])
+    way = relative(poses[0], poses)
+    moved_m, turned_rad = np.hypot(way[:, 0], way[:, 1]).max(), np.abs(way[:, 2]).max()
+    if _has_odometry(drive) and moved_m < NO_WAY_M and turned_rad < NO_TURN_RAD:
+        yield (
+            f"Likely cause: by its odometry the robot stayed within {NO_WAY_M} m and hardly turned. Drive farther, or "
+            "give odometry in metres and radians."
+        )
+    if _look_alike(drive):
+        yield (
+            "Likely cause: all images look alike. Is the camera covered, does it see the robot itself, or a bare wall "
+            "or floor alone? Point it at what differs from place to place."
+        )
+
+
+def _look_alike(drive: MappedDrive) -> bool:
+    """Tell whether images far apart in time resemble each other throughout the drive."""
+    frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
+    if len(frames) < 2:
+        return False
+    places = np.linspace(0, len(frames) - 1, min(PAIRS, len(frames))).astype(int)
+    likeness = colour_descriptors(drive.keyframes, [frames[place] for place in places])
+    apart = np.abs(np.subtract.outer(places, places)) > len(frames) // 3
+    return float(np.median((likeness @ likeness.T)[apart])) > ALIKE
+
+
+def _overlap(drive: MappedDrive) -> Iterator[str]:
+    """Ask whether images in a row are recognised, and whether they could be."""
+    recognised = _recognised_in_a_row(drive)
+    if recognised is None or recognised.mean() >= FEW_RECOGNISED:
+        return
+    text = f"Likely cause: of {len(recognised)} pairs of images in a row {recognised.sum()} are recognised as one place"
+    poses = np.array([seen.odometry for seen in drive.observations])
+    steps = relative(poses[:-1], poses[1:])
+    moved_m, turned_rad = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    camera = drive.camera or drive.predictor.camera
+    apart = (moved_m > 1.0) | (turned_rad > camera.horizontal_fov_rad / 2)
+    if _has_odometry(drive) and apart.mean() > FEW_RECOGNISED / 2:
+        yield (
+            f"{text}, for they hardly overlap: {apart.mean():.0%} are farther than 1 m or turned by half of the field "
+            "of view. Drive slower, record more images a second, or thin less (--every-m, --every-deg of `ltvn "
+            "import`)."
+        )
+        return
+    yield (
+        f"{text}. The predictor cannot compare images of this camera, or they do not overlap: try --predictor "
+        "geometric, adapt the network by `ltvn finetune`, and look at images in a row for blur and gaps (`ltvn view`)."
+    )
+
+
+def _has_odometry(drive: MappedDrive) -> bool:
+    return bool(np.ptp([seen.odometry for seen in drive.observations], axis=0).any())
+
+
+def _recognised_in_a_row(drive: MappedDrive) -> NDArray[np.bool_] | None:
+    """Return for some pairs of images in a row (P,) whether the predictor calls them one place, either way round."""
+    frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
+    frames = [frame for frame in frames if is_usable(drive.keyframes.observation(frame), drive.predictor)]
+    if len(frames) < 2:
+        return None
+    places = np.unique(np.linspace(0, len(frames) - 2, min(PAIRS, len(frames) - 1)).astype(int))
+    first = drive.keyframes.features([frames[place] for place in places])
+    second = drive.keyframes.features([frames[place + 1] for place in places])
+    there, back = drive.predictor.predict(first, second), drive.predictor.predict(second, first)
+    return np.maximum(there.reachability, back.reachability) > RECOGNISED

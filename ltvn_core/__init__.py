@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ltvn_core.navigation.events import Tick as Tick
     from ltvn_core.navigation.navigator import Navigator as Navigator
     from ltvn_core.network.predictor import load_predictor as load_predictor
+    from ltvn_core.predictors.request import PredictorRequest as PredictorRequest
     from ltvn_core.preprocessing import preprocess_observation as preprocess_observation
     from ltvn_core.recording.reader import Recording as Recording
     from ltvn_core.recording.writer import RecordingWriter as RecordingWriter
@@ -55,6 +56,7 @@ _HOMES = {
     "PAPER": "config",
     "Prediction": "types",
     "Predictor": "types",
+    "PredictorRequest": "predictors.request",
     "ROBUST": "config",
     "Recording": "recording.reader",
     "RecordingWriter": "recording.writer",
@@ -90,6 +92,7 @@ __all__ = [
     "Observation",
     "Prediction",
     "Predictor",
+    "PredictorRequest",
     "Recording",
     "RecordingWriter",
     "Robot",

@@ -68,8 +68,8 @@ def run_verb(program: str, verb: "type[Verb]", arguments: Sequence[str] | None =
     return _exit_code(lambda: _run(program, verb, given), debug="--debug" in given)
 
 
-def report(verb: "Verb") -> None:
-    """Run the verb and print its summary, or write it as JSON where the user asked for that."""
+def report(verb: "Verb") -> int:
+    """Run the verb, print its summary or write it as JSON where the user asked for that, and return the exit code."""
     from ltvn_core.verbs.verb import to_json, to_text
 
     verb.check_options()
@@ -80,6 +80,7 @@ def report(verb: "Verb") -> None:
         print(to_json(summary))
     else:
         _write_summary(verb.json, summary)
+    return verb.exit_code(summary)
 
 
 def _main(given: Sequence[str]) -> int:
@@ -126,8 +127,7 @@ def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     chosen = tyro.cli(verb, prog=program, args=given)
     with naming_the_extra(), _unwinding_at_sigterm():
-        report(chosen)
-    return 0
+        return report(chosen)
 
 
 class _Terminated(KeyboardInterrupt):

@@ -1,5 +1,7 @@
 """Finds scenes by name (generated apartments, cached on disk, the same on every machine) or by the path of a mesh.
 
+Other packages offer scenes in the entry-point group `ltvn.scenes`: `name = "package.module:function"`.
+
 Holds the names, seeds and the cache. `apartments.generation` makes an apartment, `meshes.mesh_scene` reads a mesh.
 """
 
@@ -7,7 +9,7 @@ import logging
 import os
 import tempfile
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,8 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_path
 
-from ltvn_core.errors import SceneError
+from ltvn_core.errors import LtvnError, PluginError, SceneError
+from ltvn_core.plugins import SCENES, Plugin, find_plugins
 from ltvn_core.simulation.apartments.generation import generate_apartment
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene
@@ -59,8 +62,8 @@ _RECIPES = _recipes()
 
 
 def scene_names() -> tuple[str, ...]:
-    """Return all names that `load_scene` knows."""
-    return tuple(_RECIPES)
+    """Return all names that `load_scene` knows: ours, then those of other packages."""
+    return (*_RECIPES, *(name for name in find_plugins(SCENES) if name not in _RECIPES))
 
 
 @lru_cache(maxsize=4)
@@ -68,20 +71,42 @@ def load_scene(name: str) -> Scene:
     """Return a scene by its name or path.
 
     Args:
-        name: One of `scene_names()`, generated at the first call and read from the user's cache afterwards; or the path
-            of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in Gibson layout.
+        name: One of `scene_names()`: ours are generated at the first call and read from the user's cache afterwards,
+            those of other packages are made by them. Or the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in
+            Gibson layout.
 
     Raises:
         SceneError: There is no such scene, or its mesh cannot be used.
+        PluginError: Another package's scene is broken.
     """
     if name not in _RECIPES:
-        return load_mesh_scene(_mesh_path(name))
+        plugin = find_plugins(SCENES).get(name)
+        return load_mesh_scene(_mesh_path(name)) if plugin is None else _foreign_scene(plugin)
     path = _cache_path(name)
     if (cached := _read_cache(name, path)) is not None:
         return cached
     scene = _generate(name)
     _write_cache(scene, path)
     return scene
+
+
+def _foreign_scene(plugin: Plugin) -> Scene:
+    """Make the scene of another package: a function without arguments that returns a Scene, or the path of a mesh."""
+    make = plugin.load()
+    if not callable(make):
+        raise plugin.refusal("is no function that returns a Scene or the path of a mesh")
+    try:
+        made = make()
+        scene = load_mesh_scene(Path(made)) if isinstance(made, str | Path) else made
+    except LtvnError:
+        raise
+    except Exception as error:  # Another package's code may raise anything.
+        raise PluginError(
+            f"{plugin.title} cannot be made ({type(error).__name__}: {error}); {plugin.remedy}."
+        ) from error
+    if not isinstance(scene, Scene):
+        raise plugin.refusal(f"returns {type(scene).__name__}, no Scene and no path of a mesh")
+    return replace(scene, name=plugin.name, source=None)  # So that recordings find it by its name.
 
 
 def _mesh_path(name: str) -> Path:
@@ -91,7 +116,7 @@ def _mesh_path(name: str) -> Path:
         return path
     if not path.suffix and len(Path(name).parts) == 1:
         raise SceneError(
-            f"There is no scene {name!r}. Choose one of: {', '.join(_RECIPES)}; or give the path of a mesh "
+            f"There is no scene {name!r}. Choose one of: {', '.join(scene_names())}; or give the path of a mesh "
             "(.glb, .gltf, .obj, .ply) or of a folder in Gibson layout."
         )
     here = Path(path.name).absolute()

@@ -41,7 +41,7 @@ def system_entry(name: str) -> SystemEntry:
     found = _systems().get(name)
     if found is None:
         raise OptionError(f"No navigation system is called {name!r}; choose one of: {', '.join(system_names())}.")
-    return _load(found)
+    return load_system(found)
 
 
 def recorded_system(config: Mapping[str, Any]) -> SystemEntry:
@@ -67,7 +67,8 @@ def _systems() -> dict[str, Plugin]:
     return find_plugins(SYSTEMS, first=OWN_SYSTEMS)
 
 
-def _load(plugin: Plugin) -> SystemEntry:
+def load_system(plugin: Plugin) -> SystemEntry:
+    """Import a system's entry. Raises PluginError where it cannot be loaded or is none."""
     found = plugin.load()
     if isinstance(found, SystemEntry) and found.name == plugin.name:
         return found

@@ -31,6 +31,7 @@ FIRST_SHOWN = (
     "verify",
     "repair",
     "export",
+    "plugins",
 )
 """The order in which verbs are shown: as a first-time user needs them. Verbs that are not named here follow by name."""
 

@@ -41,6 +41,10 @@ class Verb:
         """Do the job and return its summary."""
         raise NotImplementedError
 
+    def exit_code(self, summary: Summary) -> int:
+        """Return the exit code that goes with a summary: 0, unless a verb is there to judge."""
+        return 0
+
 
 def _check_number(name: str, number: int) -> None:
     most = _MOST.get(name, _LARGEST)
@@ -80,6 +84,8 @@ def _shown(value: object) -> str:
         if any(map(is_dataclass, value)):
             return "".join(f"\n  {_shown(part)}" for part in value)
         return ", ".join(map(_shown, value)) or "-"
+    if is_dataclass(value) and type(value).__str__ is not object.__str__:
+        return str(value)
     if is_dataclass(value) and not isinstance(value, type):
         parts = ((field.name.replace("_", " "), getattr(value, field.name)) for field in fields(value))
         return "(" + ", ".join(f"{name} {_shown(part)}" for name, part in parts) + ")"

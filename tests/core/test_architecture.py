@@ -62,6 +62,7 @@ CORE_ORDER = (
     "topological_map",
     "evaluation",
     "reports",
+    "contracts",
     "verbs",
     "cli",
 )

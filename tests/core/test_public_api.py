@@ -18,6 +18,7 @@ PUBLIC = {
     "PAPER",
     "Prediction",
     "Predictor",
+    "PredictorRequest",
     "ROBUST",
     "Recording",
     "RecordingWriter",

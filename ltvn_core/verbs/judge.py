@@ -11,6 +11,7 @@ from tyro.conf import Positional
 from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import OptionError
 from ltvn_core.reports.docs_extra import require_docs_extra
+from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from ltvn_core.evaluation.predictor_accuracy.map_accuracy import MapAccuracy
     from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
     from ltvn_core.evaluation.predictor_accuracy.revisits import RevisitAccuracy
+    from ltvn_core.predictors.choice import PredictorChoice
     from ltvn_core.recording.reader import Recording
     from ltvn_core.types import Predictor
 
@@ -64,6 +66,8 @@ class JudgeSummary(ConditionSummary):
     recording: Path
     against: Path | None
     predictor: str
+    predictor_reason: str
+    """Why this one."""
     fingerprint: str
     """Names the weights."""
     images: int
@@ -89,8 +93,7 @@ class JudgeVerb(Verb):
 
     recording: Positional[Path]
     """The recording; its images need true poses, as simulated and imported recordings have them."""
-    predictor: Literal["network", "oracle"] = "network"
-    """What compares images: the trained network, or the simulator's own geometry."""
+    predictor: PredictorName = AUTO
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
@@ -99,7 +102,7 @@ class JudgeVerb(Verb):
     """Another recording of the same place, with true poses in the same frame: the map is built from that one, and the
     images of the first look for those of the second."""
     pairs: int = 20_000
-    """Near pairs to compare at most, and far pairs."""
+    """Far pairs to compare at most, and an eighth as many near pairs."""
     images: int = 2000
     """Images to read of a recording at most, evenly spaced."""
     left_out: float = 0.2
@@ -125,6 +128,7 @@ class JudgeVerb(Verb):
         from ltvn_core.evaluation.perturbations.perturbation_registry import parse_perturbations
         from ltvn_core.evaluation.predictor_accuracy.judgement import JudgementPlan, judge
         from ltvn_core.graph.ltvn import ltvn_system
+        from ltvn_core.predictors.choice import ImageSource
         from ltvn_core.recording.reader import Recording
 
         self._check()
@@ -137,7 +141,8 @@ class JudgeVerb(Verb):
             seed=self.seed,
         )
         recording = Recording.open(self.recording)
-        predictor = open_predictor(self.predictor, recording.meta.scene, self.weights)
+        choice = ImageSource.of(recording.meta).choose_anew(self.predictor)
+        predictor = open_predictor(choice.name, recording.meta.scene, self.weights, camera=recording.meta.camera)
         looking = self._read(recording, predictor)
         mapped = looking if self.against is None else self._read(Recording.open(self.against), predictor)
         revisits = self._revisits(recording, looking, predictor)
@@ -145,13 +150,15 @@ class JudgeVerb(Verb):
             looking,
             mapped,
             predictor=predictor,
-            system=ltvn_system(open_method(self.preset, self.predictor, self.weights)),
+            system=ltvn_system(open_method(self.preset, predictor)),
             plan=plan,
             bars=_bar,
         )
         if self.report is not None:
-            self._write_report(judgement, looking, mapped)
-        return self._summary(judgement, looking, mapped, predictor, revisits)
+            self._write_report(judgement, looking, mapped, choice.name)
+        return self._summary(
+            judgement, looking, mapped, choice=choice, fingerprint=predictor.fingerprint, revisits=revisits
+        )
 
     def _check(self) -> None:
         if not 0 < self.left_out < 1:
@@ -186,11 +193,13 @@ class JudgeVerb(Verb):
         with _bar("revisits", len(kept), "image") as progress:
             return revisit_accuracy(predictor, features, same_place[kept][:, kept], progress=progress)
 
-    def _write_report(self, judgement: "Judgement", looking: "JudgedSequence", mapped: "JudgedSequence") -> None:
+    def _write_report(
+        self, judgement: "Judgement", looking: "JudgedSequence", mapped: "JudgedSequence", predictor: str
+    ) -> None:
         from ltvn_core.reports.judgement_page import render_judgement
 
         assert self.report is not None
-        html = render_judgement(judgement, looking, mapped, predictor=self.predictor, most=self.worst)
+        html = render_judgement(judgement, looking, mapped, predictor=predictor, most=self.worst)
         try:
             with atomic_replacement(self.report) as part:
                 part.write_text(html, encoding="utf-8")
@@ -202,7 +211,9 @@ class JudgeVerb(Verb):
         judgement: "Judgement",
         looking: "JudgedSequence",
         mapped: "JudgedSequence",
-        predictor: "Predictor",
+        *,
+        choice: "PredictorChoice",
+        fingerprint: str,
         revisits: "RevisitAccuracy | None",
     ) -> JudgeSummary:
         from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
@@ -229,8 +240,9 @@ class JudgeVerb(Verb):
             localisation=figures.localisation,
             recording=self.recording,
             against=self.against,
-            predictor=self.predictor,
-            fingerprint=predictor.fingerprint,
+            predictor=choice.name,
+            predictor_reason=choice.reason,
+            fingerprint=fingerprint,
             images=sum(len(each.observations) for each in both),
             without_truth=sum(each.without_truth for each in both),
             without_depth=sum(each.without_depth for each in both),

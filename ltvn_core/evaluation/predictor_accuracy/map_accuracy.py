@@ -23,7 +23,7 @@ from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
 
-_MOST_RECOGNISED = 200
+_MOST_RECOGNISED = 100
 """Images that became no node and are asked which node they show; of more than these, evenly spaced ones."""
 
 

@@ -5,7 +5,7 @@ at a false-positive rate are those of r where d < D_c, and of 0 elsewhere, becau
 than D_c may well be reachable. The same figures of r alone stand beside them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,8 +19,9 @@ from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairSample
 from ltvn_core.geometry import distance, wrap_angle
 from ltvn_core.network.metrics.binned_metrics import CalibrationBin, calibration_table
 from ltvn_core.network.metrics.reachability_metrics import auc, calibration_error, quantile
-from ltvn_core.types import Features, Prediction, Predictor, Waypoint
+from ltvn_core.types import Features, Predictor, Waypoint
 
+_NEAR_AT_ONCE = 64
 _STRETCHES = 10
 """Neighbouring images see nearly the same, so the interval of a share is that over so many stretches of the sources."""
 _DISTANCES_M = (0.0, 0.1, 0.3, 0.6)
@@ -116,7 +117,10 @@ def score_pairs(
     *,
     progress: Callable[[int], object],
 ) -> PairScores:
-    """Ask a predictor about each source and all its targets at once, as the map does.
+    """Ask a predictor about each near pair by itself, and about each source with all its far targets at once.
+
+    A predictor that compares one image with many may look at a few of them only. A map never holds dozens of images of
+    one place, so near pairs must not compete with each other; but that far ones are passed over is what counts.
 
     Args:
         predictor: Made the features.
@@ -126,13 +130,12 @@ def score_pairs(
         config: When two images are joined.
         progress: Called with the number of further pairs that are done.
     """
-    firsts = np.flatnonzero(np.diff(sample.sources, prepend=-1))
-    answers = [Prediction(np.empty(0), np.empty((0, 3)))]
-    for first, until in zip(firsts, [*firsts[1:], len(sample.sources)], strict=True):
-        source = sample.sources[first]
-        answers.append(predictor.predict(sources[source : source + 1], targets[sample.targets[first:until]]))
-        progress(int(until - first))
-    reachability, waypoints = (np.concatenate(column) for column in zip(*answers, strict=True))
+    reachability = np.empty(len(sample.sources))
+    waypoints = np.empty((len(sample.sources), 3))
+    for rows in _questions(sample):
+        asked = sample.sources[rows[:1] if not sample.is_near[rows[0]] else rows]
+        reachability[rows], waypoints[rows] = predictor.predict(sources[asked], targets[sample.targets[rows]])
+        progress(len(rows))
     score = np.where(distance(waypoints) < config.connect_distance, reachability, 0.0)
     return PairScores(
         sample=sample,
@@ -176,6 +179,16 @@ def pair_accuracy(scores: PairScores, config: BuildingConfig, rng: np.random.Gen
         near_by_distance=_by_distance(scores),
         calibration=calibration_table(scores.score[even], near[even]),
     )
+
+
+def _questions(sample: PairSample) -> Iterator[NDArray[np.intp]]:
+    """Yield rows of pairs that are asked about at once: some near pairs, or all far ones of a source."""
+    near = np.flatnonzero(sample.is_near)
+    for first in range(0, len(near), _NEAR_AT_ONCE):
+        yield near[first : first + _NEAR_AT_ONCE]
+    far = np.flatnonzero(~sample.is_near)
+    begins = np.flatnonzero(np.diff(sample.sources[far], prepend=-1))
+    yield from (rows for rows in np.split(far, begins) if len(rows))
 
 
 def or_none(number: float) -> float | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,13 @@ from ltvn_core.types import Pose, Waypoint
 _MOST_SOURCES = 2000
 """More images than this do not all look: the number of pairs to class grows with their square."""
 _ROWS_AT_ONCE = 64
+
+
+class PairCounts(NamedTuple):
+    """How many pairs."""
+
+    near: int
+    far: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,11 +39,11 @@ class PairSample:
     far_pairs: int
     """and far ones."""
 
-    def thinned(self, most: int, rng: np.random.Generator) -> "PairSample":
-        """Return at most so many near and so many far pairs of it."""
-        kept = np.sort(
-            np.concatenate([choose_evenly(np.flatnonzero(kind), most, rng) for kind in (self.is_near, ~self.is_near)])
-        )
+    def thinned(self, most: PairCounts, rng: np.random.Generator) -> "PairSample":
+        """Return at most so many pairs of it."""
+        kinds = self.is_near, ~self.is_near
+        chosen = [choose_evenly(np.flatnonzero(kind), count, rng) for kind, count in zip(kinds, most, strict=True)]
+        kept = np.sort(np.concatenate(chosen))
         return PairSample(
             sources=self.sources[kept],
             targets=self.targets[kept],
@@ -46,8 +54,8 @@ class PairSample:
         )
 
 
-def sample_pairs(sources: Pose, targets: Pose, *, most: int, rng: np.random.Generator) -> PairSample:
-    """Return at most `most` near and `most` far pairs of sources (S, 3) and targets (T, 3) with these true poses.
+def sample_pairs(sources: Pose, targets: Pose, *, most: PairCounts, rng: np.random.Generator) -> PairSample:
+    """Return at most `most` near and far pairs of sources (S, 3) and targets (T, 3) with these true poses.
 
     Pairs are taken at even steps from the list of all, ordered by source and then by distance, so that every source and
     every distance has its share. An image is never paired with itself, because it is not in front of itself.
@@ -56,7 +64,7 @@ def sample_pairs(sources: Pose, targets: Pose, *, most: int, rng: np.random.Gene
     counts = np.array([[part.sum() for part in kinds] for _, _, kinds in _rows(sources, targets, looking)]).reshape(
         -1, 2
     )
-    picks = [choose_evenly(np.arange(total), most, rng) for total in counts.sum(0)]
+    picks = [choose_evenly(np.arange(total), count, rng) for total, count in zip(counts.sum(0), most, strict=True)]
     starts = np.cumsum(counts, axis=0) - counts
     parts: list[tuple[NDArray, ...]] = []
     for k, (source, waypoints, kinds) in enumerate(_rows(sources, targets, looking)):

@@ -9,7 +9,7 @@ from ltvn_core.evaluation.perturbations.perturbation_registry import PERTURBATIO
 from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, JudgementPlan
 from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
-from ltvn_core.evaluation.predictor_accuracy.pair_sampling import sample_pairs
+from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, sample_pairs
 from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS
 from ltvn_core.geometry import relative
 from ltvn_core.types import Pose, Predictor
@@ -92,10 +92,10 @@ def test_false_matches_between_far_images_are_counted_where_they_are_made() -> N
 
 def test_a_sample_is_of_the_kinds_asked_for_and_all_there_is_where_that_is_little() -> None:
     poses = np.array([seen.exact_pose for seen in drive()])
-    everything = sample_pairs(poses, poses, most=10**6, rng=np.random.default_rng(0))
-    some = sample_pairs(poses, poses, most=500, rng=np.random.default_rng(0))
+    everything = sample_pairs(poses, poses, most=PairCounts(10**6, 10**6), rng=np.random.default_rng(0))
+    some = sample_pairs(poses, poses, most=PairCounts(300, 500), rng=np.random.default_rng(0))
     assert (everything.is_near.sum(), (~everything.is_near).sum()) == (everything.near_pairs, everything.far_pairs)
-    assert (some.is_near.sum(), (~some.is_near).sum()) == (min(500, some.near_pairs), 500)
+    assert (some.is_near.sum(), (~some.is_near).sum()) == (300, 500)
     assert len({*zip(some.sources, some.targets, strict=True)}) == len(some.sources)
     assert (LIMITS.near(some.waypoints) == some.is_near).all()
     assert (LIMITS.far(some.waypoints) == ~some.is_near).all()
@@ -147,6 +147,6 @@ def test_every_perturbation_is_judged_and_lost_frames_thin_the_map_alone() -> No
 def test_the_same_seed_gives_the_same_figures_and_another_leaves_other_images_out(known: Condition) -> None:
     images = sequence(drive())
     assert judged(images, images, knowing_predictor()).conditions[0] == known
-    first = judged(images, images, knowing_predictor(), JudgementPlan(pairs=100, seed=0))
-    second = judged(images, images, knowing_predictor(), JudgementPlan(pairs=100, seed=1))
+    first = judged(images, images, knowing_predictor(), JudgementPlan(pairs=800, seed=0))
+    second = judged(images, images, knowing_predictor(), JudgementPlan(pairs=800, seed=1))
     assert set(first.built.graph.nodes) != set(second.built.graph.nodes)

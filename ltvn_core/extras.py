@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from ltvn_core.errors import MissingLibraryError
 
 EXTRAS = {
+    "av": "import",
     "embreex": "sim",
     "pybullet": "sim",
     "trimesh": "sim",

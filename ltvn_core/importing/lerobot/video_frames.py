@@ -1,0 +1,82 @@
+"""The images of a part of a video, one after the other, decoded by PyAV as they are asked for.
+
+Owns the limits: a file is an MP4 and nothing else, refers to no other file, and no image is larger than a camera's.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.encoded_images import MAX_PIXELS
+from ltvn_core.types import Rgb
+
+_MOST_IMAGES = 2_000_000
+"""Eighteen hours at 30 images a second."""
+_DEEP = {"gray12le", "gray16le", "gray10le", "yuv420p12le", "yuv422p12le", "yuv444p12le"}
+
+
+class VideoPart(NamedTuple):
+    """A part of a video file."""
+
+    path: Path
+    begin_s: float
+    end_s: float
+
+
+class VideoImage(NamedTuple):
+    """A decoded image."""
+
+    stamp: float
+    """Seconds since the beginning of the part."""
+    frame: Any
+    """PyAV's own; `colours` and `codes` read it."""
+
+
+def video_images(part: VideoPart, period_s: float) -> Iterator[VideoImage]:
+    """Yield the images of a part. Raises DriveError where the file is damaged, foreign, or too large."""
+    try:
+        # A file object, and the format by name: so that nothing else is opened, whatever the file refers to.
+        with part.path.open("rb") as file, av.open(file, mode="r", format="mp4") as container:
+            stream = container.streams.video[0]
+            _check_size(stream.codec_context.width, stream.codec_context.height, part.path)
+            stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
+            if part.begin_s > 0 and stream.time_base:
+                container.seek(int(part.begin_s / stream.time_base), stream=stream)
+            for count, frame in enumerate(container.decode(stream)):
+                time = float(frame.time or 0.0)
+                if time > part.end_s - period_s / 2 or count > _MOST_IMAGES:
+                    return
+                _check_size(frame.width, frame.height, part.path)
+                if time > part.begin_s - period_s / 2:
+                    yield VideoImage(time - part.begin_s, frame)
+    except DriveError:
+        raise
+    except Exception as error:  # FFmpeg has an error of its own for each way of being damaged.
+        raise DriveError(
+            f"{part.path} is no video that can be read ({' '.join(str(error).split())!s:.120})."
+        ) from error
+
+
+def colours(frame: Any) -> Rgb:
+    """Return the colours (H, W, 3) of a decoded image."""
+    return np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+
+
+def codes(frame: Any, path: Path) -> NDArray[np.uint16]:
+    """Return the brightness (H, W) of a decoded image in all its bits. Raises DriveError where it has but eight."""
+    if frame.format.name not in _DEEP:
+        raise DriveError(f"{path}: depth in {frame.format.name} has too few bits; expected {', '.join(sorted(_DEEP))}.")
+    plane = frame.planes[0]
+    # Not by a conversion, which would stretch the values.
+    lines = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: frame.height, : 2 * frame.width]
+    return np.ascontiguousarray(lines).view("<u2").astype(np.uint16)
+
+
+def _check_size(width: int, height: int, path: Path) -> None:
+    if not 0 < width * height <= MAX_PIXELS:
+        raise DriveError(f"{path} has images of {width} x {height}, which no camera of a robot takes.")

@@ -1,0 +1,167 @@
+"""Data sets in LeRobot's version 3 come out as frames; damaged, foreign and hostile ones end in one clear error."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ltvn_core.errors import DriveError
+from ltvn_core.importing.lerobot_reader import LerobotReader
+from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
+from tests.core.importing.lerobot.dataset_examples import (
+    DEPTH,
+    FRONT,
+    HEIGHT,
+    STATE,
+    WIDTH,
+    colours,
+    poses,
+    write_dataset,
+    write_episodes,
+)
+
+
+def read(path: Path, options: ReadOptions | None = None) -> tuple[list[RawFrame], LerobotReader]:
+    reader = LerobotReader.open(path, options or ReadOptions())
+    return list(reader.frames()), reader
+
+
+@pytest.mark.parametrize("as_video", [True, False])
+def test_an_episode_becomes_frames_with_depth_and_odometry(tmp_path: Path, as_video: bool) -> None:
+    frames, reader = read(write_dataset(tmp_path / "set", as_video=as_video, depth=True))
+
+    assert LerobotReader.recognises(tmp_path / "set")
+    assert [frame.stamp for frame in frames] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5], abs=1e-6)
+    assert np.allclose(np.array([frame.odometry for frame in frames], float), poses(6), atol=1e-6)
+    for number, frame in enumerate(frames):
+        assert np.abs(frame.rgb.astype(int) - colours(number)).mean() < (6 if as_video else 0.1)
+        assert frame.depth_m is not None
+        assert frame.depth_m.shape == (HEIGHT, WIDTH)
+        assert np.allclose(frame.depth_m, 1 + 0.25 * number, atol=0.003)
+    assert {stream.role: stream.name for stream in reader.facts.streams} == {
+        "rgb": FRONT,
+        "depth": DEPTH,
+        "odometry": STATE,
+    }
+    assert not reader.dropped
+
+
+def test_of_several_episodes_the_longest_is_read(tmp_path: Path) -> None:
+    frames, reader = read(write_dataset(tmp_path / "set", (2, 5, 3)))
+
+    assert len(frames) == 5
+    # Its images begin behind those of the first episode.
+    assert np.abs(frames[0].rgb.astype(int) - colours(2)).mean() < 6
+    assert np.abs(frames[4].rgb.astype(int) - colours(6)).mean() < 6
+    assert reader.dropped == {"of another episode": 5}
+    assert "number 1" in reader.doubts[0]
+
+
+def test_velocities_are_no_poses(tmp_path: Path) -> None:
+    features = {
+        FRONT: {"dtype": "video", "shape": [HEIGHT, WIDTH, 3]},
+        STATE: {"dtype": "float32", "shape": [3], "names": {"motors": ["x.vel", "y.vel", "theta.vel"]}},
+    }
+
+    frames, _ = read(write_dataset(tmp_path / "set", info={"features": features}))
+
+    assert all(frame.odometry is None for frame in frames)
+    with pytest.raises(DriveError, match="named x, y and yaw"):
+        read(tmp_path / "set", ReadOptions(odometry=STATE))
+
+
+def test_several_cameras_are_an_error_that_lists_them(tmp_path: Path) -> None:
+    features = {key: {"dtype": "video", "shape": [HEIGHT, WIDTH, 3]} for key in ("images.left", "images.right")}
+
+    with pytest.raises(DriveError, match=r"--rgb.*images\.left, images\.right"):
+        read(write_dataset(tmp_path / "set", info={"features": features}))
+
+
+def test_another_version_says_how_to_convert_it(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match=r"v2\.1.*convert"):
+        read(write_dataset(tmp_path / "set", info={"codebase_version": "v2.1"}))
+
+
+@pytest.mark.parametrize(
+    "info",
+    [
+        {"video_path": "../{video_key}.mp4"},
+        {"data_path": "/etc/passwd"},
+        {"data_path": "{chunk_index.__class__}/data"},
+        {"fps": 0},
+        {"fps": float("nan")},
+        {"features": [1, 2]},
+        {"features": {FRONT: {"dtype": "video", "is_depth_map": True, "depth_min": -9.0}}},
+    ],
+)
+def test_what_a_data_set_says_of_itself_is_not_believed(tmp_path: Path, info: dict[str, Any]) -> None:
+    with pytest.raises(DriveError) as caught:
+        read(write_dataset(tmp_path / "set", info=info))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
+    folder, other = write_dataset(tmp_path / "set"), write_dataset(tmp_path / "other")
+    video = folder / "videos" / FRONT / "chunk-000/file-000.mp4"
+    video.unlink()
+    video.symlink_to(other / "videos" / FRONT / "chunk-000/file-000.mp4")
+
+    with pytest.raises(DriveError, match="outside"):
+        read(folder)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"no video",
+        b"#EXTM3U\n#EXTINF:1,\nfile:///etc/passwd\n",
+        b"ffconcat version 1.0\nfile /etc/passwd\n",
+    ],
+)
+def test_a_video_that_is_none_ends_in_one_line(tmp_path: Path, content: bytes) -> None:
+    folder = write_dataset(tmp_path / "set")
+    (folder / "videos" / FRONT / "chunk-000/file-000.mp4").write_bytes(content)
+
+    with pytest.raises(DriveError) as caught:
+        read(folder)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"])
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_cut_tables_end_in_one_line(tmp_path: Path, name: str, share: float) -> None:
+    file = write_dataset(tmp_path / "set") / name
+    file.write_bytes(file.read_bytes()[: int(file.stat().st_size * share)])
+
+    with pytest.raises(DriveError) as caught:
+        read(tmp_path / "set")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"data/file_index": [-1]},
+        {"data/chunk_index": ["../.."]},
+        {f"videos/{FRONT}/from_timestamp": [float("nan")]},
+        {"length": [None]},
+    ],
+)
+def test_what_is_said_of_an_episode_is_not_believed(tmp_path: Path, changed: dict[str, Any]) -> None:
+    folder = write_dataset(tmp_path / "set")
+    write_episodes(folder, (6,), **changed)
+
+    with pytest.raises(DriveError):
+        read(folder)
+
+
+def test_a_video_that_ends_too_early_gives_what_it_has(tmp_path: Path) -> None:
+    folder = write_dataset(tmp_path / "set", (6,))
+    write_episodes(folder, (6,), **{f"videos/{FRONT}/to_timestamp": [0.4]})
+
+    frames, reader = read(folder)
+
+    assert len(frames) == 4
+    assert reader.dropped == {"damaged image": 2}

@@ -13,6 +13,9 @@ from ltvn_core.verbs.verb import Summary, Verb
 if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress
 
+_SHORT_MINUTES = 0.25
+"""Weights that learn for less than this are judged by a fifth of the pairs."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FinetuneVerb(Verb):
@@ -75,6 +78,8 @@ class FinetuneVerb(Verb):
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
 
         plan = FineTuningPlan(minutes=self.minutes)
+        if self.minutes < _SHORT_MINUTES:  # Judging by all pairs would take longer than learning.
+            plan = replace(plan, validation_pairs=plan.validation_pairs // 5, validation_far=plan.validation_far // 5)
         return replace(plan, learning=replace(plan.learning, seed=self.seed))
 
     def _command(self) -> str:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 IMAGES_PER_SCENE = 150
 """Images of the drive through each scene: more than a hundred thousand ordered pairs in six."""
+_FEWEST_IMAGES = 10
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,8 @@ class MeasureVerb(Verb):
     """The method that drives and judges."""
     attempts: int = 200
     """Edges to drive in all: half of them exist, half do not, or fewer where the network is hard to mislead."""
+    images: int = IMAGES_PER_SCENE
+    """Images of the drive through each scene."""
     seed: int = 0
     """Draws drives, edges, starts and odometry noise."""
     scenes: tuple[str, ...] = TEST_SCENES
@@ -79,6 +82,10 @@ class MeasureVerb(Verb):
             raise OptionError(f"--write is for the card of the network's weights; {self.predictor} keeps its own.")
         if self.attempts < 2 * len(self.scenes):
             raise OptionError(f"--attempts must be two or more per scene, so {2 * len(self.scenes)} or more.")
+        if self.images < _FEWEST_IMAGES:
+            raise OptionError(
+                f"--images must be {_FEWEST_IMAGES} or more, got {self.images}; fewer have hardly an edge."
+            )
 
     def _measure(self) -> "DrivingMeasurements":
         import numpy as np
@@ -107,7 +114,7 @@ class MeasureVerb(Verb):
                         predictor,
                         preset(self.preset),
                         attempts=attempts,
-                        images=IMAGES_PER_SCENE,
+                        images=self.images,
                         rng=np.random.default_rng([self.seed, k]),
                         progress=bar.update,
                     )
@@ -117,7 +124,9 @@ class MeasureVerb(Verb):
     def _command(self) -> str:
         named = "" if self.scenes == TEST_SCENES else f" --scenes {' '.join(self.scenes)}"
         of = "" if self.predictor in (AUTO, "network") else f" --predictor {self.predictor}"
-        return f"ltvn measure{of} --attempts {self.attempts} --seed {self.seed} --preset {self.preset}{named}"
+        images = "" if self.images == IMAGES_PER_SCENE else f" --images {self.images}"
+        counts = f"--attempts {self.attempts}{images} --seed {self.seed}"
+        return f"ltvn measure{of} {counts} --preset {self.preset}{named}"
 
     def _write(self, measured: "DrivingMeasurements") -> Path:
         from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION

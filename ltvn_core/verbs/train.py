@@ -23,6 +23,13 @@ if TYPE_CHECKING:
     from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
     from ltvn_core.training_data.shards import Shard
 
+_VALIDATION_DRIVE = 220
+"""Images of the drive through each validation scene,"""
+_SHORT_DRIVE = 60
+"""and where training is so short that rendering and comparing them would take longer than training,"""
+_FEW_STEPS = 1000
+"""in fewer steps than these. A fifth of the pairs is compared then."""
+
 
 @dataclass(frozen=True)
 class TrainSummary:
@@ -91,7 +98,8 @@ class TrainVerb(Verb):
 
         output = self._checked_output()
         plan = self._plan()
-        result = train_distributed(LoadTrainingData(self.data), plan, self.work, processes=self._processes())
+        load = LoadTrainingData(self.data, images=_SHORT_DRIVE if self._is_short else _VALIDATION_DRIVE)
+        result = train_distributed(load, plan, self.work, processes=self._processes())
         network = load_weights(result.weights)
         measured = self._measure(result.weights)
         card = self._card(output, plan, result, measure_speed(network), measured)
@@ -113,7 +121,14 @@ class TrainVerb(Verb):
         if self.steps is None:
             return plan
         looks = min(max(self.steps // 100, 1), plan.validations)
+        if self._is_short:
+            plan = replace(plan, validation_pairs=plan.validation_pairs // 5, validation_far=plan.validation_far // 5)
         return replace(plan, minutes=None, steps=self.steps, validations=looks, minings=2 * looks)
+
+    @property
+    def _is_short(self) -> bool:
+        """Whether this is a trial of few steps, which would wait longer for a whole validation than for training."""
+        return self.steps is not None and self.steps < _FEW_STEPS
 
     def _evaluate(self) -> NetworkEvaluationSummary:
         from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
@@ -182,13 +197,15 @@ class LoadTrainingData:
     """Loads a dataset in each process of a training."""
 
     folder: Path
+    images: int
+    """Images of the drive through each validation scene."""
 
     def __call__(self) -> "TrainingData":
         """Read all shards; validation scenes also give drives. Raises DatasetError."""
         from ltvn_core.network.optimization.training_loop import TrainingData
 
         learned, validation = read_shards(self.folder)
-        return TrainingData(learned, validation, drives([shard.name for shard in validation], images=220))
+        return TrainingData(learned, validation, drives([shard.name for shard in validation], images=self.images))
 
 
 def read_shards(folder: Path) -> "tuple[list[Shard], list[Shard]]":

@@ -49,7 +49,9 @@ def test_data_training_fine_tuning_and_measuring_follow_each_other(
     assert judged["fingerprint"] == tuned["fingerprint"]
     assert all(isinstance(judged[key], float) for key in KEYS)
 
-    driven = ltvn("measure", "--weights", "second.safetensors", "--attempts", 4, "--scenes", "tune-3", summary=summary)
+    few = ["--attempts", 4, "--images", 60, "--scenes", "tune-3"]
+    driven = ltvn("measure", "--weights", "second.safetensors", *few, summary=summary)
+    assert driven["driving"]["images"] == 60
     assert len(driven["driving"]["calibration"]) == 10
 
     card = json.loads((tmp_path / "second.card.json").read_text())

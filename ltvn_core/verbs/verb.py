@@ -8,6 +8,8 @@ from typing import Any, ClassVar, Protocol
 
 from ltvn_core.errors import OptionError
 
+_SENTENCE = 60
+"""Longer texts of a list are sentences, and have a line of their own."""
 _LARGEST = 2**62
 """Counts and numbers beyond this overflow in one library or another."""
 _MOST = {"queries": 1_000_000, "episodes": 1_000_000, "goals": 100_000, "loops": 10_000, "workers": 10_000}
@@ -81,7 +83,7 @@ def _shown(value: object) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key} {_shown(part)}" for key, part in value.items()) or "-"
     if isinstance(value, list | tuple):
-        if any(map(is_dataclass, value)):
+        if any(is_dataclass(part) or (isinstance(part, str) and len(part) > _SENTENCE) for part in value):
             return "".join(f"\n  {_shown(part)}" for part in value)
         return ", ".join(map(_shown, value)) or "-"
     if is_dataclass(value) and type(value).__str__ is not object.__str__:

@@ -22,7 +22,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_page_of_the_site_is_there(site: Path) -> None:
-    for page in ("index", "tutorial", "how-to/own-images", "how-to/own-robot", "how-to/extend", "how-to/evaluate"):
+    how_to = (f"how-to/{page}" for page in ("your-bag", "own-images", "own-robot", "extend", "evaluate"))
+    for page in ("index", "tutorial", *how_to):
         assert (site / f"{page}.html").is_file()
     for page in ("architecture", "network", "results", "debugging", "recordings"):
         assert (site / f"{page}.html").is_file()

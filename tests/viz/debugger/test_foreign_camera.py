@@ -1,0 +1,72 @@
+"""The debugger compares the images of a recording with whatever camera they were taken."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+import ltvn_core as ltvn
+from ltvn_core.composition import open_predictor
+from ltvn_core.graph.deltas import Cause
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_viz.app_setup import open_app_state
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.inspection import QuestionName
+from ltvn_viz.session.options import AppOptions
+from ltvn_viz.session.session_loop import Session
+from ltvn_viz.session.snapshot import Snapshot
+from tests.core.predictors.foreign_drive import CAMERA, foreign_images
+from tests.viz.session_harness import FakeDriver
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a drive from which a map was built on the way."""
+    folder, images = tmp_path_factory.mktemp("foreign"), foreign_images(8)
+    predictor = open_predictor("geometric", camera=CAMERA)
+    built = ltvn.build_map(images, predictor=predictor, camera=CAMERA)
+    with ltvn.RecordingWriter(
+        folder / "run.rrd",
+        scene="a real house",
+        config={"verb": "app", "predictor": "geometric"},
+        fingerprint=predictor.fingerprint,
+        camera=CAMERA,
+    ) as writer:
+        for seen in images:
+            writer.write_frame(seen)
+        for delta in built.graph.deltas(Cause.BUILD):
+            writer.write_event(StampedEvent(images[-1].step, images[-1].stamp, GraphChanged(delta)))
+    return folder
+
+
+def watch(folder: Path, predictor: str, stack: ExitStack) -> tuple[Session, list[Snapshot]]:
+    options = AppOptions(scene="a real house", recordings=folder, replay="run.rrd", predictor=predictor)
+    state = open_app_state(options, stack, ThumbnailStore())
+    shown: list[Snapshot] = []
+    session = Session(state, FakeDriver(), shown.append)
+    stack.callback(session.close)
+    session.send(c.OpenRecording("run.rrd", at_s=1e4))
+    return session, shown
+
+
+def ticks(session: Session, count: int) -> Iterator[None]:
+    for _ in range(count):
+        session.tick()
+        session.state.worker.settle()
+        yield
+
+
+@pytest.mark.parametrize("predictor", ["auto", "network"])
+def test_a_place_is_looked_for_in_a_map_of_another_camera(folder: Path, predictor: str) -> None:
+    with ExitStack() as stack:
+        session, shown = watch(folder, predictor, stack)
+        session.send(c.ChooseQuestion(QuestionName.WHERE))
+        for _ in ticks(session, 12):
+            pass
+        html = shown[-1].inspection.html
+        assert "Margin <b>" in html
+        assert ("recorded with other weights" in html) == (predictor == "network")
+        own_camera = session.state.live_map.predictor.camera == CAMERA
+        assert own_camera == (predictor == "auto")

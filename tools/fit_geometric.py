@@ -30,7 +30,8 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training_data.pose_sampling import ClusterSampling, cluster_poses
-from ltvn_core.types import Observation, Pose, Waypoint
+from ltvn_core.types import Observation, Pose, Renderer, Waypoint
+from tools.repeating_corridor import corridor_poses, repeating_corridor
 
 WORDS = 64
 DIMENSIONS = 32
@@ -38,6 +39,26 @@ RIDGE = 1.0
 """Strength of the regularisation of standardised weights."""
 RIGHT_M, RIGHT_SHARE, RIGHT_RAD = 0.12, 0.12, np.deg2rad(8)
 """A pose is right when it is off by less than this, or this share of the distance, and turned by less."""
+GUESSED_M, GUESSED_SHARE = 0.3, 0.6
+"""The same for the guessed distances of images without depth."""
+CORRIDOR_WEIGHT = 0.15
+"""A pair of a corridor counts so much, because most places are not made to mislead."""
+SIGNS = Evidence(
+    agreeing=1,
+    agreeing_share=1,
+    repeated_share=1,
+    spread=1,
+    overlap=1,
+    depth_agreement=1,
+    depth_conflict=-1,
+    brightness=1,
+    colour_conflict=-1,
+    colour_gap=-1,
+    rival=-1,
+    tilt_gap=-1,
+    uncertainty=-1,
+)
+"""Which way each number may count, so that a regression does not learn the habits of the images it saw."""
 
 CAMERAS = (
     CameraModel.from_fov(320, 240, np.deg2rad(69.4), height_m=0.6),
@@ -55,6 +76,7 @@ class Drive:
     camera: CameraModel
     observations: Sequence[Observation]
     poses: Pose
+    weight: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +87,7 @@ class SeenDrive:
     grid: ImageGrid
     features: Sequence[ImageFeatures]
     poses: Pose
+    weight: float
 
 
 class Comparison(NamedTuple):
@@ -72,19 +95,31 @@ class Comparison(NamedTuple):
 
     evidence: Evidence
     right: bool
+    weight: float
 
 
 def simulated_drive(scene_name: str, camera: CameraModel, rng: np.random.Generator, clusters: int) -> Drive:
-    """Render clusters of neighbouring poses, with the noise of a real sensor."""
+    """Render clusters of neighbouring poses in an apartment."""
     scene = load_scene(scene_name)
     renderer = open_renderer(scene, camera)
     poses = cluster_poses(scene.clearance, rng, clusters, ClusterSampling()).reshape(-1, 3)
-    seen = [noisy(*renderer.render(pose, camera), rng) for pose in poses]
-    observations = [
+    return Drive(scene_name, camera, _observed(renderer, poses, camera, rng), poses)
+
+
+def corridor_drive(number: int, camera: CameraModel, rng: np.random.Generator, clusters: int) -> Drive:
+    """Render a corridor in which almost everything repeats."""
+    corridor = repeating_corridor(rng)
+    poses = corridor_poses(corridor, rng, clusters, size=8)
+    return Drive(f"corridor-{number}", camera, _observed(corridor, poses, camera, rng), poses, CORRIDOR_WEIGHT)
+
+
+def _observed(scene: Renderer, poses: Pose, camera: CameraModel, rng: np.random.Generator) -> list[Observation]:
+    """Render what is seen from poses (N, 3), with the noise of a real sensor."""
+    seen = [noisy(*scene.render(pose, camera), rng) for pose in poses]
+    return [
         Observation(rgb=rgb, depth=depth, odometry=pose, stamp=float(k), step=k, exact_pose=pose)
         for k, ((rgb, depth), pose) in enumerate(zip(seen, poses, strict=True))
     ]
-    return Drive(scene_name, camera, observations, poses)
 
 
 def noisy(
@@ -145,8 +180,11 @@ def compare(drive: SeenDrive, pairs: NDArray[np.intp]) -> Iterator[Comparison]:
         first, second = drive.features[i], drive.features[j]
         found = verify(first, second, drive.camera, drive.grid)
         if found is not None:
+            measured = first.has_depth or second.has_depth
             truth = relative(drive.poses[i], drive.poses[j])
-            yield Comparison(found.evidence, is_right(waypoint(found.motion, first, second), truth))
+            yield Comparison(
+                found.evidence, is_right(waypoint(found.motion, first, second), truth, measured), drive.weight
+            )
 
 
 def compare_across(first: SeenDrive, second: SeenDrive, rng: np.random.Generator, count: int) -> Iterator[Comparison]:
@@ -155,39 +193,44 @@ def compare_across(first: SeenDrive, second: SeenDrive, rng: np.random.Generator
     for i, j in _look_alikes(first.features, second.features, drawn):
         found = verify(first.features[i], second.features[j], first.camera, first.grid)
         if found is not None:
-            yield Comparison(found.evidence, right=False)
+            yield Comparison(found.evidence, right=False, weight=first.weight)
 
 
-def is_right(found: Waypoint, truth: Waypoint) -> bool:
-    """Tell whether a waypoint (3,) is near enough to the truth."""
+def is_right(found: Waypoint, truth: Waypoint, measured: bool) -> bool:
+    """Tell whether a waypoint (3,) is near enough to the truth, its distance `measured` by depth or guessed."""
     gap = relative(truth, found)
-    allowed = max(RIGHT_M, RIGHT_SHARE * float(np.hypot(truth[0], truth[1])))
+    least, share = (RIGHT_M, RIGHT_SHARE) if measured else (GUESSED_M, GUESSED_SHARE)
+    allowed = max(least, share * float(np.hypot(truth[0], truth[1])))
     return float(np.hypot(gap[0], gap[1])) < allowed and abs(float(wrap_angle(gap[2]))) < RIGHT_RAD
 
 
-def fit_logistic(evidence: NDArray[np.float64], right: NDArray[np.bool_]) -> tuple[NDArray[np.float64], float]:
+def fit_logistic(found: Sequence[Comparison]) -> tuple[NDArray[np.float64], float]:
     """Return weights (E,) and bias of the logistic regression with a ridge on standardised evidence."""
+    evidence = np.array([each.evidence for each in found], np.float64)
+    counts = np.array([each.weight for each in found])
+    signs = np.where([each.right for each in found], 1.0, -1.0)
     mean, spread = evidence.mean(0), evidence.std(0) + 1e-6
     inputs = (evidence - mean) / spread
-    signs = np.where(right, 1.0, -1.0)
 
     def loss(parameters: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         margins = signs * (inputs @ parameters[:-1] + parameters[-1])
-        slope = -signs / (1 + np.exp(np.clip(margins, -30, 30)))
+        slope = -counts * signs / (1 + np.exp(np.clip(margins, -30, 30)))
         ridge = RIDGE * parameters[:-1]
         gradient = np.append(inputs.T @ slope + ridge, slope.sum())
-        return float(np.logaddexp(0, -margins).sum() + parameters[:-1] @ ridge / 2), gradient
+        return float(counts @ np.logaddexp(0, -margins) + parameters[:-1] @ ridge / 2), gradient
 
-    found = minimize(loss, np.zeros(inputs.shape[1] + 1), jac=True, method="L-BFGS-B").x
-    weights = found[:-1] / spread
-    return weights, float(found[-1] - weights @ mean)
+    bounds = [(0, None) if sign > 0 else (None, 0) for sign in SIGNS] + [(None, None)]
+    start = np.zeros(inputs.shape[1] + 1)
+    fitted = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
+    weights = fitted[:-1] / spread
+    return weights, float(fitted[-1] - weights @ mean)
 
 
 def see(drive: Drive) -> SeenDrive:
     """Find the features of all images of a drive."""
     extractor = FeatureExtractor(drive.camera)
     features = [extractor.extract(observation) for observation in drive.observations]
-    return SeenDrive(drive.camera, extractor.grid, features, drive.poses)
+    return SeenDrive(drive.camera, extractor.grid, features, drive.poses, drive.weight)
 
 
 def without_depth(drive: SeenDrive, *, every: int) -> SeenDrive:
@@ -202,9 +245,9 @@ def without_depth(drive: SeenDrive, *, every: int) -> SeenDrive:
 
 
 def comparisons(drives: Sequence[SeenDrive], rng: np.random.Generator, pairs: int) -> Iterator[Comparison]:
-    """Compare `pairs` near pairs and as many far ones of each drive, and pairs of drives with one camera."""
+    """Compare near pairs, three times as many far ones of each drive, and pairs of drives with one camera."""
     for k, drive in enumerate(drives):
-        yield from compare(drive, drawn_pairs(drive, rng, pairs, pairs))
+        yield from compare(drive, drawn_pairs(drive, rng, pairs, 3 * pairs))
         for other in drives[k + 1 :]:
             if other.camera == drive.camera:
                 yield from compare_across(drive, other, rng, pairs // 10)
@@ -212,11 +255,10 @@ def comparisons(drives: Sequence[SeenDrive], rng: np.random.Generator, pairs: in
 
 def fit_part(found: Sequence[Comparison]) -> dict[str, object]:
     """Return the weights of one logistic regression by the names of the evidence, as JSON takes them."""
-    evidence = np.array([each.evidence for each in found], np.float64)
-    right = np.array([each.right for each in found])
-    weights, bias = fit_logistic(evidence, right)
+    weights, bias = fit_logistic(found)
     named = {name: round(float(weight), 4) for name, weight in zip(Evidence._fields, weights, strict=True)}
-    return {"weights": named, "bias": round(bias, 4), "pairs": len(right), "right": int(right.sum())}
+    right = int(sum(each.right for each in found))
+    return {"weights": named, "bias": round(bias, 4), "pairs": len(found), "right": right}
 
 
 def write_words(words: VisualWords) -> None:
@@ -229,6 +271,7 @@ def main() -> int:
     """Parse the command line, fit, and write both files."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", nargs="*", default=[])
+    parser.add_argument("--corridors", type=int, default=6, help="Corridors in which almost everything repeats.")
     parser.add_argument("--recordings", nargs="*", type=Path, default=[])
     parser.add_argument("--first-share", type=float, default=0.5, help="Use so much of each recording.")
     parser.add_argument("--clusters", type=int, default=20, help="Places of eight images in each scene.")
@@ -240,6 +283,7 @@ def main() -> int:
         simulated_drive(scene, CAMERAS[k % len(CAMERAS)], rng, options.clusters)
         for k, scene in enumerate(options.scenes)
     ]
+    drives += [corridor_drive(k, CAMERAS[k % len(CAMERAS)], rng, options.clusters) for k in range(options.corridors)]
     drives += [recorded_drive(path, options.first_share) for path in options.recordings]
     fit(drives, rng, options.pairs)
     sys.stdout.write(f"{WORDS_FILE.name} and {CALIBRATION_FILE.name} written\n")
@@ -253,6 +297,7 @@ def fit(drives: Sequence[Drive], rng: np.random.Generator, pairs: int) -> None:
     parts = {
         "both": fit_part(list(comparisons(seen, rng, pairs))),
         "one": fit_part(list(comparisons([without_depth(drive, every=2) for drive in seen], rng, pairs // 2))),
+        "none": fit_part(list(comparisons([without_depth(drive, every=1) for drive in seen], rng, pairs // 2))),
     }
     fitted = {"fitted_on": [drive.name for drive in drives], "pairs": pairs, "logistics": parts}
     CALIBRATION_FILE.write_text(json.dumps(fitted, indent=1) + "\n")

@@ -44,8 +44,8 @@ _UNRELATED = 0.01
 class GeometricPredictor:
     """f(o_i, o_j) -> (r, dx, dy, dtheta) from the geometry of two images; its features are objects (N, 1)."""
 
-    needs_depth = True
-    """At least one of two images must tell how far away things are."""
+    needs_depth = False
+    """Depth in one of two images is enough; without any, the distance is a guess, see `geometric_epipolar`."""
     likelihoods = LIKELIHOODS
 
     def __init__(self, camera: CameraModel, *, shortlist_from: int | None = SHORTLIST_FROM) -> None:

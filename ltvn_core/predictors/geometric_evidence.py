@@ -1,7 +1,7 @@
 """What speaks for a pose between two images and what against it, as numbers.
 
-Owns the evidence: key points that agree, how they are spread, and whether the depth images agree where both show the
-same surface. Does not weigh it: `geometric_calibration` does.
+Owns the evidence of key points: how many agree, how they are spread, and whether they would agree elsewhere as well.
+`geometric_surface` compares depth and colours; `geometric_calibration` weighs all of it.
 """
 
 from typing import NamedTuple
@@ -10,17 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.predictors.geometric_features import GRID_STEP_PX, ImageFeatures, ImageGrid
+from ltvn_core.predictors.geometric_features import ImageFeatures
 from ltvn_core.predictors.geometric_pose import CameraMotion, PointPairs, points
+from ltvn_core.predictors.geometric_surface import DEPTH_TOLERANCE, DEPTH_TOLERANCE_M
 
 INLIER_REACH = 0.009
 """A key point agrees with a pose when it is seen so near to where it should be, as a ray."""
-DEPTH_TOLERANCE = 0.05
-"""Depths agree within this share, and 4 cm."""
-_DEPTH_TOLERANCE_M = 0.04
 _CELLS = 4
 """The image has so many cells along each side when it is counted how far the agreeing key points are spread."""
-_MIN_SURFACE = 30
+_RIVALS = 160
+"""So many of the strongest key points are asked for other matches,"""
+_RIVAL_MARGIN, _RIVAL_MIN = 0.05, 0.75
+"""whose cosines are hardly less than the best one's."""
+_RIVAL_REACH_M = 0.08
+_RIVAL_PAIRS = 300
+"""More pairs would not say more."""
 
 
 class Evidence(NamedTuple):
@@ -42,21 +46,20 @@ class Evidence(NamedTuple):
     """So many stand where the other image looks through."""
     brightness: float
     """Correlation of the brightness of those that agree."""
+    colour_conflict: float
+    """Of those so many have a colour that is nowhere near in the other image."""
+    colour_gap: float
+    """Mean difference of the colours of those that agree, of 255, each at most 40."""
+    rival: float
+    """Support of the best other shift, as where a pattern repeats, over that of this one."""
     tilt_gap: float
     """Radians between the directions of gravity of both images, beyond what is usual."""
-    height_gap: float
-    """Metres between the heights of the camera, where it is mounted on a robot."""
     uncertainty: float
     """Logarithm of the standard deviation of the shift in metres."""
 
 
-class SurfaceAgreement(NamedTuple):
-    """How the surface that one image sees fits to the other's depth image."""
-
-    visible: float
-    agreeing: float
-    conflicting: float
-    brightness: float
+NO_EVIDENCE = Evidence(*[0.0] * len(Evidence._fields))
+"""Nothing counted yet."""
 
 
 def agreeing_pairs(motion: CameraMotion, pairs: PointPairs) -> NDArray[np.bool_]:
@@ -69,7 +72,7 @@ def _seen_there(motion: CameraMotion, pairs: PointPairs) -> NDArray[np.bool_]:
     ahead = np.maximum(there[:, 2], 0.05)
     gaps = np.linalg.norm(there[:, :2] / ahead[:, None] - pairs.second_rays, axis=1)
     off = np.abs(ahead - pairs.second_depth)
-    fits = (pairs.second_depth == 0) | (off < _DEPTH_TOLERANCE_M + DEPTH_TOLERANCE * ahead)
+    fits = (pairs.second_depth == 0) | (off < DEPTH_TOLERANCE_M + DEPTH_TOLERANCE * ahead)
     return (pairs.first_depth > 0) & (there[:, 2] > 0.05) & (gaps < INLIER_REACH) & fits
 
 
@@ -81,47 +84,28 @@ def spread(rays: NDArray[np.floating], camera: CameraModel) -> float:
     return len(np.unique(cells[:, 0] * _CELLS + cells[:, 1])) / _CELLS**2
 
 
-def surface_agreement(
-    first: ImageFeatures, second: ImageFeatures, motion: CameraMotion, camera: CameraModel, grid: ImageGrid
-) -> SurfaceAgreement:
-    """Return how the first image's surface points fit to the second's coarse depth image after a motion."""
-    chosen = np.flatnonzero(first.grid_depth)
-    there = motion.apply(points(grid.rays[chosen], first.grid_depth[chosen]))
-    places, inside = _grid_places(there, camera, grid)
-    if np.count_nonzero(inside) < _MIN_SURFACE:
-        return SurfaceAgreement(0.0, 0.0, 0.0, 0.0)
-    places, expected, chosen = places[inside], there[inside, 2], chosen[inside]
-    seen = second.grid_depth[places]
-    known = seen > 0
-    tolerance = _DEPTH_TOLERANCE_M + DEPTH_TOLERANCE * expected
-    agreeing = known & (np.abs(seen - expected) < tolerance)
-    conflicting = known & (seen > expected + 2 * tolerance)
-    alike = agreeing if known.any() else ~known
-    return SurfaceAgreement(
-        visible=len(places) / len(grid.rays),
-        agreeing=float(agreeing.sum() / max(known.sum(), 1)),
-        conflicting=float(conflicting.sum() / max(known.sum(), 1)),
-        brightness=_correlation(first.grid_gray[chosen[alike]], second.grid_gray[places[alike]]),
-    )
+def rival_support(
+    motion: CameraMotion, first: ImageFeatures, second: ImageFeatures, cosines: NDArray[np.float32]
+) -> float:
+    """Return how much key points support another shift with the same turn, over their support of the motion's.
 
-
-def _grid_places(
-    there: NDArray[np.float64], camera: CameraModel, grid: ImageGrid
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Return which point of the grid is nearest to points (N, 3), and whether they lie in the image, (N,)."""
-    ahead = there[:, 2] > 0.1
-    rays = there[:, :2] / np.where(ahead, there[:, 2], 1)[:, None]
-    pixels = np.nan_to_num(camera.rays_to_pixels(rays), nan=-1e6)
-    columns, rows = np.rint((np.clip(pixels, -1e6, 1e6) - GRID_STEP_PX // 2) / GRID_STEP_PX).astype(np.intp).T
-    inside = ahead & (columns >= 0) & (columns < grid.columns) & (rows >= 0) & (rows < grid.rows)
-    return np.where(inside, rows * grid.columns + columns, 0), inside
-
-
-def _correlation(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
-    if len(first) < _MIN_SURFACE:
+    On tiles, or between equal doors, a key point has several matches that are almost as good as its best.
+    """
+    known = np.flatnonzero(first.depth > 0)[:_RIVALS]
+    others = np.flatnonzero(second.depth > 0)
+    if len(known) < 2 or len(others) < 5:
         return 0.0
-    a, b = first.astype(np.float64), second.astype(np.float64)
-    a, b = a - a.mean(), b - b.mean()
-    scale = np.sqrt((a @ a) * (b @ b))
-    # Two even surfaces have no brightness to compare.
-    return float(a @ b / (scale + 25.0 * len(a)))
+    likely = cosines[np.ix_(known, others)]
+    best = np.argpartition(-likely, 3, axis=1)[:, :4]
+    value = np.take_along_axis(likely, best, axis=1)
+    good = (value > value.max(1, keepdims=True) - _RIVAL_MARGIN) & (value > _RIVAL_MIN)
+    rows, picks = np.nonzero(good)
+    a, b = known[rows], others[best[rows, picks]]
+    shifts = points(second.rays[b], second.depth[b]) - points(first.rays[a], first.depth[a]) @ motion.rotation.T
+    shifts = shifts[:_RIVAL_PAIRS]
+    squares = (shifts**2).sum(1)
+    near = squares[:, None] + squares - 2 * shifts @ shifts.T < _RIVAL_REACH_M**2
+    off = np.linalg.norm(shifts - motion.translation, axis=1)
+    own = np.count_nonzero(off < _RIVAL_REACH_M)
+    rivals = near.sum(1)[off > 3 * _RIVAL_REACH_M]
+    return float(min(rivals.max(initial=0) / max(own, 1), 2.0))

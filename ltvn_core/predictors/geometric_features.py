@@ -49,8 +49,8 @@ class ImageFeatures:
     """(K, 128): RootSIFT, of length 255."""
     grid_depth: NDArray[np.float32]
     """(M,): metres along the axis; 0 where there is none."""
-    grid_gray: NDArray[np.uint8]
-    """(M,): brightness."""
+    grid_rgb: NDArray[np.uint8]
+    """(M, 3): mean colour around."""
     level: NDArray[np.float64]
     """(3, 3): from right, down, ahead of the camera to forward, left, up of a level robot."""
     has_own_tilt: bool
@@ -96,21 +96,21 @@ class FeatureExtractor:
     def extract(self, observation: Observation) -> ImageFeatures:
         """Return the features of an image. Raises ImageError where it is not of the camera's size."""
         rgb, depth = self._checked(observation)
-        tilt = getattr(observation, "tilt", None)
+        tilt = observation.tilt
         camera = self._camera
         if tilt is not None:
-            camera = replace(camera, pitch_rad=float(tilt.pitch_rad), roll_rad=float(tilt.roll_rad))
+            camera = replace(camera, pitch_rad=tilt.pitch_rad, roll_rad=tilt.roll_rad)
         gray = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
         pixels, descriptors = _key_points(np.asarray(gray, np.uint8))
         columns, rows = self.grid.pixels.T
-        smooth = cv2.blur(gray, (GRID_STEP_PX, GRID_STEP_PX))
+        smooth = cv2.blur(np.ascontiguousarray(rgb), (GRID_STEP_PX, GRID_STEP_PX))
         return ImageFeatures(
             key=_hash(rgb, depth, camera),
             rays=self._camera.pixels_to_rays(pixels.astype(np.float64)).astype(np.float32),
             depth=_depth_at(depth, pixels),
             descriptors=descriptors,
             grid_depth=depth[rows, columns],
-            grid_gray=np.asarray(smooth, np.uint8)[rows, columns],
+            grid_rgb=np.asarray(smooth, np.uint8)[rows, columns],
             level=camera.rotation @ OPTICAL_TO_CAMERA,
             has_own_tilt=tilt is not None,
             place=place_vector(descriptors),

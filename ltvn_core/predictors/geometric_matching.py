@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.predictors.geometric_features import ImageFeatures
+from ltvn_core.predictors.geometric_pose import CameraMotion, projected
 
 RATIO = 0.85
 """The best match must be closer than this share of the second best (D. Lowe, IJCV 2004)."""
@@ -62,3 +63,27 @@ def guided_matches(cosines: NDArray[np.float32], gaps: NDArray[np.float32], reac
     second = best[first]
     enough = likely[first, second] > GUIDED_MIN_SIMILARITY
     return Correspondences(first[enough], second[enough])
+
+
+def ray_gaps(motion: CameraMotion, first: ImageFeatures, second: ImageFeatures) -> NDArray[np.float32]:
+    """Return the squared distances (K, L), as rays, of where key points should be to where the others are.
+
+    The first image's are looked for in the second, and where they have no depth, the other way.
+    """
+    gaps = np.full((len(first.rays), len(second.rays)), np.inf, np.float32)
+    known = np.flatnonzero(first.depth)
+    gaps[known] = _squared_gaps(projected(motion, first.rays[known], first.depth[known]), second.rays)
+    unknown, other = np.flatnonzero(first.depth == 0), np.flatnonzero(second.depth)
+    if len(unknown) and len(other):
+        back = projected(motion.inverse(), second.rays[other], second.depth[other])
+        gaps[np.ix_(unknown, other)] = _squared_gaps(back, first.rays[unknown]).T
+    return gaps
+
+
+def _squared_gaps(places: NDArray[np.float32], rays: NDArray[np.float32]) -> NDArray[np.float32]:
+    across = places[:, None, 0] - rays[None, :, 0]
+    down = places[:, None, 1] - rays[None, :, 1]
+    across *= across
+    down *= down
+    across += down
+    return across

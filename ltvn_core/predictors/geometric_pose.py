@@ -12,23 +12,20 @@ from numpy.typing import NDArray
 
 SEARCH_REACH = 0.012
 """A point may be seen so far from where a pose puts it, as a ray, to support that pose in the search."""
-MIN_SUPPORT = 6
+MIN_SUPPORT = 8
 """Fewer points support no pose."""
 
-_ITERATIONS = 8
-_RAY_SIGMA = 0.004
-"""How exactly a key point is seen, as a ray: about a pixel of an image of 320 x 240."""
-_INVERSE_DEPTH_SIGMA = 0.02
-"""How exactly a depth camera measures one over metres, the alignment of colour and depth included."""
 _ENOUGH_WITH_DEPTH = 8
 """So many pairs with depth in both images make triangles; with fewer, points of one image meet rays of the other."""
-_TRIANGLES = 1500
-_MAX_HYPOTHESES = 200
+_TRIANGLES = 1200
+_MAX_HYPOTHESES = 150
 _SHORTEST_SIDE_M = 0.08
 _DEPTH_GAP_WEIGHT = 0.2
 """A gap of one over metres counts as so much of a gap between rays."""
 _FOCAL = 500.0
 """OpenCV counts in pixels; any focal length serves."""
+_NOWHERE = 1e3
+"""The ray of a point behind the camera; nothing is near it."""
 
 
 class CameraMotion(NamedTuple):
@@ -65,7 +62,7 @@ class PointPairs(NamedTuple):
         """Return the same points with the images changed over."""
         return PointPairs(self.second_rays, self.second_depth, self.first_rays, self.first_depth)
 
-    def take(self, chosen: NDArray[np.bool_]) -> "PointPairs":
+    def take(self, chosen: NDArray[np.bool_] | slice) -> "PointPairs":
         """Return the chosen ones."""
         return PointPairs(*(part[chosen] for part in self))
 
@@ -74,6 +71,14 @@ def points(rays: NDArray[np.floating], depth: NDArray[np.floating]) -> NDArray[n
     """Return the points (N, 3) at rays (N, 2) and depths (N,)."""
     ahead = np.asarray(depth, np.float64)
     return np.concatenate([rays * ahead[:, None], ahead[:, None]], axis=1)
+
+
+def projected(motion: CameraMotion, rays: NDArray[np.float32], depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the rays (N, 2) at which the second camera sees points at rays (N, 2) and depths (N,) of the first."""
+    there = motion.apply(points(rays, depth))
+    ahead = there[:, 2] > 0.05
+    rays_there = there[:, :2] / np.where(ahead, there[:, 2], 1)[:, None]
+    return np.where(ahead[:, None], rays_there, _NOWHERE).astype(np.float32)
 
 
 def find_motion(pairs: PointPairs) -> CameraMotion | None:
@@ -95,16 +100,15 @@ def _search_by_depth(pairs: PointPairs) -> CameraMotion | None:
     alike = _alike_triangles(corners_first, corners_second)
     if not len(alike):
         return None
-    rotations = np.einsum(
-        "nij,nkj->nik", _triangle_frames(corners_second[alike]), _triangle_frames(corners_first[alike])
-    )
-    shifts = corners_second[alike].mean(1) - np.einsum("nij,nj->ni", rotations, corners_first[alike].mean(1))
-    seen = np.einsum("nij,kj->nki", rotations, first) + shifts[:, None]
-    ahead = np.maximum(seen[..., 2], 0.05)
-    gaps = ((seen[..., :2] / ahead[..., None] - known.second_rays) ** 2).sum(2)
+    corners_first, corners_second = corners_first[alike], corners_second[alike]
+    rotations = _triangle_frames(corners_second) @ _triangle_frames(corners_first).transpose(0, 2, 1)
+    shifts = corners_second.mean(1) - (rotations @ corners_first.mean(1)[:, :, None])[:, :, 0]
+    seen = rotations.astype(np.float32) @ first.T.astype(np.float32) + shifts[:, :, None].astype(np.float32)
+    ahead = np.maximum(seen[:, 2], 0.05)
+    gaps = (seen[:, 0] / ahead - known.second_rays[:, 0]) ** 2 + (seen[:, 1] / ahead - known.second_rays[:, 1]) ** 2
     gaps += (_DEPTH_GAP_WEIGHT * (1 / ahead - 1 / known.second_depth)) ** 2
     # The mean of bounded squares (MSAC) prefers the more exact of two poses with equal support.
-    cost = np.minimum(gaps / SEARCH_REACH**2, 1).sum(1)
+    cost = np.minimum(gaps, SEARCH_REACH**2).sum(1)
     best = int(cost.argmin())
     if np.count_nonzero(gaps[best] < SEARCH_REACH**2) < MIN_SUPPORT:
         return None
@@ -152,76 +156,3 @@ def _search(pairs: PointPairs) -> CameraMotion | None:
         return None
     motion = CameraMotion(np.asarray(cv2.Rodrigues(turn)[0], np.float64), np.asarray(shift, np.float64).ravel())
     return motion if np.isfinite(motion.translation).all() else None
-
-
-def refine_motion(motion: CameraMotion, pairs: PointPairs) -> tuple[CameraMotion, NDArray[np.float64]]:
-    """Return the motion that fits all pairs best, outliers aside, and the covariance (6, 6) of turn and shift.
-
-    Gauss-Newton over the rays in both images and the depths, each weighed by how exactly it is known (Cauchy).
-    """
-    normal = np.eye(6)
-    for _ in range(_ITERATIONS):
-        jacobians, residuals = _residuals(motion, pairs)
-        weights = np.repeat(1 / (1 + (residuals**2).sum(1) / 4), 3)
-        rows = jacobians.reshape(-1, 6)
-        weighted = (rows * weights[:, None]).T
-        normal = weighted @ rows + 1e-6 * np.eye(6)
-        step = -np.linalg.solve(normal, weighted @ residuals.ravel())
-        motion = _moved(motion, step)
-        if np.abs(step).max() < 1e-4:
-            break
-    return motion, np.linalg.inv(normal)
-
-
-def _residuals(motion: CameraMotion, pairs: PointPairs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return Jacobians (N, 3, 6) by turn and shift after the motion, and residuals (N, 3) in sigmas, both ways."""
-    ahead = pairs.first_depth > 0
-    there = motion.apply(points(pairs.first_rays[ahead], pairs.first_depth[ahead]))
-    turn = -_cross(there)
-    shift = np.broadcast_to(np.eye(3), turn.shape)
-    forward = _ray_residuals(
-        there, np.concatenate([turn, shift], axis=2), pairs.second_rays[ahead], pairs.second_depth[ahead]
-    )
-    back = pairs.second_depth > 0
-    seen = points(pairs.second_rays[back], pairs.second_depth[back])
-    inverse = motion.inverse()
-    turn = np.einsum("ij,njk->nik", inverse.rotation, _cross(seen))
-    shift = np.broadcast_to(-inverse.rotation, turn.shape)
-    backward = _ray_residuals(
-        inverse.apply(seen), np.concatenate([turn, shift], axis=2), pairs.first_rays[back], pairs.first_depth[back]
-    )
-    return np.concatenate([forward[0], backward[0]]), np.concatenate([forward[1], backward[1]])
-
-
-def _ray_residuals(
-    places: NDArray[np.float64],
-    jacobians: NDArray[np.float64],
-    rays: NDArray[np.float64],
-    depth: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return Jacobians (N, 3, 6) and residuals (N, 3) of points (N, 3) against rays (N, 2) and depths (N,)."""
-    near = 1 / np.maximum(places[:, 2], 0.05)
-    seen = places[:, :2] * near[:, None]
-    by_ray = (jacobians[:, :2] - seen[:, :, None] * jacobians[:, 2:]) * (near / _RAY_SIGMA)[:, None, None]
-    has_depth = np.where(depth > 0, 1 / _INVERSE_DEPTH_SIGMA, 0)
-    by_depth = -jacobians[:, 2:] * (near**2 * has_depth)[:, None, None]
-    residuals = np.concatenate(
-        [
-            (seen - rays) / _RAY_SIGMA,
-            ((near - 1 / np.maximum(depth, 0.05)) * has_depth)[:, None],
-        ],
-        axis=1,
-    )
-    return np.concatenate([by_ray, by_depth], axis=1), residuals
-
-
-def _moved(motion: CameraMotion, step: NDArray[np.float64]) -> CameraMotion:
-    turn = np.asarray(cv2.Rodrigues(step[:3])[0], np.float64)
-    return CameraMotion(turn @ motion.rotation, turn @ motion.translation + step[3:])
-
-
-def _cross(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrices (N, 3, 3) that take the cross product with vectors (N, 3) from the left."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)

@@ -97,7 +97,7 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     import numpy as np
 
     from ltvn_core.atomic_files import require_new_path
-    from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system
+    from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system, simulated_robot
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.predictors.choice import ImageSource
@@ -109,14 +109,17 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
         require_new_path(options.map)
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
-    simulation = open_simulation(options.scene, seed=options.seed)
+    simulation = open_simulation(options.scene, seed=options.seed, spec=simulated_robot(options.predictor))
     camera = simulation.robot.spec.camera
     choice = ImageSource(camera=camera).choose(options.predictor)
     predictor = open_predictor(choice.name, options.scene, options.weights, camera=camera)
     system = open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor))
     path = options.recording or _dated_path(f"demo-{simulation.scene.name}-{options.seed}")
     run = RunDescription(
-        scene=simulation.scene.address, config=options.settings(system, choice.name), fingerprint=predictor.fingerprint
+        scene=simulation.scene.address,
+        config=options.settings(system, choice.name),
+        fingerprint=predictor.fingerprint,
+        camera=camera,
     )
     with run.open_writer(path, live_port=announce_stream(options.stream)) as writer:
         runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, system, TopologicalGraph())

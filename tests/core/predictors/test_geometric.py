@@ -11,7 +11,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import ImageError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.predictors.geometric import GeometricPredictor
-from ltvn_core.types import Observation, Predictor
+from ltvn_core.types import Observation, Predictor, Tilt
 from tests.core.predictors.textured_room import CAMERA, TexturedRoom, without_depth
 
 HERE = np.array([1.2, 2.0, 0.1])
@@ -79,6 +79,40 @@ def test_depth_in_one_of_two_images_is_enough(predictor: GeometricPredictor, roo
         reachability, waypoint = asked(predictor, first, second)
         assert reachability > 0.6
         np.testing.assert_allclose(waypoint, relative(HERE, AHEAD), atol=0.04)
+
+
+def test_without_any_depth_the_turn_and_the_direction_are_right_and_the_distance_is_a_guess(
+    predictor: GeometricPredictor, room: TexturedRoom
+) -> None:
+    target = np.array([1.75, 2.1, -0.1])
+    source, seen = without_depth(room.observe(HERE)), without_depth(room.observe(target))
+    reachability, waypoint = asked(predictor, source, seen)
+    true = relative(HERE, target)
+    assert reachability > 0.5
+    assert waypoint[2] == pytest.approx(true[2], abs=0.03)
+    assert np.arctan2(waypoint[1], waypoint[0]) == pytest.approx(np.arctan2(true[1], true[0]), abs=0.15)
+    assert 0.4 < np.hypot(*waypoint[:2]) / np.hypot(*true[:2]) < 2.5
+    assert asked(predictor, source, without_depth(TexturedRoom(4).observe(HERE)))[0] < 0.1
+
+
+def test_without_any_depth_a_turn_on_the_spot_is_no_way(predictor: GeometricPredictor, room: TexturedRoom) -> None:
+    turned = without_depth(room.observe(moved([0.0, 0.0, 0.2])))
+    reachability, waypoint = asked(predictor, without_depth(room.observe(HERE)), turned)
+    assert reachability > 0.5
+    np.testing.assert_allclose(waypoint, [0, 0, 0.2], atol=0.02)
+
+
+def test_a_camera_that_is_held_by_hand_is_levelled_by_the_tilt_of_each_image(
+    predictor: GeometricPredictor, room: TexturedRoom
+) -> None:
+    tilts = Tilt(pitch_rad=-0.25, roll_rad=0.15), Tilt(pitch_rad=0.1, roll_rad=-0.1)
+    seen = [
+        replace(room.observe(pose, camera=replace(CAMERA, pitch_rad=tilt.pitch_rad, roll_rad=tilt.roll_rad)), tilt=tilt)
+        for pose, tilt in zip((HERE, AHEAD), tilts, strict=True)
+    ]
+    reachability, waypoint = asked(predictor, seen[0], seen[1])
+    assert reachability > 0.6
+    np.testing.assert_allclose(waypoint, relative(HERE, AHEAD), atol=0.04)
 
 
 def test_a_blank_image_resembles_nothing_not_even_itself(predictor: GeometricPredictor, room: TexturedRoom) -> None:

@@ -4,7 +4,7 @@ Each query gets a robot and a random generator of its own, so that an episode is
 and can be repeated for its recording.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 from ltvn_core.evaluation.failure_causes import FailureClassifier
 from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
 from ltvn_core.evaluation.imaged_scene import ImagedScene
+from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
 from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
 from ltvn_core.evaluation.results import EpisodeResult, FailureCause
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -32,7 +33,7 @@ EventCallback = Callable[[Event, SimulatedRobot], None]
 """Called with an event while the robot is still where it happened."""
 
 
-def _unwrapped(robot: SimulatedRobot) -> Robot:
+def _unwrapped(robot: Robot) -> Robot:
     return robot
 
 
@@ -40,9 +41,16 @@ class EpisodeRunner:
     """Runs queries with one map."""
 
     def __init__(
-        self, scene: Scene, map_file: Path, predictor: Predictor, system: NavigationSystem, protocol: EvaluationProtocol
+        self,
+        scene: Scene,
+        map_file: Path,
+        predictor: Predictor,
+        system: NavigationSystem,
+        protocol: EvaluationProtocol,
+        *,
+        perturbations: Sequence[str] = (),
     ) -> None:
-        """Load a map. Raises MapError where other weights made it."""
+        """Load a map; the robot's camera will have these perturbations. Raises MapError where other weights made it."""
         loaded = load_map(map_file)
         check_fingerprint(loaded.meta, predictor.fingerprint)
         self.scene = scene
@@ -55,6 +63,7 @@ class EpisodeRunner:
         self.predictor = predictor
         self.system = system
         self.noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
+        self._perturbations = perturbations
         self._next_frame = max(self.keyframes.frames) + 1
 
     @property
@@ -70,7 +79,7 @@ class EpisodeRunner:
         rng: np.random.Generator,
         *,
         on_event: EventCallback | None = None,
-        wrap_robot: Callable[[SimulatedRobot], Robot] = _unwrapped,
+        wrap_robot: Callable[[Robot], Robot] = _unwrapped,
         first_frame: FrameId | None = None,
     ) -> EpisodeResult:
         """Drive one query and evaluate it; `wrap_robot` may wrap the robot that the navigator gets.
@@ -82,7 +91,7 @@ class EpisodeRunner:
         classifier = FailureClassifier(self.truth, self.graph)
         with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
             parts = self.graph, self.keyframes, self.predictor, self.system.method, rng
-            navigator = Navigator(wrap_robot(robot), *parts, system=self.system)
+            navigator = Navigator(wrap_robot(self._looking(robot, query)), *parts, system=self.system)
 
             def consume_event(event: Event) -> None:
                 classifier.consume(event, robot.exact_pose)
@@ -109,6 +118,10 @@ class EpisodeRunner:
             odometry_noise=self.noise,
             first_step=first_frame,
         )
+
+    def _looking(self, robot: SimulatedRobot, query: int) -> Robot:
+        """Return the robot as its camera shows the world."""
+        return PerturbedRobot(robot, self._perturbations, seed=query) if self._perturbations else robot
 
     def _result(self, plan: EpisodePlan, episode: Episode, classifier: FailureClassifier) -> EpisodeResult:
         ended = episode.ended

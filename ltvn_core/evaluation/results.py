@@ -125,6 +125,8 @@ class TrialResult:
     """Command that reproduces this result."""
     without_depth: int = 0
     """Images of the mapping drive that have no depth."""
+    perturbations: tuple[str, ...] = ()
+    """What was wrong with the robot's camera in the episodes."""
 
 
 @dataclass(frozen=True, slots=True)

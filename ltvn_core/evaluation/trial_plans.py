@@ -41,6 +41,8 @@ class TrialPlan:
     """Parts of the method that are switched off, see `method_parts`."""
     predictor: str = NETWORK
     """What compares images, by name."""
+    perturbations: tuple[str, ...] = ()
+    """What is wrong with the robot's camera in the episodes, but not in the mapping drive."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones of the system."""
     finetune_steps: int = 40
@@ -71,7 +73,8 @@ class TrialPlan:
         words = [self.system]
         words += [] if self.preset == "robust" else [self.preset]
         words += [] if self.predictor == NETWORK else [self.predictor]
-        return "-".join([*words, *(f"no-{part}" for part in self.parts_off)])
+        words += [f"no-{part}" for part in self.parts_off]
+        return "-".join([*words, *(f"with-{name}" for name in self.perturbations)])
 
 
 def method_parts() -> tuple[str, ...]:
@@ -181,6 +184,8 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     drive |= {name: protocol[name] for name in ("loops", "goals", "distance_noise", "angle_noise")}
     learned = {"weights": weights, "finetune_steps": steps}
     made_by = {**asdict(plan), **learned, "protocol": protocol, "version": version("ltvn")}
+    if not plan.perturbations:  # Folders that were made before there were any do not name them.
+        del made_by["perturbations"]
     _claim(files.drive_truth.with_suffix(".plan.json"), drive)
     if plan.finetuned:
         _claim(files.weights.with_suffix(".plan.json"), learned)

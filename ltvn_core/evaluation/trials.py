@@ -65,7 +65,7 @@ def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
     weights = planned_weights(plan, files)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, predictor, scene, maintain=maintain)
-    return EpisodeRunner(scene, files.map(queries), predictor, system, plan.protocol)
+    return EpisodeRunner(scene, files.map(queries), predictor, system, plan.protocol, perturbations=plan.perturbations)
 
 
 def run_episode_batch(
@@ -199,4 +199,5 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         version=version("ltvn"),
         command=command,
         without_depth=drive_truth.without_depth,
+        perturbations=plan.perturbations,
     )

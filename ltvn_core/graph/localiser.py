@@ -162,13 +162,15 @@ def best_localisation(
         return Localisation(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
     order = np.lexsort((scores, ~passing))
     best, second = order[0], order[1] if len(order) > 1 else None
+    # Where no match has a waypoint both scores are infinite, and nothing is ahead of anything.
+    margin = np.inf if second is None or np.isinf(scores[best]) else float(scores[second] - scores[best])
     return Localisation(
         matches.nodes[best] if passing[best] else None,
         float(matches.distances[best]),
         float(matches.reachability[best]),
         matches.waypoints[best],
         None if second is None else matches.nodes[second],
-        np.inf if second is None else float(scores[second] - scores[best]),
+        margin,
         scope,
     )
 

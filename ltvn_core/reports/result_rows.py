@@ -33,7 +33,7 @@ class TrialSetup:
     queries: int
     """Queries with maintenance before the episodes."""
     ablated: bool
-    """Whether parts of the method were switched off or replaced by ground truth."""
+    """Whether parts of the method were switched off or replaced by ground truth, or the camera was spoiled."""
 
     @property
     def stage(self) -> str:
@@ -89,6 +89,8 @@ def setup_of(trial: TrialResult) -> TrialSetup:
         name = f"{name} without {', '.join(without)}"
     if asked_the_truth := trial.fingerprint == "oracle":
         name = f"{name} with the oracle"
+    if trial.perturbations:
+        name = f"{name}, camera with {', '.join(trial.perturbations)}"
     return TrialSetup(
         scene=trial.scene,
         system=trial.method,
@@ -96,7 +98,7 @@ def setup_of(trial: TrialResult) -> TrialSetup:
         method=name,
         finetuned=trial.finetuned,
         queries=trial.queries,
-        ablated=bool(without) or asked_the_truth,
+        ablated=bool(without or trial.perturbations) or asked_the_truth,
     )
 
 

@@ -94,7 +94,7 @@ class ProtocolOptions(Verb):
 
         return EvaluationProtocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
 
-    def plans(self, method: str, episodes: int) -> "list[TrialPlan]":
+    def plans(self, method: str, episodes: int, perturbations: tuple[str, ...] = ()) -> "list[TrialPlan]":
         """Return a plan for each scene and seed. Raises OptionError."""
         from ltvn_core.evaluation.trial_plans import TrialPlan
         from ltvn_core.predictors.choice import ImageSource
@@ -116,6 +116,7 @@ class ProtocolOptions(Verb):
                 system=method,
                 preset=self.preset,
                 parts_off=tuple(sorted(self.without)),
+                perturbations=perturbations,
                 predictor=predictor,
                 weights=self.weights,
                 finetune_steps=self.finetune_steps,
@@ -134,6 +135,9 @@ class EvaluateVerb(ProtocolOptions):
     """Ours, or a rival in the same harness."""
     episodes: int = 500
     """Random episodes for each scene and seed."""
+    perturb: str = ""
+    """What is wrong with the robot's camera in the episodes, all at once: a list of blur, exposure, flare, depth-holes,
+    lens, noise, white-balance, jpeg, dropped-frames, separated by commas. The map is of a good camera."""
     record_failures: int = 0
     """Run so many of the failed episodes of each scene and seed again and record them, for `ltvn replay`."""
 
@@ -143,6 +147,7 @@ class EvaluateVerb(ProtocolOptions):
         from tqdm import tqdm
 
         from ltvn_core.evaluation.failure_recordings import record_failures
+        from ltvn_core.evaluation.perturbations.perturbation_registry import parse_perturbations
         from ltvn_core.evaluation.trial_plans import TrialFiles
         from ltvn_core.evaluation.trials import run_trials
         from ltvn_core.evaluation.workers import workers
@@ -150,7 +155,8 @@ class EvaluateVerb(ProtocolOptions):
 
         if self.record_failures < 0:
             raise OptionError(f"--record-failures must be 0 or more, got {self.record_failures}.")
-        started, plans = time.monotonic(), self.plans(self.method, self.episodes)
+        started = time.monotonic()
+        plans = self.plans(self.method, self.episodes, parse_perturbations(self.perturb))
         with (
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=self.episodes * len(plans), desc="evaluate", unit="episode") as bar,

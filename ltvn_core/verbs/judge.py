@@ -94,6 +94,7 @@ class JudgeVerb(Verb):
     recording: Positional[Path]
     """The recording; its images need true poses, as simulated and imported recordings have them."""
     predictor: PredictorName = AUTO
+    """What compares images; by default the better one for the recording's camera."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"

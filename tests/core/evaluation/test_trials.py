@@ -1,5 +1,7 @@
 """Trials: resumable, the same however they are cut into pieces, and never mixed with those of other settings."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
 from ltvn_core.navigation.events import QueryEnded
 from ltvn_core.recording.reader import Recording
+from ltvn_core.reports.result_rows import setup_of
 from tests.core.simulation.two_room_mesh import box_house, save
 
 EPISODES = 4
@@ -94,6 +97,24 @@ def test_a_failed_episode_is_recorded_as_it_went(folder: Path) -> None:
     recording = Recording.open(files.failure(0))
     ended = [stamped.event for stamped in recording.events if isinstance(stamped.event, QueryEnded)]
     assert [end.steps for end in ended] == [failed.episodes[0].steps]
+
+
+def test_episodes_with_a_spoiled_camera_are_kept_apart_from_others(trial: TrialResult, folder: Path) -> None:
+    plan = replace(_plan(folder), perturbations=("exposure",))
+    spoiled = _run(plan, folder, episodes=1)
+
+    assert (spoiled.perturbations, trial.perturbations) == (("exposure",), ())
+    assert setup_of(spoiled).method == f"{setup_of(trial).method}, camera with exposure"
+    assert TrialFiles.of(plan, folder).trial(1) != TrialFiles.of(_plan(folder), folder).trial(1)
+    # The oracle does not look at pictures, so nothing else may have changed.
+    assert spoiled.episodes == trial.episodes[:1]
+
+
+def test_a_folder_says_nothing_of_perturbations_where_there_are_none(trial: TrialResult, folder: Path) -> None:
+    files = TrialFiles.of(_plan(folder), folder)
+    settings = json.loads((files.folder / files.label / "plan.json").read_text())
+
+    assert "perturbations" not in settings
 
 
 def test_results_are_read_as_they_were_written(trial: TrialResult, tmp_path: Path) -> None:

@@ -44,7 +44,10 @@ class Rectification:
         self._columns = np.clip(np.rint(places[..., 0]), 0, source.width - 1).astype(np.intp)
         self._rows = np.clip(np.rint(places[..., 1]), 0, source.height - 1).astype(np.intp)
         self._samples = _samples_per_axis(source, target)
-        fine, _, _ = _source_pixels(source, target, self._samples)
+        fine, fine_seen, _ = _source_pixels(source, target, self._samples)
+        # On the rim a pixel may be seen and a part of it not; that part takes the colour of its middle.
+        middles = places.repeat(self._samples, axis=0).repeat(self._samples, axis=1)
+        fine = np.where(fine_seen[..., None], fine, middles)
         border = np.array([source.width - 1, source.height - 1])
         self._fine = np.clip(fine, 0, border).astype(np.float32)
 

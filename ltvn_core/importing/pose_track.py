@@ -13,17 +13,23 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
+from ltvn_core.importing.stamp_matching import period_s
 
-LARGEST_GAP_S = 0.25
-"""Between samples that are farther apart nothing is known."""
+LARGEST_GAP_S = (0.25, 1.0)
+"""Between samples that are farther apart nothing is known: the first, or twice their usual distance up to the
+second."""
 
 _COLUMNS = 8
-_UPRIGHT = 0.5
-"""The mean cosine between the camera's up and z from which on z is taken to be up: at most 60 degrees off."""
-_CLEARLY_UP = 0.7
+_UPRIGHT = 0.25
+"""Where the camera's up is within 75 degrees of z on average, z is up, as nearly always; it may look down steeply."""
+_CLEARLY_UP = 0.8
+"""Else the axis is up that is so near to the camera's up on average, as the cosine."""
 _UNIT_TOLERANCE = 0.1
+_BESIDE_S = 0.025
+"""A sample so near in time is the pose, where there is none on the other side."""
 _MOST_BYTES = 500_000_000
-_AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1), "x": (1, 0, 0), "-x": (-1, 0, 0)}
+_AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
+"""What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
 
 
 class PoseTrack:
@@ -37,6 +43,8 @@ class PoseTrack:
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
         self._positions = positions if turn is None else turn.apply(positions)
         self._rotations = rotations if turn is None else turn * rotations
+        least_s, most_s = LARGEST_GAP_S
+        self._largest_gap_s = min(max(least_s, 2 * (period_s(stamps) or 0.0)), most_s)
         self._slerp = Slerp(stamps, self._rotations) if len(stamps) > 1 else None
 
     @classmethod
@@ -49,7 +57,7 @@ class PoseTrack:
         after = int(np.searchsorted(self.stamps, stamp))
         if after < len(self.stamps) and self.stamps[after] == stamp:
             return self._sample(after)
-        if not 0 < after < len(self.stamps) or self.stamps[after] - self.stamps[after - 1] > LARGEST_GAP_S:
+        if not 0 < after < len(self.stamps) or self.stamps[after] - self.stamps[after - 1] > self._largest_gap_s:
             return self._nearest(stamp)
         before_s, after_s = self.stamps[after - 1], self.stamps[after]
         share = (stamp - before_s) / (after_s - before_s)
@@ -59,7 +67,7 @@ class PoseTrack:
 
     def _nearest(self, stamp: float) -> SpatialPose | None:
         place = int(np.argmin(np.abs(self.stamps - stamp)))
-        return self._sample(place) if abs(self.stamps[place] - stamp) <= LARGEST_GAP_S / 10 else None
+        return self._sample(place) if abs(self.stamps[place] - stamp) <= _BESIDE_S else None
 
     def _sample(self, place: int) -> SpatialPose:
         return spatial_pose(self._positions[place], self._rotations[place].as_matrix())

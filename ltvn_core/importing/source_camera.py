@@ -77,6 +77,15 @@ def read_camera_file(path: Path) -> CameraFile:
         ) from error
 
 
+def read_calibration(path: Path, width: int, height: int) -> CameraModel:
+    """Read a `calibration.txt` as ETH3D's SLAM benchmark has it: fx fy cx cy in pixels. Raises DriveError."""
+    try:
+        fx, fy, cx, cy = map(float, path.read_text(encoding="utf-8").replace(",", " ").split()[:4])
+        return CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
+    except (OSError, ValueError, OverflowError, CameraError) as error:
+        raise DriveError(f"{path} describes no camera ({error!s:.120}); it needs fx fy cx cy in pixels.") from error
+
+
 def camera_of_fov(width: int, height: int, horizontal_fov_deg: float) -> CameraModel:
     """Return a camera with a centred lens without distortion. Raises DriveError for an impossible angle."""
     try:

@@ -15,12 +15,13 @@ from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.image_folder import read_bytes_within
 from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
-from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_camera_file
+from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_calibration, read_camera_file
 from ltvn_core.importing.stamp_matching import nearest, rate_hz
 from ltvn_core.types import Depth
 
 UNITS_PER_METRE = 5000.0
 NO_DEPTH = "none"
+CALIBRATION_FILE = "calibration.txt"
 SLACK_S = 0.02
 """Colour and depth belong together within half a frame, or within this where frames come faster."""
 
@@ -88,13 +89,19 @@ class TumReader:
             stamp=stamp,
             rgb=rgb,
             depth_m=depth,
-            camera=None if self._camera is None else fitted(self._camera, width, height, name),
+            camera=self._fitted_camera(width, height, name),
             depth_camera=None if depth is None else self._depth_camera(depth),
             odometry=None if odometry is None else odometry.planar,
             truth=None if truth is None else truth.planar,
             tilt=None if known is None else known.tilt,
             name=name,
         )
+
+    def _fitted_camera(self, width: int, height: int, name: str) -> CameraModel | None:
+        calibration = self._folder / CALIBRATION_FILE
+        if self._camera is None and calibration.is_file():
+            self._camera = read_calibration(calibration, width, height)
+        return None if self._camera is None else fitted(self._camera, width, height, name)
 
     def _read_depth(self, name: str) -> Depth:
         unit = self._described.metres_per_unit or 1 / UNITS_PER_METRE

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
@@ -32,8 +33,6 @@ def test_a_real_drive_comes_in_with_depth_poses_tilt_and_lens() -> None:
 def test_pose_pitch_and_roll_are_those_of_the_optical_frame(tmp_path: Path) -> None:
     half = np.radians(-30) / 2  # Pitched down by 30 degrees about the left axis, then the usual optical frame.
     w, y = np.cos(half), -np.sin(half)
-    from scipy.spatial.transform import Rotation
-
     turned = (Rotation.from_quat([0, y, 0, w]) * Rotation.from_quat([float(q) for q in FORWARD.split()])).as_quat()
     lines = [f"{100 + k / 10:.4f} {0.2 * k} 1 0.5 {' '.join(map(str, turned))}" for k in range(4)]
     frame = read(write_tum_folder(tmp_path, pose_lines=lines))[2]
@@ -139,3 +138,21 @@ def test_a_cut_image_is_left_out_and_a_picture_that_unpacks_to_gigabytes_is_neve
     reader = TumReader.open(folder, ReadOptions())
     assert len(list(reader.frames())) == 2
     assert reader.dropped == {"damaged or missing image": 2}
+
+
+def test_a_calibration_as_eth3d_writes_it_names_the_lens(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path, frames=1)
+    (folder / "calibration.txt").write_text("55.5 56.5 31.5 23.5\n")
+    camera = read(folder)[0].camera
+    assert camera is not None
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.width) == (55.5, 56.5, 31.5, 23.5, 64)
+
+
+@pytest.mark.parametrize("pitch_deg", [-70, -40, 0, 30])
+def test_a_camera_that_looks_down_steeply_does_not_change_what_is_up(tmp_path: Path, pitch_deg: float) -> None:
+    ahead = Rotation.from_quat([float(number) for number in FORWARD.split()])
+    turn = (Rotation.from_euler("y", -pitch_deg, degrees=True) * ahead).as_quat()
+    lines = [f"{100 + k / 10} {0.2 * k} 1 0.5 {' '.join(map(str, turn))}" for k in range(4)]
+    frame = read(write_tum_folder(tmp_path, pose_lines=lines))[1]
+    assert frame.truth == pytest.approx([0.2, 1, 0], abs=1e-6)
+    assert frame.tilt == pytest.approx((np.radians(pitch_deg), 0), abs=1e-6)

@@ -23,11 +23,11 @@ from ltvn_core.importing.import_options import ImportOptions, OdometrySource
 from ltvn_core.importing.import_summary import ImportSummary, import_summary
 from ltvn_core.importing.raw_frame import DriveReader, RawFrame
 from ltvn_core.navigation.events import Note, Severity, StampedEvent
-from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.observation_check import ObservationCheck
 from ltvn_core.types import Observation, Pose
 
-_DECIDING_FRAMES = 300
+_DECIDING_FRAMES = 100
 """The camera's usual tilt is the median of so many images, which are held until the recording begins."""
 
 Progress = Callable[[int, int | None], None]
@@ -58,6 +58,7 @@ class _DriveImport:
         self._preparation: FramePreparation | None = None
         self._dropped: Counter[str] = Counter()
         self._faults: list[str] = []
+        self._check, self._sequence_doubts = ObservationCheck(), list[str]()
         self._stamps: list[float] = []
         self._kept: list[KeptFrame] = []
         self._scene = options.scene or f"real:{reader.facts.place or reader.facts.format}"
@@ -73,7 +74,9 @@ class _DriveImport:
         with RecordingWriter(
             path, scene=self._scene, config=self._config(self._preparation), fingerprint="", camera=camera
         ) as writer:
-            for seen in record_images(chain(first, observations), writer):
+            for seen in chain(first, observations):
+                writer.write_frame(seen)
+                self._sequence_doubts += self._check.doubts(seen)
                 last_step, last_stamp = seen.step, seen.stamp
             summary = self._summary(name, self._preparation, camera)
             for doubt in summary.doubts:
@@ -169,7 +172,7 @@ class _DriveImport:
             dropped=dropped,
             camera=camera,
             seconds=self._stamps[-1] - self._stamps[0],
-            doubts=(*self._reader.doubts, *faults, *drive_doubts(found)),
+            doubts=(*self._reader.doubts, *faults, *self._sequence_doubts, *drive_doubts(found)),
         )
 
     def _nothing_left(self) -> str:

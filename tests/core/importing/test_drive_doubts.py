@@ -24,13 +24,24 @@ def said(summary: ImportSummary) -> str:
     return " ".join(summary.doubts)
 
 
+def noisy(raw: RawFrame) -> RawFrame:
+    noise = np.random.default_rng(round(raw.stamp * 10)).integers(0, 9, raw.rgb.shape, np.uint8)
+    return replace(raw, rgb=raw.rgb // 2 + noise)
+
+
 def with_depth(raw: RawFrame) -> RawFrame:
     return replace(raw, depth_m=np.ones(raw.rgb.shape[:2], np.float32))
 
 
 def test_a_good_drive_is_not_doubted(tmp_path: Path) -> None:
-    drive = [with_depth(frame(k, x=0.1 * k)) for k in range(25)]
+    drive = [with_depth(noisy(frame(k, x=0.1 * k))) for k in range(25)]
     assert imported(tmp_path, drive, ("rgb", "depth", "odometry")).doubts == ()
+
+
+def test_a_camera_that_stands_still_while_the_robot_drives_is_told(tmp_path: Path) -> None:
+    drive = [with_depth(frame(k, x=0.1 * k)) for k in range(25)]
+    (doubt,) = imported(tmp_path, drive, ("rgb", "depth", "odometry")).doubts
+    assert "does the camera stand still" in doubt
 
 
 def test_pauses_of_the_recorder_are_told(tmp_path: Path) -> None:

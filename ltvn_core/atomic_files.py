@@ -5,6 +5,7 @@ file with a name of its own in the same folder, and renamed; whatever ends the w
 """
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -53,6 +54,26 @@ def atomic_output(path: Path) -> Iterator[Path]:
             os.replace(part, path)
     except OSError as error:
         raise _refused(path, error) from error
+
+
+@contextmanager
+def new_folder(path: Path, *, leave: str = "") -> Iterator[Path]:
+    """Yield an empty folder to fill; it becomes the new folder `path` when the block ends well, else it vanishes.
+
+    With `leave` only what has that name within it becomes `path`. Raises RecordingError as `atomic_output` does.
+    """
+    require_new_path(path)
+    _make_folder(path)
+    part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
+    try:
+        part.mkdir()
+        yield part
+        require_new_path(path)
+        os.rename(part / leave, path)
+    except OSError as error:
+        raise _refused(path, error) from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
 
 
 def write_text_atomically(path: Path, text: str) -> None:

@@ -40,6 +40,7 @@ TRUTH_READERS = (
     "ltvn_core/simulation",
     "ltvn_core/recording",
     "ltvn_core/evaluation",
+    "ltvn_core/exporting",
     "ltvn_core/preprocessing.py",
     "ltvn_viz",
 )
@@ -52,6 +53,7 @@ CORE_ORDER = (
     "analysis",
     "recording",
     "importing",
+    "exporting",
     "simulation",
     "training_data",
     "network",

@@ -1,11 +1,17 @@
-"""How the whole suite runs: with a cache of its own, and with what takes long first."""
+"""How the whole suite runs: with a cache of its own, what takes long first, and on a plain installation what it can."""
 
 import os
 import shutil
 import tempfile
+from collections.abc import Generator
+from importlib.util import find_spec
 from itertools import chain, zip_longest
 
 import pytest
+
+from ltvn_core.extras import EXTRAS
+
+ONLY_FOR_TESTS = ("nbclient", "nbformat", "playwright")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -15,6 +21,24 @@ def pytest_configure(config: pytest.Config) -> None:
     folder = tempfile.mkdtemp(prefix="ltvn-test-cache-")
     os.environ["XDG_CACHE_HOME"] = folder
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Skip the modules that import a library which is not installed here, as PyBullet cannot be on Python 3.12."""
+    report = yield
+    if report.outcome == "failed" and (missing := _missing_library(str(report.longrepr))) is not None:
+        report.outcome = "skipped"
+        report.longrepr = (str(collector.path), 1, f"Skipped: {missing} is not installed")
+    return report
+
+
+def _missing_library(text: str) -> str | None:
+    """Return which library of ours that may be missing is named in an import error and is missing."""
+    named = [each for each in (*EXTRAS, *ONLY_FOR_TESTS) if f"No module named '{each}'" in text]
+    return next((each for each in named if find_spec(each) is None), None)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -15,6 +15,8 @@ from ltvn_core.recording.reader import Recording
 
 pytestmark = pytest.mark.slow
 
+for library in ("pybullet", "torch", "trimesh"):
+    pytest.importorskip(library)
 
 KEYS = {"frames", "nodes", "edges", "queries", "reached", "collisions", "pruned", "added", "recording", "wall_s"}
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ltvn_core.errors import RecordingError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.locobot_model import locobot_glb
 from ltvn_core.types import Pose
@@ -22,6 +23,7 @@ from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.shutdown_signals import stop_on_signals
 from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.commands import OpenRecording
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.pages import SessionPages
@@ -35,6 +37,9 @@ __all__ = ["AppOptions", "RunningApp", "open_app", "run_app"]
 
 UNKNOWN_FLOOR_M = 4.0
 """So much to each side of the robot is shown first where nobody knows the place."""
+
+LEAST_FLOOR_M, ROUND_ABOUT_M = 1.0, 0.7
+"""A drive is shown first with so much floor at least, and so much more on each side of it."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,10 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
         server = stack.enter_context(GuardedServer(port=options.port, seat=seat))
         server.add_route("/thumb/", thumbnails.get)
         robot = state.live.robot
-        set_initial_camera(server.viser, *(floor_bounds(state.scene) or _floor_around(robot.drawn_pose)))
+        set_initial_camera(
+            server.viser,
+            *(floor_bounds(state.scene) or _driven_floor(state, options) or _floor_around(robot.drawn_pose)),
+        )
         state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
         screen = _Screen()
         session = Session(
@@ -85,6 +93,21 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
         if options.replay is not None:
             session.send(OpenRecording(options.replay, options.replay_at_s))
         yield RunningApp(server, session)
+
+
+def _driven_floor(state: AppState, options: AppOptions) -> tuple[Pose, Pose] | None:
+    """Return two corners (x_m, y_m) around the drive of the recording to watch; None where it cannot be read."""
+    if options.replay is None:
+        return None
+    try:
+        course = state.open_replay(options.replay).course[:, :2]
+    except RecordingError:  # Who opens it to be watched says what is wrong with it.
+        return None
+    if not len(course):
+        return None
+    low, high = course.min(axis=0), course.max(axis=0)
+    margin = max(0.0, LEAST_FLOOR_M - float((high - low).max())) / 2 + ROUND_ABOUT_M
+    return low - margin, high + margin
 
 
 def _floor_around(pose: Pose) -> tuple[Pose, Pose]:

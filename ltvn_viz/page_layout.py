@@ -19,7 +19,7 @@ from ltvn_viz.layers.lights_and_camera import add_lights
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layer import RobotLayer
 from ltvn_viz.layers.scene_layer import SceneLayer
-from ltvn_viz.layers.trajectory_layer import TrajectoryLayer
+from ltvn_viz.layers.trajectory_layer import CourseLayer, TrajectoryLayer
 from ltvn_viz.painter import OwnParts, PagePart
 from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.debugger_panel import DebuggerPanel
@@ -120,6 +120,7 @@ def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[Pag
         GoalLayer(scene),
         GhostLayer(scene, assets.robot),
         ChangesLayer(scene),
+        CourseLayer(scene),
         TrajectoryLayer(scene),
         EdgesLayer(scene),
     ]

@@ -3,12 +3,15 @@
 import viser
 
 from ltvn_core import palette
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 
 FORWARD_CAMERA_WXYZ = (0.5, -0.5, 0.5, -0.5)
 """Turns a camera that looks along z, with y down, into one that looks along the robot's x."""
+MAST_X_M = 0.06
+"""The camera stands so far before the robot's middle."""
 
 
 class RobotLayer:
@@ -19,39 +22,49 @@ class RobotLayer:
 
         The body is `glb` (x forward, z up); without one, a plain cylinder of the size in `spec`.
         """
-        self._body = scene.add_frame("/robot", show_axes=False, visible=False)
+        self._place = scene.add_frame("/robot", show_axes=False, visible=False)
+        self._body = scene.add_frame("/robot/body", show_axes=False)
         if glb is None:
             _add_plain_body(scene, spec)
         else:
-            scene.add_glb("/robot/body", glb, cast_shadow=False, receive_shadow=False)
-        lens = spec.camera
-        fov = lens.vertical_fov_rad
-        scene.add_camera_frustum(
+            scene.add_glb("/robot/body/model", glb, cast_shadow=False, receive_shadow=False)
+        self._own_camera = self._drawn_camera = spec.camera
+        self._view = scene.add_camera_frustum(
             "/robot/view",
-            fov=float(fov),
-            aspect=lens.width / lens.height,
+            fov=float(spec.camera.vertical_fov_rad),
+            aspect=spec.camera.width / spec.camera.height,
             scale=0.25,
             thickness=1.5,
             thickness_units="screen",
             color=palette.ACCENT,
             wxyz=FORWARD_CAMERA_WXYZ,
-            position=(0.06, 0.0, lens.height_m),
+            position=(MAST_X_M, 0.0, spec.camera.height_m),
             cast_shadow=False,
             receive_shadow=False,
         )
 
     def show(self, snapshot: Snapshot) -> None:
-        """Move the robot to its pose."""
-        pose = snapshot.moment.robot
+        """Move the robot to its pose; where nobody knows what carried the camera, draw the camera alone."""
+        pose, lone = snapshot.moment.robot, snapshot.lone_camera
+        self._show_camera(self._own_camera if lone is None else lone, is_alone=lone is not None)
         if pose is not None:
-            self._body.position = points(pose, 0.0)
-            self._body.wxyz = wxyz(pose[2])
-        self._body.visible = pose is not None
+            self._place.position = points(pose, 0.0)
+            self._place.wxyz = wxyz(pose[2])
+        self._place.visible = pose is not None
+
+    def _show_camera(self, camera: CameraModel, *, is_alone: bool) -> None:
+        if camera is self._drawn_camera:
+            return
+        self._drawn_camera = camera
+        self._body.visible = not is_alone
+        self._view.fov = float(camera.vertical_fov_rad)
+        self._view.aspect = camera.width / camera.height
+        self._view.position = (0.0 if is_alone else MAST_X_M, 0.0, camera.height_m)
 
 
 def _add_plain_body(scene: viser.SceneApi, spec: RobotSpec) -> None:
     scene.add_cylinder(
-        "/robot/body",
+        "/robot/body/cylinder",
         radius=spec.radius_m,
         height=spec.height_m,
         color=palette.NODE,
@@ -62,7 +75,7 @@ def _add_plain_body(scene: viser.SceneApi, spec: RobotSpec) -> None:
     )
     vertices, faces = marker_mesh(2 * spec.radius_m, 0.02)
     scene.add_mesh_simple(
-        "/robot/arrow",
+        "/robot/body/arrow",
         vertices,
         faces,
         color=palette.ACCENT,

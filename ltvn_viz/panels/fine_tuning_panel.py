@@ -30,15 +30,18 @@ class FineTuningPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Show what would be learned from, what is being done, or what came of it."""
         fine_tuning = snapshot.fine_tuning
+        possible = fine_tuning.is_possible
         self.about.show(note(_about(fine_tuning, snapshot.weights)))
         self.state.show(_state(fine_tuning))
-        asks = fine_tuning.phase not in (FineTuningPhase.LEARNING, FineTuningPhase.LEARNED)
+        asks = possible and fine_tuning.phase not in (FineTuningPhase.LEARNING, FineTuningPhase.LEARNED)
         if self.minutes.visible != asks:
             self.minutes.visible = asks
-        self.buttons.show(_buttons(snapshot, round(self.minutes.value)))
+        self.buttons.show(_buttons(snapshot, round(self.minutes.value)) if possible else "")
 
 
 def _about(fine_tuning: FineTuningStatus, weights: str) -> str:
+    if not fine_tuning.is_possible:
+        return f"Images are compared by {weights}, which has no weights to teach; only the network learns from a drive."
     if fine_tuning.phase is FineTuningPhase.LEARNING:
         return f"The network learns from {fine_tuning.drive}; drive on meanwhile."
     if fine_tuning.phase is FineTuningPhase.LEARNED:

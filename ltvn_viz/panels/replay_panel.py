@@ -72,6 +72,8 @@ class ReplayPanel:
     def _follow(self, replay: PlaybackStatus) -> None:
         if replay.name != self._opened:
             self._opened = replay.name
+            if replay.name in self._listed:
+                self._names.value = replay.name
             self.time.max = max(replay.length_s, STEP_S)
         if replay.time_s != self._followed:
             # Only a place in time that is new may move the slider, else it would jump back under a person's drag.

@@ -39,6 +39,8 @@ class FineTuning:
     def __init__(self, tune: Tune | None, weights: Path | None, executor: Executor) -> None:
         """Teach `weights`, None being the shipped ones; where `tune` is None there is no network to teach."""
         self._tune, self.weights, self._worker = tune, weights, Worker(executor)
+        self.is_possible = tune is not None
+        """Whether there is a network to teach."""
         self._cancelled = threading.Event()
         self._status = FineTuningStatus()
         self._told: tuple[float, str] = 0.0, ""

@@ -8,6 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.server.driver_seat import ClientId
@@ -113,6 +118,8 @@ class FineTuningStatus:
     """What came of the last lesson."""
     path: str = ""
     """Where the new weights lie."""
+    is_possible: bool = True
+    """False where what compares images has no weights to teach."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,6 +136,10 @@ class Snapshot:
     recordings: tuple[str, ...] = ()
     """Files of the recordings folder, newest first."""
     replay: PlaybackStatus | None = None
+    course: NDArray[np.float64] = field(default_factory=lambda: NO_TRAJECTORY, repr=False)
+    """(T, 3) all poses of the open recording, thinned; of the live run none, since nobody knows what is to come."""
+    lone_camera: CameraModel | None = None
+    """The camera that took the images where nobody knows what carried it; None where the robot did."""
     pause_notice: str = ""
     """Why the app itself paused a query; empty when it did not."""
     keeps_going: bool | None = None

@@ -99,7 +99,7 @@ class SnapshotBuilder:
 
 
 def _learning(state: AppState) -> FineTuningStatus:
-    status = state.fine_tuning.status
+    status = replace(state.fine_tuning.status, is_possible=state.fine_tuning.is_possible)
     return status if status.phase is FineTuningPhase.LEARNING else replace(status, drive=drive_name(state))
 
 
@@ -128,5 +128,7 @@ def _replayed(replay: Playback) -> Snapshot:
         moment=moment,
         camera=replay.camera(moment.frame),
         replay=replay.status,
+        course=replay.course,
+        lone_camera=replay.camera_model if replay.is_imported else None,
         selected=moment.progress.goal,
     )

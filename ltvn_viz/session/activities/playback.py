@@ -3,11 +3,16 @@
 Owns the place in time and the image on show. Never writes, and keeps no image but the one on show.
 """
 
+from functools import cached_property
 from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError
+from ltvn_core.predictors.choice import IMPORTED
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -17,7 +22,7 @@ from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
-from ltvn_viz.timeline.run_moment import RunMoment, moment_of
+from ltvn_viz.timeline.run_moment import TRAJECTORY_POINTS, RunMoment, moment_of
 
 
 class ObservationSource(Protocol):
@@ -43,14 +48,16 @@ class Playback:
         camera: CameraModel = LOCOBOT.camera,
         weights: str = "",
         system: str = "",
+        is_imported: bool = False,
     ) -> None:
         """Show the recording `name`, made in `scene`, from its beginning.
 
         `camera` took its images, `weights` is the fingerprint of the network that it was made with, `system` the name
-        of what planned, if known.
+        of what planned, if known. `is_imported` says that another program took the images, with whatever carried the
+        camera.
         """
         self.name, self.scene, self.weights, self.system = name, scene, weights, system
-        self.camera_model = camera
+        self.camera_model, self.is_imported = camera, is_imported
         self.timeline, self._observations = timeline, observations
         self._start_s = timeline.start_s
         self.length_s = max(0.0, timeline.end_s - self._start_s)
@@ -69,6 +76,12 @@ class Playback:
     def stamp(self) -> float:
         """The place in time on the robot's clock, seconds; the end is the end, however it is rounded."""
         return self.timeline.end_s if self.time_s >= self.length_s else self._start_s + self.time_s
+
+    @cached_property
+    def course(self) -> NDArray[np.float64]:
+        """(T, 3) all poses of the run, thinned."""
+        frames = self.timeline.frames
+        return frames.trajectory(len(frames), TRAJECTORY_POINTS)
 
     def seek(self, time_s: float) -> None:
         """Go to so many seconds after the beginning; beyond either end means the end."""
@@ -122,5 +135,13 @@ def open_replay(library: RecordingLibrary, name: str) -> Playback:
         frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
         timeline = Timeline.of(recording.events, frames)
     meta = recording.meta
-    system = str(meta.config.get("system", ""))
-    return Playback(name, meta.scene, timeline, recording, camera=meta.camera, weights=meta.fingerprint, system=system)
+    return Playback(
+        name,
+        meta.scene,
+        timeline,
+        recording,
+        camera=meta.camera,
+        weights=meta.fingerprint,
+        system=str(meta.config.get("system", "")),
+        is_imported=meta.config.get("verb") == IMPORTED,
+    )

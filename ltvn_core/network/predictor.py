@@ -3,7 +3,6 @@
 Adds batching, checks of the input, and the prefilter for one source with many targets. Implements `types.Predictor`.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.cards.driving_calibration import measured_likelihoods
-from ltvn_core.network.device import CPU, device_of, to_tensor
+from ltvn_core.network.device import CPU, device_of, limit_threads, to_tensor
 from ltvn_core.network.image_features import pack as pack_features
 from ltvn_core.network.prefilter import PrefilterScores
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
@@ -34,9 +33,6 @@ PREFILTER_KEEP = 96
 
 _IMAGES_AT_ONCE = 64
 _PAIRS_AT_ONCE = 256
-_MAX_THREADS = 4
-"""More threads do not make batches of this size faster. At most half of the cores are taken: threads wait for each
-other at every layer, so that any other busy program would slow them down many times."""
 
 
 class NetworkPredictor:
@@ -175,7 +171,7 @@ def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PRE
     path = path or SHIPPED_WEIGHTS
     network = load_weights(path)
     retain_freed_memory()
-    torch.set_num_threads(max(1, min(torch.get_num_threads(), (os.cpu_count() or 1) // 2, _MAX_THREADS)))
+    limit_threads()
     return NetworkPredictor(network, weights_fingerprint(path), prefilter_from=prefilter_from, weights=path)
 
 

@@ -168,4 +168,4 @@ def test_the_exit_code_of_a_broken_plug_in_is_not_zero(tmp_path: Path) -> None:
     assert tested.returncode == 1
     assert "BROKEN  opens and says what it is: The predictor torn of the package torn is torn:make" in tested.stdout
     listed = ltvn(tmp_path, "plugins", "--group", "ltvn.predictors")
-    assert (listed.returncode, "torn 1.0  broken: " in listed.stdout) == (0, True)
+    assert (listed.returncode, "torn 1.0  cannot be used: " in listed.stdout) == (0, True)

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import TrueViews, tilted_camera, true_views
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.reader import Recording
-from ltvn_core.types import Features, Observation, Pose, Predictor, is_usable
+from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 _ENCODED_AT_ONCE = 32
 
@@ -23,8 +25,8 @@ class JudgedSequence:
     """Stamp of the recording's first image."""
     observations: tuple[Observation, ...]
     """N images, rectified to the predictor's camera."""
-    poses: Pose | None
-    """(N, 3) true poses; None where truth was not asked for."""
+    views: TrueViews | None
+    """Where they were truly taken; None where truth was not asked for."""
     without_truth: int
     """Images that were left out because nobody knows where they were taken,"""
     without_depth: int
@@ -56,8 +58,10 @@ def read_sequence(
     count = len(recording.frames)
     chosen: list[int] = np.linspace(0, count - 1, min(count, most)).astype(int).tolist()
     seen: list[Observation] = []
+    tilted: dict[FrameId, CameraModel] = {}
     for k in chosen:
         taken = recording.observation(recording.frames[k])
+        tilted[taken.step] = tilted_camera(taken, recording.meta.camera)
         seen.append(recorded_observation(taken, recording.meta.camera, predictor.camera))
         progress(1)
     usable = [each for each in seen if is_usable(each, predictor)]
@@ -68,7 +72,7 @@ def read_sequence(
         path=recording.path,
         start_s=float(recording.poses.stamps[0]),
         observations=tuple(known),
-        poses=np.array([each.exact_pose for each in known], np.float64) if with_truth else None,
+        views=true_views(known, [tilted[each.step] for each in known]) if with_truth else None,
         without_truth=len(usable) - len(known),
         without_depth=len(seen) - len(usable),
         skipped=count - len(chosen),

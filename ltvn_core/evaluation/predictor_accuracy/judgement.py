@@ -19,9 +19,10 @@ from ltvn_core.evaluation.predictor_accuracy.localisation_accuracy import Locali
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap, MapAccuracy, build_judged_map, map_accuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy, PairScores, pair_accuracy, score_pairs
 from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, PairSample, choose_evenly, sample_pairs
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import TrueViews
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.types import Features, Pose, Predictor
+from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8
 _PERTURBED_SHARE = 4
@@ -156,7 +157,7 @@ class _Judge:
         )
 
     def _sample(self) -> PairSample | None:
-        looking, mapped = self.looking.poses, self.mapped.poses
+        looking, mapped = self.looking.views, self.mapped.views
         if looking is None or mapped is None:
             return None
         return sample_pairs(looking, mapped, most=self.plan.counts(1), rng=self._rng(1))
@@ -176,7 +177,7 @@ class _Judge:
             return build_judged_map(
                 [self.mapped.observations[row] for row in rows],
                 self.targets[rows],
-                _rows_of(self.mapped.poses, rows),
+                _taken(self.mapped.views, rows),
                 predictor=self.predictor,
                 system=self.system,
                 rng=self._rng(5),
@@ -188,11 +189,11 @@ class _Judge:
             return map_accuracy(built, progress=_further(progress))
 
     def _localisation(self, step: str, sources: Features, built: JudgedMap) -> LocalisationAccuracy | None:
-        poses = _rows_of(self.looking.poses, self.rows.looks)
-        if poses is None or built.poses is None:
+        views = _taken(self.looking.views, self.rows.looks)
+        if views is None or built.views is None:
             return None
         with self.bars(step, len(self.rows.looks), "image") as progress:
-            return localisation_accuracy(built, sources[self.rows.looks], poses, progress=progress)
+            return localisation_accuracy(built, sources[self.rows.looks], views, progress=progress)
 
     def _rng(self, purpose: int) -> np.random.Generator:
         """Return a generator for one purpose, so that none depends on how many numbers another drew."""
@@ -219,8 +220,8 @@ def judge(
     return _Judge(looking=looking, mapped=mapped, predictor=predictor, system=system, plan=plan, bars=bars).run()
 
 
-def _rows_of(poses: Pose | None, rows: NDArray[np.intp]) -> Pose | None:
-    return None if poses is None else poses[rows]
+def _taken(views: TrueViews | None, rows: NDArray[np.intp]) -> TrueViews | None:
+    return None if views is None else views.take(rows)
 
 
 def _further(progress: Callable[[int], object]) -> ProgressCallback:

@@ -38,14 +38,15 @@ def _pair_doubts(judgement: Judgement) -> Iterator[str]:
 
 
 def _odometry_doubts(sequence: JudgedSequence) -> Iterator[str]:
-    if sequence.poses is None:
+    if sequence.views is None:
         return
     odometry = np.array([seen.odometry for seen in sequence.observations])
     if not odometry.any():
         yield f"{sequence.path.name} has no odometry, so its map is built from images alone."
         return
     driven = relative(odometry[:-1], odometry[1:])
-    moved = relative(sequence.poses[:-1], sequence.poses[1:])
+    poses = sequence.views.poses
+    moved = relative(poses[:-1], poses[1:])
     if (distance(relative(driven, moved)) < _SAME_D).all():
         yield (
             f"The odometry of {sequence.path.name} is its true poses, so its map has fewer false edges than one of a "

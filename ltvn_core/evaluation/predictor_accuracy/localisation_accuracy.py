@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import or_none
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, true_waypoints
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, TrueViews
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.localiser import NO_PRIOR
 from ltvn_core.network.metrics.reachability_metrics import quantile
-from ltvn_core.types import Features, NodeId, Pose
+from ltvn_core.types import Features, Pose
 
 LOCALISED_M = 0.5
 LOCALISED_RAD = float(np.deg2rad(20))
@@ -43,50 +43,54 @@ class LocalisationAccuracy:
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    node: NodeId | None
-    pose: Pose
-    """(3,) as the map says."""
+    pose: Pose | None
+    """(3,) as the map says; None where it does not know."""
+    is_far: bool
+    """The node that it is taken for is truly far."""
 
 
 def localisation_accuracy(
-    built: JudgedMap, features: Features, poses: Pose, *, progress: Callable[[int], object]
+    built: JudgedMap, features: Features, views: TrueViews, *, progress: Callable[[int], object]
 ) -> LocalisationAccuracy:
-    """Look for images with features (L, F) and true poses (L, 3) in a map.
+    """Look for L images with features (L, F) in a map.
 
     The position that the map gives is its node's true pose and the predicted waypoint from there, so that only the
     predictor's errors count and not those of odometry.
 
     Args:
-        built: A map with true poses.
+        built: A map with true views.
         features: Of the images.
-        poses: Their true poses.
+        views: Where they were truly taken.
         progress: Called with the number of further images that are done.
     """
-    assert built.poses is not None
+    assert built.views is not None
     reach = built.system.method.localising.distance
-    can: NDArray[np.bool_] = np.any(distance(true_waypoints(poses, built.poses)) < reach, axis=1)
+    can: NDArray[np.bool_] = np.any(distance(views.moves_to(built.views)) < reach, axis=1)
     looks = []
-    for row in range(len(poses)):
+    for row in range(len(views)):
         if can[row]:
-            looks.append(_look(built, features[row : row + 1]))
+            looks.append(_look(built, features[row : row + 1], views.take([row])))
         progress(1)
-    return _summary(built, looks, poses[can], elsewhere=int((~can).sum()))
+    return _summary(looks, views.take(np.flatnonzero(can)), elsewhere=int((~can).sum()))
 
 
-def _look(built: JudgedMap, features: Features) -> _Look:
+def _look(built: JudgedMap, features: Features, view: TrueViews) -> _Look:
+    assert built.views is not None
     found = built.system.localise(features, built.graph, NO_PRIOR, built.matcher)
     if found.node is None:
-        return _Look(None, np.full(3, np.nan))
-    return _Look(found.node, compose(built.pose_of[found.node], invert(found.waypoint)))
+        return _Look(pose=None, is_far=False)
+    row = built.row_of[found.node]
+    is_far = bool(LIMITS.far(view.moves_to(built.views.take([row])))[0, 0])
+    return _Look(pose=compose(built.views.poses[row], invert(found.waypoint)), is_far=is_far)
 
 
-def _summary(built: JudgedMap, looks: list[_Look], poses: Pose, *, elsewhere: int) -> LocalisationAccuracy:
-    pose_of = built.pose_of
-    lost = np.array([look.node is None for look in looks], bool)
-    errors = relative(poses, np.array([look.pose for look in looks]).reshape(-1, 3))
+def _summary(looks: list[_Look], views: TrueViews, *, elsewhere: int) -> LocalisationAccuracy:
+    lost = np.array([look.pose is None for look in looks], bool)
+    nowhere = np.full(3, np.nan)
+    claimed = np.array([nowhere if look.pose is None else look.pose for look in looks])
+    errors = relative(views.poses, claimed.reshape(-1, 3))
     off_m, off_rad = np.hypot(*errors[:, :2].T), np.abs(errors[:, 2])
-    nodes = [poses[k] if look.node is None else pose_of[look.node] for k, look in enumerate(looks)]
-    wrong = ~lost & LIMITS.far(relative(poses, np.array(nodes).reshape(-1, 3)))
+    wrong = np.array([look.is_far for look in looks], bool)
     right = ~lost & ~wrong & (off_m < LOCALISED_M) & (off_rad < LOCALISED_RAD)
     return LocalisationAccuracy(
         looks=len(looks),

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.analysis.perceptual_aliases import PerceptualAlias, find_perceptual_aliases
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, true_waypoints
-from ltvn_core.geometry import distance, relative
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, TrueViews
+from ltvn_core.geometry import distance
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.deltas import GraphDelta, NodeAdded
@@ -56,8 +56,8 @@ class JudgedMap:
     """M images."""
     features: Features
     """(M, F)."""
-    poses: Pose | None
-    """(M, 3) true poses; None where nobody knows them."""
+    views: TrueViews | None
+    """Where they were truly taken; None where nobody knows."""
     predictor: Predictor
     system: NavigationSystem
     deltas: Sequence[GraphDelta]
@@ -72,16 +72,20 @@ class JudgedMap:
         return Matcher(self.predictor, self.keyframes, self.system.method.matching)
 
     @cached_property
-    def pose_of(self) -> Mapping[FrameId, Pose]:
-        """True pose (3,) of each image; empty where nobody knows them."""
-        poses = () if self.poses is None else self.poses
-        return {seen.step: pose for seen, pose in zip(self.observations, poses, strict=False)}
+    def row_of(self) -> Mapping[FrameId, int]:
+        """Row of each image."""
+        return {seen.step: row for row, seen in enumerate(self.observations)}
+
+    def are_far(self, first: FrameId, second: FrameId) -> bool:
+        """Tell whether two images are truly far from each other; only where that is known."""
+        assert self.views is not None
+        return bool(LIMITS.far(self.views.move(self.row_of[first], self.row_of[second])))
 
 
 def build_judged_map(
     observations: Sequence[Observation],
     features: Features,
-    poses: Pose | None,
+    views: TrueViews | None,
     *,
     predictor: Predictor,
     system: NavigationSystem,
@@ -96,7 +100,7 @@ def build_judged_map(
     return JudgedMap(
         observations=observations,
         features=features,
-        poses=poses,
+        views=views,
         predictor=predictor,
         system=system,
         deltas=deltas,
@@ -107,9 +111,9 @@ def build_judged_map(
 
 def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy:
     """Return the figures of a map; `progress` is called with images that were localised and images in all."""
-    poses = built.pose_of
+    known = built.views is not None
     pieces = strongly_connected_components(built.graph)
-    groups = None if built.poses is None else _true_pieces(built.poses, built.system.method.building.connect_distance)
+    groups = None if built.views is None else _true_pieces(built.views, built.system.method.building.connect_distance)
     return MapAccuracy(
         frames=len(built.observations),
         nodes=len(built.graph.nodes),
@@ -117,21 +121,22 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
         pieces=len(pieces),
         true_pieces=None if groups is None else int(groups.max()) + 1,
         largest_piece_share=_share_in(built, set(pieces[0]), groups, progress),
-        false_edges=sum(_are_far(poses, *edge) for edge in built.graph.edges) if poses else None,
-        perceptual_aliases=len(true_aliases(built)) if poses else None,
+        false_edges=sum(built.are_far(*edge) for edge in built.graph.edges) if known else None,
+        perceptual_aliases=len(true_aliases(built)) if known else None,
     )
 
 
 def true_aliases(built: JudgedMap) -> tuple[PerceptualAlias, ...]:
     """Return the pairs of nodes that the method takes for near and that are truly far."""
-    poses = built.pose_of
+    assert built.views is not None
+    poses = {seen.step: pose for seen, pose in zip(built.observations, built.views.poses, strict=True)}
     keyframes = KeyframeStore(built.predictor)
     # The search doubts what odometry contradicts; with true poses in its place it knows.
     keyframes.add([replace(seen, odometry=poses[seen.step]) for seen in built.observations], built.features)
     graph = TopologicalGraph([_at_true_pose(delta, poses) for delta in built.deltas])
     method = built.system.method
     found = find_perceptual_aliases(graph, Matcher(built.predictor, keyframes, method.matching), method)
-    return tuple(pair for pair in found if _are_far(poses, pair.first, pair.second))
+    return tuple(pair for pair in found if built.are_far(pair.first, pair.second))
 
 
 def _at_true_pose(delta: GraphDelta, poses: Mapping[FrameId, Pose]) -> GraphDelta:
@@ -140,13 +145,9 @@ def _at_true_pose(delta: GraphDelta, poses: Mapping[FrameId, Pose]) -> GraphDelt
     return replace(delta, node=replace(delta.node, odometry=pose_row(poses[delta.node.id])))
 
 
-def _are_far(poses: Mapping[FrameId, Pose], first: NodeId, second: NodeId) -> bool:
-    return bool(LIMITS.far(relative(poses[first], poses[second])))
-
-
-def _true_pieces(poses: Pose, connect_distance: float) -> NDArray[np.intp]:
+def _true_pieces(views: TrueViews, connect_distance: float) -> NDArray[np.intp]:
     """Return for each image (M,) which part of the drive it belongs to, the largest part first."""
-    near = distance(true_waypoints(poses, poses)) < connect_distance
+    near = distance(views.moves_to(views)) < connect_distance
     _, labels = connected_components(near, directed=False)
     order = np.argsort(-np.bincount(labels), kind="stable")
     return np.argsort(order)[labels]

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, true_waypoints
-from ltvn_core.types import Pose, Waypoint
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, TrueViews
+from ltvn_core.geometry import relative
+from ltvn_core.types import Waypoint
 
 _MOST_SOURCES = 2000
 """More images than this do not all look: the number of pairs to class grows with their square."""
@@ -54,8 +55,8 @@ class PairSample:
         )
 
 
-def sample_pairs(sources: Pose, targets: Pose, *, most: PairCounts, rng: np.random.Generator) -> PairSample:
-    """Return at most `most` near and far pairs of sources (S, 3) and targets (T, 3) with these true poses.
+def sample_pairs(sources: TrueViews, targets: TrueViews, *, most: PairCounts, rng: np.random.Generator) -> PairSample:
+    """Return at most `most` near and far pairs of S sources and T targets that were truly taken there.
 
     Pairs are taken at even steps from the list of all, ordered by source and then by distance, so that every source and
     every distance has its share. An image is never paired with itself, because it is not in front of itself.
@@ -86,13 +87,14 @@ def sample_pairs(sources: Pose, targets: Pose, *, most: PairCounts, rng: np.rand
 
 
 def _rows(
-    sources: Pose, targets: Pose, looking: NDArray[np.intp]
+    sources: TrueViews, targets: TrueViews, looking: NDArray[np.intp]
 ) -> Iterator[tuple[int, Waypoint, tuple[NDArray[np.bool_], NDArray[np.bool_]]]]:
     """Yield each source that looks, its waypoints to all targets (T, 3), and which are near and far (T,)."""
     for first in range(0, len(looking), _ROWS_AT_ONCE):
         chunk = looking[first : first + _ROWS_AT_ONCE]
-        waypoints = true_waypoints(sources[chunk], targets)
-        near, far = LIMITS.near(waypoints), LIMITS.far(waypoints)
+        moves = sources.take(chunk).moves_to(targets)
+        near, far = LIMITS.near(moves), LIMITS.far(moves)
+        waypoints = relative(sources.poses[chunk][:, None], targets.poses[None])
         yield from ((int(row), waypoints[k], (near[k], far[k])) for k, row in enumerate(chunk))
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import ROBUST
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence
 from ltvn_core.evaluation.predictor_accuracy.judgement import Judgement, JudgementPlan, judge
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import true_views
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -27,12 +28,15 @@ def drive() -> tuple[Observation, ...]:
 
 def sequence(observations: Sequence[Observation], poses: Pose | None = None) -> JudgedSequence:
     """Return observations with their own true poses, or with others."""
-    true = np.array([seen.exact_pose for seen in observations])
+    truly = list(observations)
+    if poses is not None:
+        truly = [replace(seen, exact_pose=pose) for seen, pose in zip(observations, poses, strict=True)]
+    views = true_views(truly, [LOCOBOT.camera] * len(truly))
     return JudgedSequence(
         path=Path("drive.rrd"),
         start_s=0.0,
         observations=tuple(observations),
-        poses=true if poses is None else poses,
+        views=views,
         without_truth=0,
         without_depth=0,
         skipped=0,

@@ -10,8 +10,9 @@ from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, Judgeme
 from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, sample_pairs
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS
+from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, true_views
 from ltvn_core.geometry import relative
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose, Predictor
 from tests.core.evaluation.judged_drive import (
     ConstantPredictor,
@@ -76,8 +77,8 @@ def test_a_waypoint_that_is_off_is_measured_and_so_is_the_place_that_it_gives() 
 def test_false_matches_between_far_images_are_counted_where_they_are_made() -> None:
     images = sequence(drive())
     frames = [seen.step for seen in images.observations]
-    poses = images.poses
-    assert poses is not None
+    assert images.views is not None
+    poses = images.views.poses
     far = [k for k in range(len(frames)) if LIMITS.far(relative(poses[0], poses[k]))]
     lying = knowing_predictor()
     lying.lies = {(frames[0], frames[k]): np.array([0.2, 0.0, 0.0]) for k in far}
@@ -91,14 +92,17 @@ def test_false_matches_between_far_images_are_counted_where_they_are_made() -> N
 
 
 def test_a_sample_is_of_the_kinds_asked_for_and_all_there_is_where_that_is_little() -> None:
-    poses = np.array([seen.exact_pose for seen in drive()])
-    everything = sample_pairs(poses, poses, most=PairCounts(10**6, 10**6), rng=np.random.default_rng(0))
-    some = sample_pairs(poses, poses, most=PairCounts(300, 500), rng=np.random.default_rng(0))
+    views = sequence(drive()).views
+    assert views is not None
+    poses = views.poses
+    everything = sample_pairs(views, views, most=PairCounts(10**6, 10**6), rng=np.random.default_rng(0))
+    some = sample_pairs(views, views, most=PairCounts(300, 500), rng=np.random.default_rng(0))
     assert (everything.is_near.sum(), (~everything.is_near).sum()) == (everything.near_pairs, everything.far_pairs)
     assert (some.is_near.sum(), (~some.is_near).sum()) == (300, 500)
     assert len({*zip(some.sources, some.targets, strict=True)}) == len(some.sources)
-    assert (LIMITS.near(some.waypoints) == some.is_near).all()
-    assert (LIMITS.far(some.waypoints) == ~some.is_near).all()
+    moves = views.moves_to(views)[some.sources, some.targets]
+    assert (LIMITS.near(moves) == some.is_near).all()
+    assert (LIMITS.far(moves) == ~some.is_near).all()
     np.testing.assert_allclose(some.waypoints, relative(poses[some.sources], poses[some.targets]))
 
 
@@ -125,7 +129,7 @@ def test_images_of_a_place_that_the_map_does_not_know_are_not_counted() -> None:
 
 
 def test_without_truth_the_map_is_judged_alone() -> None:
-    images = replace(sequence(drive()), poses=None)
+    images = replace(sequence(drive()), views=None)
     found = judged(images, images, knowing_predictor()).conditions[0]
     assert found.pairs is None
     assert found.localisation is None
@@ -150,3 +154,22 @@ def test_the_same_seed_gives_the_same_figures_and_another_leaves_other_images_ou
     first = judged(images, images, knowing_predictor(), JudgementPlan(pairs=800, seed=0))
     second = judged(images, images, knowing_predictor(), JudgementPlan(pairs=800, seed=1))
     assert set(first.built.graph.nodes) != set(second.built.graph.nodes)
+
+
+def test_a_camera_in_the_hand_that_looks_up_instead_of_down_has_turned() -> None:
+    seen = drive()[:2]
+    level, down = LOCOBOT.camera, replace(LOCOBOT.camera, pitch_rad=np.radians(-70))
+    rolled = replace(LOCOBOT.camera, roll_rad=np.radians(30))
+    assert true_views(seen, [level, level]).move(0, 1)[2] == pytest.approx(0)
+    assert true_views(seen, [level, down]).move(0, 1)[2] == pytest.approx(np.radians(70))
+    assert true_views(seen, [rolled, level]).move(0, 1)[2] == pytest.approx(np.radians(30))
+    assert LIMITS.far(true_views(seen, [level, down]).move(0, 1))
+    assert not LIMITS.near(true_views(seen, [rolled, level]).move(0, 1))
+
+
+def test_a_turn_on_the_floor_is_the_same_with_and_without_a_tilt() -> None:
+    seen = drive()
+    tilted = replace(LOCOBOT.camera, pitch_rad=np.radians(-30))
+    moves = true_views(seen, [tilted] * len(seen)).moves_to(true_views(seen, [tilted] * len(seen)))
+    poses = np.array([each.exact_pose for each in seen])
+    np.testing.assert_allclose(moves[..., 2], np.abs(relative(poses[:, None], poses[None])[..., 2]), atol=1e-6)

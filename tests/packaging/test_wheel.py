@@ -82,6 +82,8 @@ def test_the_demo_map_comes_with_the_package(program: Path, empty_folder: Path) 
 
 
 def test_the_app_opens_on_the_demo_map(program: Path, empty_folder: Path) -> None:
+    pytest.importorskip("viser")
+    pytest.importorskip("trimesh")
     with _started(program, "app", "--port", "0", folder=empty_folder) as app:
         said, link = _until_the_link(app)
         assert any("327 nodes" in line for line in said)
@@ -91,6 +93,8 @@ def test_the_app_opens_on_the_demo_map(program: Path, empty_folder: Path) -> Non
 
 
 def test_the_demo_recording_opens_by_its_name(program: Path, empty_folder: Path) -> None:
+    pytest.importorskip("viser")
+    pytest.importorskip("trimesh")
     with _started(program, "replay", DEMO_RECORDING, "--port", "0", folder=empty_folder) as app:
         _, link = _until_the_link(app)
         with _browse(link) as page:

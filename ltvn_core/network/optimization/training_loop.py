@@ -1,25 +1,23 @@
-"""The training loop: steps, hard-negative mining, validation, checkpoints and early stopping.
+"""The training loop: steps, hard-negative mining, checkpoints and early stopping.
 
-`ltvn_core.network.optimization.trainer` is one step.
+`ltvn_core.network.optimization.trainer` is one step, `ltvn_core.network.optimization.validation` says which weights are
+best.
 """
 
-import json
 import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from ltvn_core.errors import WeightsError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
-from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
-from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics
+from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
 from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
 from ltvn_core.network.optimization.distributed import SINGLE_PROCESS, DistributedContext, run_distributed
 from ltvn_core.network.optimization.fine_tuning_trainer import FineTuningTrainer
@@ -29,7 +27,7 @@ from ltvn_core.network.optimization.mixed_precision import MixedPrecision, choos
 from ltvn_core.network.optimization.reachability_calibration import calibrate_reachability
 from ltvn_core.network.optimization.tensorboard_log import TensorBoardLog
 from ltvn_core.network.optimization.trainer import StepLosses, Trainer, learning_rate_schedule
-from ltvn_core.network.predictor import NetworkPredictor
+from ltvn_core.network.optimization.validation import Validation, ValidationData, ValidationMetrics
 from ltvn_core.network.training_examples import BatchSampler, SceneExamples
 from ltvn_core.network.weights_file import load_weights, save_weights
 
@@ -65,21 +63,6 @@ class TrainingPlan:
     """Labelled pairs of each validation scene that are compared during training,"""
     validation_far: int = 12000
     """and far pairs of each drive."""
-
-
-@dataclass(frozen=True, slots=True)
-class ValidationMetrics:
-    """Metrics of one validation."""
-
-    steps: int
-    pairs: PairMetrics
-    drives: DriveMetrics | None
-
-    @property
-    def score(self) -> float:
-        """Return the score that decides which weights are best: few false long-range edges first, then AUC and pose."""
-        false_edges = 0.0 if self.drives is None else -math.log10(self.drives.far_fpr_at_tpr60 + 1e-5)
-        return false_edges + 20 * (self.pairs.auc or 0) - 5 * self.pairs.position_median_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,11 +153,12 @@ class _TrainingRun:
         self.sampler = BatchSampler(data.scenes, evened=plan.learning.evened)
         self.trainer = _create_trainer(plan, distributed_context, start)
         self.checkpoint = folder / "checkpoint.safetensors"
-        self.best_path = folder / "best.safetensors"
         self.elapsed_s = restore_checkpoint(self.trainer, self.checkpoint) if self.checkpoint.exists() else 0.0
-        self.best = _read_best(folder)
-        self.validations_without_improvement = 0
         self.scalars = TensorBoardLog(folder / "tensorboard") if distributed_context.is_leader else None
+        compared = ValidationData(
+            scenes=data.validation, drives=data.drives, pairs=plan.validation_pairs, far=plan.validation_far
+        )
+        self.validation = Validation(compared, folder, self.scalars)
 
     def run(self) -> TrainingResult:
         precision = choose_precision(self.trainer.network)
@@ -191,7 +175,7 @@ class _TrainingRun:
         mean = math.nan
         # All processes must agree on when to stop and on the time, or one would wait for gradients for ever.
         while (before := self.progress()) < 1 and self.distributed_context.broadcast_from_leader(
-            self.validations_without_improvement
+            self.validation.without_improvement
         ) < self.plan.patience:
             report = self.trainer.step(self.sampler, precision, before, self.distributed_context)
             self.elapsed_s = self.distributed_context.broadcast_from_leader(time.monotonic() - start)
@@ -249,41 +233,7 @@ class _TrainingRun:
 
     def _validate(self) -> None:
         """Evaluate the averaged weights and keep them if they are the best so far."""
-        predictor = NetworkPredictor(self.trainer.average, "in training")
-        # The same pairs in every validation, so that scores are comparable.
-        rng = np.random.default_rng(0)
-        found = ValidationMetrics(
-            self.trainer.steps,
-            evaluate_pairs(predictor, self.data.validation, rng, limit=self.plan.validation_pairs),
-            evaluate_drives(predictor, self.data.drives, rng, limit=self.plan.validation_far)
-            if self.data.drives
-            else None,
-        )
-        log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
-        self._log_validation(found)
-        if self.scalars is not None:
-            self.scalars.add_metrics(found.steps, "pairs", asdict(found.pairs))
-            self.scalars.add_metrics(found.steps, "drives", asdict(found.drives) if found.drives else {})
-        if self.best is None or found.score > self.best.score:
-            self.best = found
-            self.validations_without_improvement = 0
-            save_weights(self.trainer.average, self.best_path)
-        else:
-            self.validations_without_improvement += 1
-
-    def _log_validation(self, found: ValidationMetrics) -> None:
-        """Append metrics to the log in the folder, and save them separately if they are the best so far."""
-        line = json.dumps({"seconds": round(self.elapsed_s), "score": found.score, **asdict(found)})
-        try:
-            with (self.folder / "validation.jsonl").open("a", encoding="utf-8") as file:
-                file.write(line + "\n")
-            if self.best is None or found.score > self.best.score:
-                (self.folder / "best.json").write_text(json.dumps(asdict(found)), encoding="utf-8")
-        except OSError as error:
-            raise WeightsError(
-                f"{self.folder}: figures could not be written ({error}); free some space and run again, which goes on "
-                "from the last checkpoint."
-            ) from error
+        self.validation.validate(self.trainer.average, self.trainer.steps, seconds=self.elapsed_s)
 
     def _finish(self) -> TrainingResult:
         weights = self.folder / "weights.safetensors"
@@ -291,13 +241,17 @@ class _TrainingRun:
             self.scalars.close()
         if self.distributed_context.is_leader:
             save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
-            if self.best is None or self.best.steps != self.trainer.steps:
+            if self.validation.best is None or self.validation.best.steps != self.trainer.steps:
                 self._validate()
-            network = load_weights(self.best_path)
+            network = load_weights(self.validation.weights)
             calibrate_reachability(network, [(scene, np.arange(len(scene.sources))) for scene in self.data.validation])
             save_weights(network, weights)
         return TrainingResult(
-            weights=weights, best=self.best, steps=self.trainer.steps, pairs=self.trainer.pairs, seconds=self.elapsed_s
+            weights=weights,
+            best=self.validation.best,
+            steps=self.trainer.steps,
+            pairs=self.trainer.pairs,
+            seconds=self.elapsed_s,
         )
 
 
@@ -313,13 +267,3 @@ def _due(before: float, after: float, times: int, *, begin: float) -> bool:
         return False
     spacing = (1 - begin) / times
     return math.floor((after - begin) / spacing) > math.floor((before - begin) / spacing) and after >= begin + 1e-9
-
-
-def _read_best(folder: Path) -> ValidationMetrics | None:
-    """Return the metrics of the best weights of an interrupted training."""
-    try:
-        found = json.loads((folder / "best.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    drives = DriveMetrics(**found["drives"]) if found["drives"] else None
-    return ValidationMetrics(found["steps"], PairMetrics(**found["pairs"]), drives)

@@ -17,13 +17,6 @@ from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, GOLDEN_RECORDING
 from tools.add_checksums import add_checksums
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("whole") / "drive.rrd"
-    example_recording.write(path)
-    return path
-
-
 def test_a_finished_recording_counts_its_rows_and_messages(whole: Path) -> None:
     found = check_file(whole)
     assert found.record is not None

@@ -35,13 +35,6 @@ with RecordingWriter(Path(sys.argv[1]), scene="demo", config={}, fingerprint="")
 """
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("whole") / "drive.rrd"
-    example_recording.write(path)
-    return path
-
-
 def test_a_finished_recording_is_accepted(whole: Path) -> None:
     verified = verify(whole)
     assert (verified.frames, verified.events) == (10, len(example_recording.events()))

@@ -18,6 +18,8 @@ HOMES = {
     "rerun": ("ltvn_core/recording",),
     "jinja2": ("ltvn_core/reports",),
     "matplotlib": ("ltvn_core/reports",),
+    "rosbags": ("ltvn_core/importing", "ltvn_core/exporting"),
+    "av": ("ltvn_core/importing",),
 }
 
 COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluation", "ltvn_core/training", "ltvn_core/verbs", "ltvn_viz")

@@ -94,7 +94,8 @@ def stamp_s(message: Any) -> float:
 def _take(found: BagSurvey, raw: RawMessage, message: Any) -> None:
     if raw.topic not in found.samples:
         found.samples[raw.topic] = message
-        if hasattr(message, "header"):
-            found.ahead_s[raw.topic] = stamp_s(message) - raw.log_s
+        stamped = message if hasattr(message, "header") else next(iter(getattr(message, "transforms", ())), None)
+        if stamped is not None:
+            found.ahead_s[raw.topic] = stamp_s(stamped) - raw.log_s
     if raw.msgtype in TRANSFORMS:
         add_transforms(found.tree, message, raw)

@@ -13,6 +13,7 @@ from ltvn_core.importing.moving_frame import MovingFrame, transform
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.rosbag.bag_files import BagFiles, RawMessage
 from ltvn_core.importing.rosbag.bag_survey import (
+    STATIC,
     TRANSFORMS,
     BagSurvey,
     add_transforms,
@@ -83,6 +84,8 @@ class BagDrive:
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of their stamps. Raises DriveError where the bag is damaged or none fits."""
+        # What the look at the beginning found comes again now, perhaps by another clock or from another topic.
+        self._tree.forget_motion()
         for matched in self._matches():
             frame = self._frame(matched)
             if frame is not None:
@@ -165,7 +168,10 @@ class BagDrive:
         return [name for name, topic in self._files.topics.items() if topic.msgtype in TRANSFORMS]
 
     def _has_clocks_apart(self, ahead_s: Mapping[str, float]) -> bool:
-        used = [ahead_s[topic] for topic in self._topics.moments() if topic in ahead_s]
+        moving = (
+            [] if self._topics.odometry else [name for name in self._transform_topics() if not name.endswith(STATIC)]
+        )
+        used = [ahead_s[topic] for topic in (*self._topics.moments(), *moving) if topic in ahead_s]
         if not used or max(used) - min(used) < _CLOCKS_APART_S:
             return False
         self._doubt(

@@ -56,6 +56,10 @@ class TransformTree:
                 return
             frame = self._parents[frame]
 
+    def forget_motion(self) -> None:
+        """Forget where frames were, and keep on what they hang."""
+        self._moving = {child: MovingFrame() for child in self._moving}
+
     @property
     def motions(self) -> list[tuple[str, str]]:
         """(parent, child) of all frames that move in their parent."""

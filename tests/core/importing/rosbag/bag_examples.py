@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
@@ -148,7 +148,7 @@ class BagBuilder:
         message = self.make("geometry_msgs/msg/PoseStamped", header=self.header(stamp, "map"), pose=self._pose(place))
         self.write(topic, message, stamp)
 
-    def transforms(self, topic: str, edges: dict[tuple[str, str], Place], stamp: float) -> None:
+    def transforms(self, topic: str, edges: dict[tuple[str, str], Place], stamp: float, log_s: float = 0.0) -> None:
         stamped = [
             self.make(
                 "geometry_msgs/msg/TransformStamped",
@@ -162,7 +162,7 @@ class BagBuilder:
             )
             for (parent, child), place in edges.items()
         ]
-        self.write(topic, self.make("tf2_msgs/msg/TFMessage", transforms=stamped), stamp)
+        self.write(topic, self.make("tf2_msgs/msg/TFMessage", transforms=stamped), log_s or stamp)
 
     def _pose(self, place: Place) -> Any:
         return self.make(
@@ -180,22 +180,31 @@ def _named(letters: str, values: Any) -> dict[str, float]:
 
 
 @contextmanager
-def bag(path: Path, kind: str = "mcap") -> Iterator[BagBuilder]:
-    """Yield a builder of a bag: `mcap` and `sqlite3` are folders of ROS 2, `bag` is a file of ROS 1."""
+def bag(path: Path, kind: str = "mcap", compression: str = "") -> Iterator[BagBuilder]:
+    """Yield a builder of a bag: `mcap` and `sqlite3` are folders of ROS 2, `bag` is a file of ROS 1.
+
+    ROS 1 compresses by LZ4 or BZ2; ROS 2 by FILE, MESSAGE or STORAGE.
+    """
     if kind == "bag":
         store = get_typestore(Stores.ROS1_NOETIC)
         store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
-        with Writer1(path) as writer:
-            yield BagBuilder(writer, store, ros1=True)
+        writer1 = Writer1(path)
+        if compression:
+            writer1.set_compression(Writer1.CompressionFormat[compression])
+        with writer1:
+            yield BagBuilder(writer1, store, ros1=True)
     else:
         storage = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-        with Writer2(path, version=9, storage_plugin=storage) as writer:
-            yield BagBuilder(writer, get_typestore(Stores.ROS2_HUMBLE))
+        writer2 = Writer2(path, version=9, storage_plugin=storage)
+        if compression:
+            writer2.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+        with writer2:
+            yield BagBuilder(writer2, get_typestore(Stores.ROS2_HUMBLE))
 
 
-def straight_drive(path: Path, kind: str = "mcap", frames: int = 6) -> Path:
+def straight_drive(path: Path, kind: str = "mcap", frames: int = 6, compression: str = "") -> Path:
     """Write a drive as a robot with a RealSense records it: 10 cm a frame straight ahead, 5 frames a second."""
-    with bag(path, kind) as builder:
+    with bag(path, kind, compression) as builder:
         builder.transforms("/tf_static", {("base_footprint", COLOUR_FRAME): mounted()}, BEGIN_S)
         builder.camera_info("/camera/color/camera_info", BEGIN_S)
         for tick in range(frames * 4 + 4):

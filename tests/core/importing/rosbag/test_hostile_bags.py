@@ -85,6 +85,13 @@ def test_a_chunk_that_unpacks_to_more_than_it_may_is_refused(tmp_path: Path, sai
         read(tmp_path / "bomb.mcap")
 
 
+def test_a_compressed_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bomb.db3.zstd").write_bytes(zstd.compress(bytes(30_000_000)))
+
+    with pytest.raises(DriveError, match="unpacks to more than"):
+        read(tmp_path / "bomb.db3.zstd")
+
+
 def test_a_huge_value_that_a_database_computes_is_refused(tmp_path: Path) -> None:
     path = straight_drive(tmp_path / "drive", "sqlite3", frames=3)
     with apsw.Connection(str(only_file(path))) as database:

@@ -64,6 +64,18 @@ def test_a_single_file_of_a_folder_and_a_folder_without_metadata_are_read_too(tm
     assert len(read(folder / "drive.mcap")[0]) == 6
 
 
+@pytest.mark.parametrize(
+    ("kind", "compression"),
+    [("bag", "LZ4"), ("bag", "BZ2"), ("mcap", "STORAGE"), ("sqlite3", "FILE"), ("sqlite3", "MESSAGE")],
+)
+def test_compressed_bags_are_read(tmp_path: Path, kind: str, compression: str) -> None:
+    path = straight_drive(tmp_path / ("drive.bag" if kind == "bag" else "drive"), kind, compression=compression)
+
+    frames, _ = read(path)
+
+    assert [np.array_equal(frame.rgb, colours(number)) for number, frame in enumerate(frames)] == [True] * 6
+
+
 def test_poses_come_from_the_tree_of_frames_where_no_topic_has_them(tmp_path: Path) -> None:
     with bag(tmp_path / "drive") as builder:
         builder.transforms("/tf_static", {("base_link", COLOUR_FRAME): mounted()}, BEGIN_S)
@@ -207,6 +219,20 @@ def test_stamps_that_go_backwards_are_dropped_and_missing_ones_are_those_of_reco
     assert reader.dropped == {"not later than the image before": 1}
     assert [frame.odometry[0] for frame in unstamped if frame.odometry is not None] == pytest.approx([0, 0.1, 0.2, 0.3])
     assert "time of recording" in doubtful.doubts[0]
+
+
+def test_frames_by_another_clock_than_the_images_are_taken_by_the_time_of_recording(tmp_path: Path) -> None:
+    with bag(tmp_path / "drive") as builder:
+        builder.transforms("/tf_static", {("base_link", COLOUR_FRAME): mounted(x=0.0)}, BEGIN_S)
+        for tick in range(12):
+            log_s = BEGIN_S + 0.1 * tick
+            builder.transforms("/tf", {("odom", "base_link"): planar(0.1 * tick, 0, 0)}, log_s + 900, log_s)
+            builder.image(COLOURS, colours(tick), "rgb8", log_s, log_s=log_s)
+
+    frames, reader = read(tmp_path / "drive")
+
+    assert [frame.odometry[0] for frame in frames if frame.odometry is not None] == pytest.approx(0.1 * np.arange(12))
+    assert "time of recording" in reader.doubts[0]
 
 
 def test_poses_that_are_not_finite_are_left_out(tmp_path: Path) -> None:

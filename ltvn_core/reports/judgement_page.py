@@ -83,7 +83,7 @@ def render_judgement(
 
 def condition_table(judgement: Judgement) -> ReportTable:
     """Return the main figures, one row for each condition."""
-    head = ("images", "AUC", "near accepted", "far accepted", "waypoint", "nodes", "pieces", "largest piece")
+    head = ("camera", "AUC", "near accepted", "far accepted", "waypoint", "nodes", "pieces", "largest piece")
     rows = []
     for condition in judgement.conditions:
         pairs, found, looks = condition.pairs, condition.map, condition.localisation
@@ -133,15 +133,13 @@ def _groups(scores: PairScores, looking: JudgedSequence, mapped: JudgedSequence,
 
 
 def _worst(scores: PairScores, pairs: NDArray[np.intp], order: NDArray[np.float64], most: int) -> Sequence[int]:
-    """Return the pairs with the lowest numbers in `order` (P,), each image at most once on either side."""
-    sources: set[int] = set()
-    targets: set[int] = set()
+    """Return the pairs with the lowest numbers in `order` (P,), each image at most once, for neighbours look alike."""
+    shown: set[int] = set()
     found: list[int] = []
     for pair in pairs[np.argsort(order[pairs], kind="stable")]:
-        source, target = int(scores.sample.sources[pair]), int(scores.sample.targets[pair])
-        if len(found) < most and source not in sources and target not in targets:
-            sources.add(source)
-            targets.add(target)
+        ends = {int(scores.sample.sources[pair]), int(scores.sample.targets[pair])}
+        if len(found) < most and not ends & shown:
+            shown |= ends
             found.append(int(pair))
     return found
 

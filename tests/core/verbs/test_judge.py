@@ -19,6 +19,7 @@ from ltvn_core.verbs.judge import JudgeVerb
 from ltvn_core.verbs.verb import to_json
 from tests.core.evaluation.judged_drive import ShiftedPredictor, drive, judged, knowing_predictor
 from tests.repository import ROOT
+from tools.judgement_table import judgement_table
 
 CONTRACT = {
     "auc", "near_recall", "far_fpr", "waypoint_median_m", "waypoint_p90_m", "yaw_median_deg", "ece", "nodes", "edges",
@@ -61,6 +62,8 @@ def test_a_simulated_drive_is_judged_with_its_perturbations_and_a_page(tmp_path:
     assert summary["images"] == 120
     assert summary["skipped"] > 0
     assert "oracle on demo-drive.rrd" in page.read_text()
+    lines = judgement_table([summary]).markdown().splitlines()
+    assert [line.split(" | ")[0] for line in lines[2:]] == ["| demo-drive", "| demo-drive, jpeg"]
 
 
 def test_the_page_shows_the_worst_pairs_and_the_commands_that_open_them(tmp_path: Path) -> None:

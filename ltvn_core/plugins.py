@@ -134,6 +134,15 @@ def find_plugins(
     return {name: found[name] for name in sorted(found, key=lambda name: (places.get(name, len(places)), name))}
 
 
+def require_own(group: PluginGroup, name: str, own: Sequence[str]) -> None:
+    """Raise PluginError where one of the toolkit's own plug-ins was not found, though its code is here."""
+    if name in own:
+        raise PluginError(
+            f"The {group.noun} {name} of the toolkit itself is not installed: its code is newer than its installation. "
+            "Install it again: pip install -e . (or pip install ltvn)."
+        )
+
+
 def load_plugins(plugins: Mapping[str, Plugin], load: Callable[[Plugin], Loaded]) -> LoadedPlugins[Loaded]:
     """Load plug-ins by a function that raises LtvnError; one that fails is named and does not keep the others away."""
     by_name: dict[str, Loaded] = {}

@@ -9,7 +9,7 @@ from typing import cast
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, OptionError, PluginError
 from ltvn_core.extras import naming_the_extra
-from ltvn_core.plugins import PREDICTORS, Plugin, find_plugins
+from ltvn_core.plugins import PREDICTORS, Plugin, find_plugins, require_own
 from ltvn_core.predictors.request import PredictorFactory, PredictorRequest
 from ltvn_core.types import Predictor
 
@@ -35,6 +35,7 @@ def require_predictor(name: str) -> Plugin:
     """Return the plug-in of that name. Raises OptionError with the names there are."""
     found = find_predictors()
     if name not in found:
+        require_own(PREDICTORS, name, OWN_PREDICTORS)
         raise OptionError(
             f"No predictor is called {name!r}; installed are: {', '.join(found) or 'none'}. Install the package that "
             "brings it, or name another."

@@ -80,10 +80,14 @@ def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
     if meta.fingerprint != fingerprint:
         named = meta.config.get("predictor")
         by = "" if named is None else f" by the predictor {named}"
-        remedy = "Use the old weights" if named is None else f"Name it with --predictor {named} and its weights"
+        remedy = (
+            "Use the old weights"
+            if named is None
+            else f"Name it with --predictor {named} and its weights; if it is in use already, its version is another"
+        )
         raise MapError(
             f"This map was made{by} with the weights {meta.fingerprint!r}, those in use are {fingerprint!r}; their "
-            f"distances do not compare. {remedy}, or run `ltvn build` on the recording again."
+            f"distances do not compare. {remedy}; or run `ltvn build` on the recording again."
         )
 
 

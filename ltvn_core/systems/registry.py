@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
-from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins
+from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins, require_own
 from ltvn_core.systems.entry import SystemEntry, SystemFactory
 
 DEFAULT_SYSTEM = "ltvn"
@@ -40,6 +40,7 @@ def system_entry(name: str) -> SystemEntry:
     """Return the entry of a navigation system; raises OptionError if there is none, PluginError if it is broken."""
     found = _systems().get(name)
     if found is None:
+        require_own(SYSTEMS, name, OWN_SYSTEMS)
         raise OptionError(f"No navigation system is called {name!r}; choose one of: {', '.join(system_names())}.")
     return load_system(found)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import MissingLibraryError, PluginError
-from ltvn_core.plugins import GROUPS, OWN_PACKAGE, PREDICTORS, ROBOTS, Plugin, find_plugins, load_plugins
+from ltvn_core.plugins import GROUPS, OWN_PACKAGE, PREDICTORS, ROBOTS, Plugin, find_plugins, load_plugins, require_own
 
 
 def install(folder: Path, package: str, entry_points: str, *, source: str = "", version: str = "1.0") -> None:
@@ -87,6 +87,12 @@ def test_a_library_that_an_extra_brings_is_named_with_the_extra(
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(MissingLibraryError, match=r"ltvn\[network\]"):
         named("wanting:make").load()
+
+
+def test_one_of_ours_that_was_never_installed_says_to_install_the_toolkit_again() -> None:
+    require_own(PREDICTORS, "mine", ("network",))
+    with pytest.raises(PluginError, match=r"predictor network of the toolkit itself is not installed.*pip install -e"):
+        require_own(PREDICTORS, "network", ("network",))
 
 
 def test_what_is_missing_in_a_module_is_said_with_its_name() -> None:

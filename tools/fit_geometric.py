@@ -41,8 +41,8 @@ RIGHT_M, RIGHT_SHARE, RIGHT_RAD = 0.12, 0.12, np.deg2rad(8)
 """A pose is right when it is off by less than this, or this share of the distance, and turned by less."""
 GUESSED_M, GUESSED_SHARE = 0.3, 0.6
 """The same for the guessed distances of images without depth."""
-CORRIDOR_WEIGHT = 0.15
-"""A pair of a corridor counts so much, because most places are not made to mislead."""
+CORRIDOR_WEIGHT = 0.03
+"""A pair of a corridor counts so much; all corridors together then count about as much as one apartment."""
 SIGNS = Evidence(
     agreeing=1,
     agreeing_share=1,
@@ -151,7 +151,7 @@ def fit_words(features: Sequence[ImageFeatures], rng: np.random.Generator) -> Vi
     mean = sample.mean(0)
     _, axes = np.linalg.eigh(np.cov((sample - mean).T))
     axes = axes[:, ::-1][:, :DIMENSIONS]
-    centres, _ = kmeans2((sample - mean) @ axes, WORDS, minit="++", seed=rng)
+    centres, _ = kmeans2((sample - mean) @ axes, WORDS, minit="++", rng=rng)
     return VisualWords(mean.astype(np.float32), axes.astype(np.float32), centres.astype(np.float32))
 
 

@@ -29,7 +29,8 @@ class Correspondences(NamedTuple):
 def similarities(first: ImageFeatures, second: ImageFeatures) -> NDArray[np.float32]:
     """Return the cosines (K, L) between all descriptors of two images."""
     scale = np.float32(1 / 255**2)
-    return (first.descriptors.astype(np.float32) * scale) @ second.descriptors.astype(np.float32).T
+    cosines = (first.descriptors.astype(np.float32) * scale) @ second.descriptors.astype(np.float32).T
+    return cosines.astype(np.float32, copy=False)
 
 
 def mutual_matches(cosines: NDArray[np.float32]) -> Correspondences:

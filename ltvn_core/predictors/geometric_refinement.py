@@ -32,11 +32,11 @@ def refine_motion(motion: CameraMotion, pairs: PointPairs) -> tuple[CameraMotion
         rows = jacobians.reshape(-1, 6)
         weighted = (rows * weights[:, None]).T
         normal = weighted @ rows + 1e-6 * np.eye(6)
-        step = -np.linalg.solve(normal, weighted @ residuals.ravel())
+        step = -np.asarray(np.linalg.solve(normal, weighted @ residuals.ravel()), np.float64)
         motion = _moved(motion, step)
         if np.abs(step).max() < 1e-4:
             break
-    return motion, np.linalg.inv(normal)
+    return motion, np.asarray(np.linalg.inv(normal), np.float64)
 
 
 def _residuals(motion: CameraMotion, pairs: PointPairs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

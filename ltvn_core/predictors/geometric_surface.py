@@ -85,7 +85,7 @@ def _grid_places(
 
 
 def _gray(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
-    return rgb @ np.array([0.299, 0.587, 0.114])
+    return rgb.astype(np.float64) @ np.array([0.299, 0.587, 0.114])
 
 
 def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

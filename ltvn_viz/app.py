@@ -31,6 +31,7 @@ from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import drive_listener
 from ltvn_viz.session.viewpoint import latest_viewpoint
+from ltvn_viz.timeline.run_moment import moment_of
 
 __all__ = ["AppOptions", "RunningApp", "open_app", "run_app"]
 
@@ -96,16 +97,17 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
 
 
 def _driven_floor(state: AppState, options: AppOptions) -> tuple[Pose, Pose] | None:
-    """Return two corners (x_m, y_m) around the drive of the recording to watch; None where it cannot be read."""
+    """Return two corners (x_m, y_m) around drive and map of the recording to watch; None where it cannot be read."""
     if options.replay is None:
         return None
     try:
-        course = state.open_replay(options.replay).course[:, :2]
+        replay = state.open_replay(options.replay)
     except RecordingError:  # Who opens it to be watched says what is wrong with it.
         return None
-    if not len(course):
+    places = np.concatenate([replay.course, moment_of(replay.timeline).graph.poses])[:, :2]
+    if not len(places):
         return None
-    low, high = course.min(axis=0), course.max(axis=0)
+    low, high = places.min(axis=0), places.max(axis=0)
     margin = max(0.0, LEAST_FLOOR_M - float((high - low).max())) / 2 + ROUND_ABOUT_M
     return low - margin, high + margin
 

@@ -19,6 +19,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.registry import NETWORK
+from ltvn_core.recorded_map import BuildOptions
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.reader import Recording
@@ -67,7 +68,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     source = _image_source(options, library, own_robot, chosen)
     choice = source.choose(options.predictor)
     logger.info("Images are compared by %s.", choice)
-    options = replace(options, predictor=choice.name)
+    asked, options = options, replace(options, predictor=choice.name)
     predictor = predictor_for(options, source.camera)
     system = _open_system(options, predictor)
     if chosen is not None:
@@ -105,6 +106,13 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
         rerun=RerunViewers(stack).address,
+        build_options=BuildOptions(
+            preset=options.preset,
+            system=options.system,
+            predictor=asked.predictor,
+            weights=options.weights,
+            seed=options.seed,
+        ),
     )
 
 

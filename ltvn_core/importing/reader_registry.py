@@ -4,6 +4,7 @@ Owns the choice of a reader for a path. Ours are found as other people's are, an
 when its turn comes.
 """
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
@@ -11,6 +12,8 @@ from typing import cast
 from ltvn_core.errors import DriveError, LtvnError
 from ltvn_core.importing.raw_frame import DriveReader, ReaderClass, ReadOptions
 from ltvn_core.plugins import READERS, Plugin, find_plugins
+
+log = logging.getLogger(__name__)
 
 AUTO = "auto"
 LAST = "folder"
@@ -32,6 +35,17 @@ def open_drive(path: Path, name: str = AUTO, options: ReadOptions | None = None)
         raise DriveError(f"There is no file or folder {path}.")
     reader = _recognised(path) if name == AUTO else _named(name)
     return reader.open(path, options or ReadOptions())
+
+
+def is_drive(path: Path) -> bool:
+    """Tell whether any reader recognises a file or folder; one that cannot be loaded or fails is left out."""
+    for plugin in _readers().values():
+        try:
+            if _load(plugin).recognises(path):
+                return True
+        except Exception as error:  # Another package's reader may raise anything; a list is shown all the same.
+            log.debug("the reader %s cannot look at %s: %s", plugin.name, path, error)
+    return False
 
 
 def _recognised(path: Path) -> ReaderClass:

@@ -6,7 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
@@ -60,37 +60,25 @@ class BuildVerb(Verb):
         from tqdm import tqdm
 
         from ltvn_core.atomic_files import require_new_path
-        from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.connectivity import count_strongly_connected_components
-        from ltvn_core.predictors.choice import ImageSource
-        from ltvn_core.recording.reader import Recording
-        from ltvn_core.topological_map import build_map
+        from ltvn_core.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 
         require_new_path(self.output)
-        recording = Recording.open(self.recording)
-        meta = recording.meta
-        choice = ImageSource.of(meta).choose_anew(self.predictor)
-        observations = [recording.observation(frame) for frame in recording.frames]
-        entry = system_entry(self.system)
-        predictor = open_predictor(choice.name, meta.scene, self.weights or entry.weights, camera=meta.camera)
-        with tqdm(total=len(observations), desc="build", unit="image") as bar:
+        options = BuildOptions(
+            preset=self.preset,
+            system=self.system,
+            predictor=self.predictor,
+            weights=self.weights,
+            seed=self.seed,
+        )
+        with tqdm(desc="build", unit="image") as bar:
 
             def show(done: int, total: int) -> None:
                 bar.total = total
                 bar.update(done - bar.n)
 
-            built = build_map(
-                observations,
-                predictor=predictor,
-                predictor_name=choice.name,
-                system=entry.factory(open_method(self.preset, predictor)),
-                scene=meta.scene,
-                camera=meta.camera,
-                is_lens_known=meta.config.get("import", {}).get("is_lens_known", True),
-                seed=self.seed,
-                progress=show,
-            )
-        built.save(self.output, config={"verb": "build", "preset": self.preset, "seed": self.seed})
+            built, choice, observations = build_recorded_map(self.recording, options, show)
+        save_recorded_map(built, self.output, options)
         graph = built.graph
         return BuildSummary(
             map=self.output,

@@ -26,12 +26,11 @@ class DrivePanel:
                 ActionButton(Action.DISCARD, "Discard", "⌫", "end and set aside", is_enabled=live and recording),
             )
         )
-        rebuild = "build the map anew from all images at hand"
-        self.map.show(
-            button_row(
-                ActionButton(Action.BUILD, "Build the map anew", "B", rebuild, is_enabled=snapshot.mode is Mode.TELEOP)
-            )
-        )
+        recorded = snapshot.mode is Mode.REPLAY
+        ready = snapshot.mode is Mode.TELEOP or (recorded and not snapshot.is_making)
+        whence = "all images of this recording, into a new file" if recorded else "all images at hand"
+        rebuild = f"build the map anew from {whence}"
+        self.map.show(button_row(ActionButton(Action.BUILD, "Build the map anew", "B", rebuild, is_enabled=ready)))
         self.counts.show(_counts(snapshot))
 
 

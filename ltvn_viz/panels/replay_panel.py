@@ -1,17 +1,20 @@
-"""The “Replay” tab: open a recording and move through its time."""
+"""The “Replay” tab: open a recording, or import a drive, and move through its time."""
 
 from collections.abc import Callable
 
 import viser
 
-from ltvn_viz.panels.html_widgets import HtmlBlock, note
-from ltvn_viz.session.commands import CloseRecording, Command, OpenRecording, Pause, Seek
+from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.session.commands import CloseRecording, Command, ImportDrive, OpenRecording, Pause, Seek
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import PlaybackStatus, Snapshot
 
 QUIET = (73, 80, 87)
 STEP_S = 0.05
 NONE_YET: str = "no recordings yet"
+IMPORT = "import: "
+"""Marks drives in other formats in the list."""
 
 
 class ReplayPanel:
@@ -26,15 +29,17 @@ class ReplayPanel:
         self.play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._close = gui.add_button("Back to the robot", icon=viser.Icon.ARROW_BACK_UP, color=QUIET, visible=False)
         self.about = HtmlBlock(gui)
-        self._listed: tuple[str, ...] = ()
+        self.making = HtmlBlock(gui)
+        self._choices: dict[str, Command] = {}
         self._opened = ""
         self._followed = -1.0
         self._bind(send)
 
     def show(self, snapshot: Snapshot) -> None:
         """List the recordings and show where in the open one we are."""
-        self._list(snapshot.recordings)
-        self._open.disabled = not snapshot.recordings or snapshot.mode not in (Mode.TELEOP, Mode.REPLAY)
+        self._list(snapshot)
+        self._open.disabled = not self._choices or snapshot.mode not in (Mode.TELEOP, Mode.REPLAY)
+        self.making.show(_making(snapshot))
         replay = snapshot.replay
         for control in (self.time, self.play, self._close):
             control.visible = replay is not None
@@ -45,8 +50,8 @@ class ReplayPanel:
     def _bind(self, send: Callable[[Command], None]) -> None:
         @self._open.on_click
         async def _(_: viser.GuiEvent) -> None:
-            if self._listed:
-                send(OpenRecording(self._names.value))
+            if (chosen := self._choices.get(self._names.value)) is not None:
+                send(chosen)
 
         @self.time.on_update
         async def _(event: viser.GuiEvent) -> None:
@@ -62,17 +67,25 @@ class ReplayPanel:
         async def _(_: viser.GuiEvent) -> None:
             send(CloseRecording())
 
-    def _list(self, names: tuple[str, ...]) -> None:
-        if names == self._listed:
+    def _list(self, snapshot: Snapshot) -> None:
+        names = (*snapshot.recordings, *(IMPORT + name for name in snapshot.sources))
+        if names == tuple(self._choices):
             return
-        self._listed = names
-        self._names.options = names or [NONE_YET]
+        self._choices = {
+            **{IMPORT + name: ImportDrive(name) for name in snapshot.sources},
+            **{name: OpenRecording(name) for name in snapshot.recordings},
+        }
+        self._choices = {name: self._choices[name] for name in names}
+        chosen = self._names.value
+        self._names.options = names or (NONE_YET,)
+        if chosen in self._choices:
+            self._names.value = chosen
         self._names.disabled = not names
 
     def _follow(self, replay: PlaybackStatus) -> None:
         if replay.name != self._opened:
             self._opened = replay.name
-            if replay.name in self._listed:
+            if replay.name in self._choices:
                 self._names.value = replay.name
             self.time.max = max(replay.length_s, STEP_S)
         if replay.time_s != self._followed:
@@ -80,6 +93,15 @@ class ReplayPanel:
             self._followed = replay.time_s
             self.time.value = min(round(replay.time_s / STEP_S) * STEP_S, self.time.max)
         self.play.label = "Hold" if replay.playing else "Play"
+
+
+def _making(snapshot: Snapshot) -> str:
+    if not snapshot.is_making:
+        return ""
+    hint = "leave nothing behind"
+    return button_row(
+        ActionButton(Action.CANCEL, "Cancel", "Esc", hint, is_enabled=snapshot.mode in (Mode.TELEOP, Mode.REPLAY))
+    )
 
 
 def _about(snapshot: Snapshot) -> str:

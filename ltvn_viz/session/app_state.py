@@ -13,6 +13,7 @@ from typing import Protocol, TypeAlias
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import Severity
+from ltvn_core.recorded_map import BuildOptions
 from ltvn_core.types import NodeId, Predictor
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.activities.map_building import MapBuilding
@@ -27,6 +28,7 @@ from ltvn_viz.session.inspection import Inspection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.recording_maker import RecordingMaker
 from ltvn_viz.session.rerun_viewers import rerun_unavailable
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.viewpoint import Viewpoint
@@ -114,6 +116,10 @@ class AppState:
     """Makes the debugger of a page that only watches; it changes nothing."""
     patient_worker: PatientWorker
     """Computes for the pages that only watch."""
+    build_options: BuildOptions = BuildOptions()  # noqa: RUF009
+    """How maps are built from recordings."""
+    maker: RecordingMaker = field(default_factory=RecordingMaker)
+    """Makes new recordings of what lies in the folder."""
     last_recording: str | None = None
     """The recording that was kept last."""
     message: Message | None = None

@@ -21,6 +21,8 @@ from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode, refusal
 from ltvn_viz.session.own_views import STALE_LINK
+from ltvn_viz.session.recording_jobs import build_from_replay, import_source
+from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording
 from ltvn_viz.session.seeking import seek, seek_mark
 from ltvn_viz.session.snapshot import JobProgress
 
@@ -41,15 +43,15 @@ def _carry_out(state: AppState, command: c.Command) -> None:
         case c.StopRobot():
             _stop(state)
         case c.Cancel():
-            state.cancel("Cancelled.")
+            _cancel(state)
         case c.TakeOver():
             state.cancel("You took over; the query was cancelled.")
         case c.KeepGoing(is_on):
             _keep_going(state, is_on=is_on)
         case c.BuildMap():
-            state.activity = MapBuilding(
-                state.live, state.worker, state.live_map.rebuild, doubts=lambda: state.live_map.doubts
-            )
+            _build_map(state)
+        case c.ImportDrive(name):
+            import_source(state, name)
         case c.FineTune(minutes):
             start_fine_tuning(state, minutes)
         case c.UseWeights():
@@ -78,6 +80,32 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             _play(state, command)
         case _:
             assert_never(command)
+
+
+def _cancel(state: AppState) -> None:
+    if not isinstance(state.activity, Navigation | MapBuilding):
+        state.maker.cancel()
+    state.cancel("Cancelled.")
+
+
+def _build_map(state: AppState) -> None:
+    if isinstance(state.activity, Playback):
+        build_from_replay(state, state.activity)
+        return
+    state.activity = MapBuilding(state.live, state.worker, state.live_map.rebuild, doubts=lambda: state.live_map.doubts)
+
+
+def take_made_recording(state: AppState) -> None:
+    """Open a recording that was just made, and say what is doubtful of it, or why it was not made."""
+    match state.maker.collect():
+        case FailedRecording(reason):
+            state.say(reason, Severity.ERROR)
+        case MadeRecording(name, text, doubts):
+            if isinstance(state.activity, Navigation | MapBuilding):
+                text += " Open it under “Replay”."
+            else:
+                _open(state, c.OpenRecording(name))
+            state.say(" ".join([text, *doubts]), Severity.WARN if doubts else Severity.INFO)
 
 
 def _keep_going(state: AppState, *, is_on: bool) -> None:

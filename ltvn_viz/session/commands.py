@@ -50,7 +50,7 @@ class DiscardRecording(LabelledCommand):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BuildMap(LabelledCommand):
-    """Build a map anew from all images driven so far, Algorithm 1."""
+    """Build a map anew from all images driven so far, or of the open recording into a new file, Algorithm 1."""
 
     label: ClassVar[str] = "build the map"
 
@@ -165,6 +165,15 @@ class OpenRecording(LabelledCommand):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ImportDrive(LabelledCommand):
+    """Make a recording of a drive in another format that lies in the recordings folder, and open it."""
+
+    label: ClassVar[str] = "import a drive"
+    name: str
+    """Path inside the recordings folder."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CloseRecording(LabelledCommand):
     """Go back from the replay to the live robot."""
 
@@ -263,6 +272,7 @@ Command: TypeAlias = (
     | DebuggerCommand
     | StopRobot
     | BuildMap
+    | ImportDrive
     | FineTune
     | StopFineTuning
     | UseWeights

@@ -20,6 +20,8 @@ def hint(snapshot: Snapshot) -> str:
             if snapshot.pause_notice:
                 return f"{snapshot.pause_notice} Press Go on, or cancel."
             return "Paused. Resume, go on by single steps, or cancel."
+        case Mode.REPLAY if snapshot.lone_camera is not None and not snapshot.moment.graph.ids.size:
+            return "This is an imported drive. Play it, or press “Build the map anew” (B) under “Drive”."
         case Mode.REPLAY:
             return "This is a recording. Drag the slider or press play; “Back to the robot” ends the replay."
         case Mode.TELEOP:

@@ -28,7 +28,7 @@ LIVE = frozenset({Mode.TELEOP, Mode.NAVIGATING, Mode.PAUSED})
 
 LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.StopRobot: ANYWHERE,
-    c.Cancel: frozenset({Mode.NAVIGATING, Mode.PAUSED, Mode.BUILDING}),
+    c.Cancel: ANYWHERE,
     c.Pause: frozenset({Mode.NAVIGATING, Mode.PAUSED, Mode.REPLAY}),
     c.StepOnce: frozenset({Mode.NAVIGATING, Mode.PAUSED}),
     c.KeepGoing: ANYWHERE,
@@ -36,7 +36,8 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.StartRecording: LIVE,
     c.KeepRecording: LIVE,
     c.DiscardRecording: LIVE,
-    c.BuildMap: frozenset({Mode.TELEOP}),
+    c.BuildMap: frozenset({Mode.TELEOP, Mode.REPLAY}),
+    c.ImportDrive: frozenset({Mode.TELEOP, Mode.REPLAY}),
     c.FineTune: ANYWHERE,
     c.StopFineTuning: ANYWHERE,
     c.UseWeights: frozenset({Mode.TELEOP}),

@@ -9,9 +9,12 @@ from itertools import count
 from pathlib import Path
 
 from ltvn_core.errors import RecordingError
+from ltvn_core.importing.reader_registry import is_drive
 
 SUFFIX = ".rrd"
 DISCARDED = "discarded"
+OTHER_SUFFIXES = (".safetensors", ".json")
+"""What the toolkit itself puts beside recordings."""
 
 
 class RecordingLibrary:
@@ -20,6 +23,8 @@ class RecordingLibrary:
     def __init__(self, folder: Path) -> None:
         """Use `folder`, which is made when the first recording needs it."""
         self.folder = folder
+        self._seen: dict[tuple[str, int], bool] = {}
+        """Whether an entry, by its name and time, is a drive in another format."""
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the recordings, newest first."""
@@ -36,6 +41,25 @@ class RecordingLibrary:
             raise RecordingError(
                 f"There is no recording “{name}” in {self.folder}. Choose one of the list; files elsewhere must be "
                 "copied into that folder first."
+            )
+        return self.folder / name
+
+    def sources(self) -> tuple[str, ...]:
+        """Return the names of the drives in other formats, which can be imported: bags, databases, folders."""
+        try:
+            with os.scandir(self.folder) as entries:
+                found = {(entry.name, entry.stat().st_mtime_ns) for entry in entries if _may_be_drive(entry)}
+        except OSError:
+            return ()
+        self._seen = {key: self._seen[key] if key in self._seen else is_drive(self.folder / key[0]) for key in found}
+        return tuple(sorted(name for (name, _), known in self._seen.items() if known))
+
+    def source(self, name: str) -> Path:
+        """Return the path of a drive in another format of the list; raises RecordingError for anything else."""
+        if name not in self.sources():
+            raise RecordingError(
+                f"There is no drive “{name}” in {self.folder} that can be imported. Choose one of the list; files "
+                "elsewhere must be copied into that folder first, or imported by `ltvn import`."
             )
         return self.folder / name
 
@@ -58,6 +82,12 @@ class RecordingLibrary:
 
 def _is_recording(entry: os.DirEntry[str]) -> bool:
     return entry.name.endswith(SUFFIX) and entry.is_file(follow_symlinks=False)
+
+
+def _may_be_drive(entry: os.DirEntry[str]) -> bool:
+    if entry.is_symlink() or entry.name.startswith(".") or entry.name == DISCARDED:
+        return False
+    return not entry.name.endswith((SUFFIX, *OTHER_SUFFIXES))
 
 
 def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:

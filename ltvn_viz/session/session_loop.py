@@ -23,7 +23,7 @@ from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.command_handlers import handle
+from ltvn_viz.session.command_handlers import handle, take_made_recording
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.own_views import handle_own, retain_own_views
@@ -145,6 +145,7 @@ class Session:
         self._state.live.robot.stop()
         self._state.cancel("The app is closing.")
         self._state.fine_tuning.cancel()
+        self._state.maker.close()
         self._state.worker.close()
         self._guarded(self._state.worker.collect)
         self._state.fine_tuning.close()
@@ -174,6 +175,7 @@ class Session:
         state.worker.collect()
         self._record()
         state.fine_tuning.collect()
+        take_made_recording(state)
         state.activity.tick()
         _handle_breakpoint(state)
         if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:

@@ -135,6 +135,10 @@ class Snapshot:
     recording: RecordingStatus = RecordingStatus()
     recordings: tuple[str, ...] = ()
     """Files of the recordings folder, newest first."""
+    sources: tuple[str, ...] = ()
+    """Drives in other formats in that folder, which can be imported."""
+    is_making: bool = False
+    """Whether a new recording is being made of one of these."""
     replay: PlaybackStatus | None = None
     course: NDArray[np.float64] = field(default_factory=lambda: NO_TRAJECTORY, repr=False)
     """(T, 3) all poses of the open recording, thinned; of the live run none, since nobody knows what is to come."""

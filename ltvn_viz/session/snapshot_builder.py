@@ -59,6 +59,7 @@ class SnapshotBuilder:
         self._meter = RateMeter(clock)
         self._listed_at = float("-inf")
         self._names: tuple[str, ...] = ()
+        self._sources: tuple[str, ...] = ()
         self._own_due = float("-inf")
         self.moment = RunMoment()
         """The moment that was shown last."""
@@ -66,7 +67,7 @@ class SnapshotBuilder:
     def build(self, state: AppState) -> Snapshot:
         """Return what the page should show now."""
         self._meter.count()
-        activity = state.activity
+        activity, making = state.activity, state.maker.work
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
         self.moment = snapshot.moment
         if state.debugger.is_on:
@@ -80,6 +81,8 @@ class SnapshotBuilder:
             rates=replace(snapshot.rates, loop_hz=self._meter.hz),
             recording=state.live.recorder.status,
             recordings=self._recordings(state),
+            sources=self._sources,
+            is_making=making is not None,
             pause_notice=activity.held_because if isinstance(activity, Navigation) else "",
             keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
             message=state.message,
@@ -87,13 +90,14 @@ class SnapshotBuilder:
             inspection=state.debugger.shown,
             own_inspections={page: view.shown for page, view in state.own_debuggers.items()},
             weights=state.live_map.fingerprint,
-            work=activity.work if isinstance(activity, MapBuilding) else state.work,
+            work=activity.work if isinstance(activity, MapBuilding) else state.work or making,
         )
         return replace(snapshot, hint=hint(snapshot))
 
     def _recordings(self, state: AppState) -> tuple[str, ...]:
         if self._clock() - self._listed_at >= LIST_EVERY_S:
-            self._listed_at, self._names = self._clock(), state.library.names()
+            self._listed_at = self._clock()
+            self._names, self._sources = state.library.names(), state.library.sources()
         under_way = state.live.recorder.status.name
         return tuple(name for name in self._names if name != under_way)
 

@@ -3,11 +3,13 @@
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
 from ltvn_core.importing.drive_import import import_drive
 from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.navigation.events import Severity
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
@@ -70,3 +72,63 @@ def test_an_imported_drive_shows_its_whole_way_and_the_camera_that_took_it(page:
 def test_only_what_has_weights_is_offered_to_learn(page: Page) -> None:
     assert page.shown[-1].weights.startswith("geometric")
     assert not page.shown[-1].fine_tuning.is_possible
+
+
+def test_a_map_is_built_from_an_open_drive_without_a_simulator_and_opened(page: Page) -> None:
+    assert page.do(c.BuildMap()).is_making
+    now = page.until(lambda now: now.replay is not None and now.replay.name == "tour-map.rrd")
+    assert "tour-map.rrd" in page.state.library.names()
+    assert now.message is not None
+    assert "by geometric" in now.message.text
+    assert len(page.do(c.Seek(1e9)).moment.graph.ids) >= 2
+    assert not page.shown[-1].is_making
+
+
+def test_a_drive_in_another_format_is_offered_imported_and_opened(page: Page, folder: Path) -> None:
+    copytree(EXCERPT, folder / "a drive")
+    (folder / "notes.txt").write_text("no drive")
+    now = page.until(lambda now: now.sources == ("a drive",))
+    assert page.do(c.ImportDrive("a drive")).is_making
+    now = page.until(lambda now: now.replay is not None and now.replay.name == "a drive.rrd")
+    assert now.message is not None
+    assert "images" in now.message.text
+
+
+@pytest.mark.parametrize("name", ["../elsewhere", "notes.txt", DRIVE, ""])
+def test_nothing_is_imported_but_what_is_listed(page: Page, folder: Path, name: str) -> None:
+    (folder / "notes.txt").write_text("no drive")
+    now = page.do(c.ImportDrive(name))
+    assert now.message is not None
+    assert "There is no drive" in now.message.text
+    assert not now.is_making
+
+
+def test_a_drive_that_cannot_be_read_is_one_clear_line_and_leaves_nothing(page: Page, folder: Path) -> None:
+    (folder / "broken.mcap").write_bytes(b"no bag at all")
+    page.do(c.ImportDrive("broken.mcap"))
+    now = page.until(lambda now: not now.is_making and now.message is not None)
+    assert now.message is not None
+    assert now.message.severity is Severity.ERROR
+    assert "broken.mcap" in now.message.text
+    assert "\n" not in now.message.text
+    assert now.replay is not None
+    assert now.replay.name == DRIVE
+    assert sorted(path.name for path in folder.iterdir()) == ["broken.mcap", DRIVE]
+
+
+def test_building_from_a_drive_can_be_given_up(page: Page, folder: Path) -> None:
+    page.do(c.BuildMap())
+    page.do(c.Cancel())
+    now = page.until(lambda now: not now.is_making and now.message is not None)
+    assert now.message is not None
+    assert "cancelled" in now.message.text
+    assert [path.name for path in folder.iterdir()] == [DRIVE]
+
+
+def test_one_recording_is_made_at_a_time(page: Page) -> None:
+    page.do(c.BuildMap())
+    now = page.do(c.BuildMap())
+    assert now.message is not None
+    assert "not done yet" in now.message.text
+    page.do(c.Cancel())
+    page.until(lambda now: not now.is_making)

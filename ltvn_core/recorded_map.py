@@ -1,0 +1,73 @@
+"""A map built from a recording: which predictor compares its images, and by which system and settings.
+
+Owns nothing of the method; `topological_map` builds. The verb and the page share this, so that both make the same map.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from ltvn_core.composition import open_method, open_predictor
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
+from ltvn_core.recording.reader import Recording
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.topological_map import TopologicalMap, build_map
+from ltvn_core.types import Observation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildOptions:
+    """What a person can ask of a map."""
+
+    preset: str = "robust"
+    """Name of the method's settings."""
+    system: str = DEFAULT_SYSTEM
+    """Name of the navigation system that builds the map."""
+    predictor: str = AUTO
+    """What compares images, by name."""
+    weights: Path | None = None
+    """Weights instead of those that come with the system."""
+    seed: int = 0
+    """Draws the order in which images are sampled."""
+
+
+class RecordedMap(NamedTuple):
+    """A new map, and from what and by what it was built."""
+
+    map: TopologicalMap
+    choice: PredictorChoice
+    observations: list[Observation]
+    """All images of the recording, N of them."""
+
+
+def build_recorded_map(
+    path: Path, options: BuildOptions, progress: ProgressCallback = lambda _done, _total: None
+) -> RecordedMap:
+    """Build a map from the images of a recording; `progress` is called with the images done and in all.
+
+    Raises RecordingError, MapError, OptionError and WeightsError.
+    """
+    recording = Recording.open(path)
+    meta = recording.meta
+    choice = ImageSource.of(meta).choose_anew(options.predictor)
+    observations = [recording.observation(frame) for frame in recording.frames]
+    entry = system_entry(options.system)
+    predictor = open_predictor(choice.name, meta.scene, options.weights or entry.weights, camera=meta.camera)
+    built = build_map(
+        observations,
+        predictor=predictor,
+        predictor_name=choice.name,
+        system=entry.factory(open_method(options.preset, predictor)),
+        scene=meta.scene,
+        camera=meta.camera,
+        is_lens_known=meta.config.get("import", {}).get("is_lens_known", True),
+        seed=options.seed,
+        progress=progress,
+    )
+    return RecordedMap(built, choice, observations)
+
+
+def save_recorded_map(built: TopologicalMap, output: Path, options: BuildOptions) -> None:
+    """Write a map to a new file, with how it was built. Raises MapError and RecordingError."""
+    built.save(output, config={"verb": "build", "preset": options.preset, "seed": options.seed})

@@ -1,0 +1,106 @@
+"""New recordings made of what lies in the folder: at most one at a time, in a thread of its own.
+
+Neither robot nor map has anything to do with it, and both go on meanwhile. Owns the life of such a job: begun,
+cancelled, failed, done. What is made is `recording_jobs`.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from typing import NamedTuple, TypeAlias
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_viz.session.snapshot import JobProgress
+from ltvn_viz.session.worker import Worker
+
+logger = logging.getLogger(__name__)
+
+
+class MadeRecording(NamedTuple):
+    """A new recording of the library."""
+
+    name: str
+    text: str
+    """What it holds, in words."""
+    doubts: tuple[str, ...] = ()
+    """What is doubtful of it, in words."""
+
+
+class FailedRecording(NamedTuple):
+    """Nothing was made."""
+
+    reason: str
+
+
+Progress: TypeAlias = Callable[[int, int | None], None]
+"""Called with how much is done, and of how much where that is known; raises to end a job that was cancelled."""
+Make: TypeAlias = Callable[[Progress], MadeRecording]
+"""Makes a recording, or raises LtvnError and leaves nothing. Runs in the maker's thread."""
+
+
+class MakingCancelled(Exception):
+    """A person gave up."""
+
+
+class RecordingMaker:
+    """Makes recordings."""
+
+    def __init__(self, executor: Executor | None = None) -> None:
+        """Work on `executor`, which must have a single thread."""
+        self._worker = Worker(executor or ThreadPoolExecutor(1, "new recordings"))
+        self._cancelled = threading.Event()
+        self._label = ""
+        self._share: float | None = None
+        self._result: MadeRecording | FailedRecording | None = None
+
+    @property
+    def work(self) -> JobProgress | None:
+        """How far it is; None while nothing is made."""
+        if not self._worker.pending:
+            return None
+        return JobProgress("Stopping" if self._cancelled.is_set() else self._label, self._share)
+
+    def begin(self, label: str, make: Make) -> None:
+        """Begin; raises OptionError while another recording is made."""
+        if self._worker.pending:
+            raise OptionError(f"{self._label} is not done yet; wait for it, or cancel it first.")
+        self._label, self._share = label, None
+        self._cancelled = threading.Event()
+        self._worker.submit(lambda: self._run(make), self._ended)
+
+    def cancel(self) -> None:
+        """Leave nothing behind; takes effect at the next image."""
+        self._cancelled.set()
+
+    def collect(self) -> MadeRecording | FailedRecording | None:
+        """Return, once, what came of a job that is over."""
+        self._worker.collect()
+        result, self._result = self._result, None
+        return result
+
+    def close(self) -> None:
+        """Give up and wait for the thread."""
+        self.cancel()
+        self._worker.close()
+
+    def _progress(self, done: int, total: int | None) -> None:
+        if self._cancelled.is_set():
+            raise MakingCancelled
+        self._share = min(1.0, done / total) if total else None
+
+    def _run(self, make: Make) -> MadeRecording | FailedRecording:
+        try:
+            return make(self._progress)
+        except MakingCancelled:
+            return FailedRecording(f"{self._label} was cancelled; nothing was written.")
+        except LtvnError as error:
+            return FailedRecording(str(error))
+        except Exception as error:
+            logger.exception("%s failed", self._label)
+            return FailedRecording(
+                f"{self._label} failed ({type(error).__name__}: {error}). The log on the console says more."
+            )
+
+    def _ended(self, result: MadeRecording | FailedRecording) -> None:
+        self._result = result

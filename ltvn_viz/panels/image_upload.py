@@ -10,7 +10,6 @@ import warnings
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
-from ltvn_core import preprocessing
 from ltvn_core.errors import ImageError
 from ltvn_core.network.allocator import return_freed_memory
 from ltvn_core.types import Rgb
@@ -23,12 +22,11 @@ LEAST_SIDE = 480
 
 
 def decode_upload(name: str, content: bytes) -> Rgb:
-    """Decode an uploaded file into an image of the method's size (72, 96, 3); raises ImageError."""
+    """Decode an uploaded file into an image (H, W, 3) of moderate size; raises ImageError."""
     try:
-        image = _decoded(name, content)
+        return _decoded(name, content)
     finally:
         return_freed_memory()
-    return preprocessing.preprocess_image(image, name)
 
 
 def _decoded(name: str, content: bytes) -> Rgb:

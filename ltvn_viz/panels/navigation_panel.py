@@ -7,6 +7,7 @@ import viser
 
 from ltvn_core.errors import LtvnError
 from ltvn_core.navigation.events import Outcome
+from ltvn_core.preprocessing import preprocess_image
 from ltvn_core.types import NodeId
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note, toggle
 from ltvn_viz.panels.image_upload import decode_upload
@@ -14,6 +15,8 @@ from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.commands import Command, NavigateToImage, ReportError
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
+
+GO_TO_UPLOAD, FIND_UPLOAD = "Go to an uploaded image", "Find an uploaded image in this map"
 
 
 class NavigationPanel:
@@ -25,7 +28,7 @@ class NavigationPanel:
         self.task, self.keep_going = HtmlBlock(gui), HtmlBlock(gui)
         self.state, self.gallery = HtmlBlock(gui), HtmlBlock(gui)
         self._upload = gui.add_upload_button(
-            "Go to an uploaded image",
+            GO_TO_UPLOAD,
             icon=viser.Icon.PHOTO_UP,
             color=(73, 80, 87),
             mime_type="image/*",
@@ -46,7 +49,8 @@ class NavigationPanel:
             return ReportError(f"{file.name}: another image is still being read; upload this one once more.")
         self._is_decoding = True
         try:
-            return NavigateToImage(await asyncio.to_thread(decode_upload, file.name, file.content))
+            image = await asyncio.to_thread(decode_upload, file.name, file.content)
+            return NavigateToImage(preprocess_image(image, file.name), image)
         except LtvnError as error:
             return ReportError(str(error))
         finally:
@@ -54,6 +58,9 @@ class NavigationPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the goals on offer and the query."""
+        label = FIND_UPLOAD if snapshot.mode is Mode.REPLAY else GO_TO_UPLOAD
+        if self._upload.label != label:
+            self._upload.label = label
         self.task.show(_task(snapshot))
         self.keep_going.show(_keep_going(snapshot.keeps_going))
         self.state.show(_state(snapshot))

@@ -27,6 +27,7 @@ from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.inspection import Inspection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.session.place_lookup import PlaceLookup
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.recording_maker import RecordingMaker
 from ltvn_viz.session.rerun_viewers import rerun_unavailable
@@ -120,6 +121,8 @@ class AppState:
     """How maps are built from recordings."""
     maker: RecordingMaker = field(default_factory=RecordingMaker)
     """Makes new recordings of what lies in the folder."""
+    places: PlaceLookup = field(default_factory=PlaceLookup)
+    """Looks for images in the maps of recordings; for the worker's thread alone."""
     last_recording: str | None = None
     """The recording that was kept last."""
     message: Message | None = None

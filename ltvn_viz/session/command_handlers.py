@@ -21,6 +21,7 @@ from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode, refusal
 from ltvn_viz.session.own_views import STALE_LINK
+from ltvn_viz.session.place_lookup import FoundPlace
 from ltvn_viz.session.recording_jobs import build_from_replay, import_source
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording
 from ltvn_viz.session.seeking import seek, seek_mark
@@ -70,8 +71,11 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             _change(state, deltas)
         case c.NavigateTo(node):
             _navigate(state, node)
-        case c.NavigateToImage(rgb):
-            _find_and_go(state, rgb)
+        case c.NavigateToImage(rgb, original):
+            if isinstance(state.activity, Playback):
+                _find_place(state, state.activity, rgb if original is None else original)
+            else:
+                _find_and_go(state, rgb)
         case c.ReportError(text):
             state.say(text, Severity.ERROR)
         case c.StartRecording() | c.KeepRecording() | c.DiscardRecording():
@@ -206,6 +210,27 @@ def _find_and_go(state: AppState, rgb: Rgb) -> None:
             _navigate(state, found[0][0])
 
     state.worker.submit(find, go)
+
+
+def _find_place(state: AppState, replay: Playback, rgb: Rgb) -> None:
+    path, predictor = state.library.path(replay.name), state.live_map.predictor
+
+    def find() -> FoundPlace | str:
+        try:
+            return state.places.find(path, rgb, predictor)
+        except LtvnError as error:
+            return str(error)
+
+    def show(found: FoundPlace | str) -> None:
+        state.work = None
+        if isinstance(found, str):
+            state.say(found, Severity.ERROR)
+            return
+        replay.found = found.node
+        state.say(found.text, Severity.INFO if found.node is not None else Severity.WARN)
+
+    state.work = JobProgress("Looking for the image in this map")
+    state.worker.submit(find, show)
 
 
 def _record(state: AppState, command: c.RecordingCommand) -> None:

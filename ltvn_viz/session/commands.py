@@ -110,10 +110,12 @@ class NavigateTo(LabelledCommand):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NavigateToImage(LabelledCommand):
-    """Drive to the node that looks most like an image (H, W, 3)."""
+    """Drive to the node that looks most like an image (72, 96, 3); in a replay, look for it in the map on show."""
 
-    label: ClassVar[str] = "upload a goal image"
+    label: ClassVar[str] = "upload an image"
     rgb: Rgb
+    original: Rgb | None = None
+    """(H, W, 3) the image as it was uploaded, of moderate size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

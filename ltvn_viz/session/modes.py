@@ -50,7 +50,7 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.SelectGoal: LIVE,
     c.PickNode: ANYWHERE,
     c.NavigateTo: frozenset({Mode.TELEOP}),
-    c.NavigateToImage: frozenset({Mode.TELEOP}),
+    c.NavigateToImage: frozenset({Mode.TELEOP, Mode.REPLAY}),
     c.OpenRecording: frozenset({Mode.TELEOP, Mode.REPLAY}),
     c.CloseRecording: frozenset({Mode.REPLAY}),
     c.Seek: LIVE | {Mode.REPLAY},

@@ -130,9 +130,9 @@ def _replayed(replay: Playback) -> Snapshot:
     return Snapshot(
         scene=replay.scene,
         moment=moment,
-        camera=replay.camera(moment.frame),
+        camera=replay.camera(replay.found if moment.frame is None else moment.frame),
         replay=replay.status,
         course=replay.course,
         lone_camera=replay.camera_model if replay.is_imported else None,
-        selected=moment.progress.goal,
+        selected=moment.progress.goal if replay.found is None else replay.found,
     )

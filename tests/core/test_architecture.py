@@ -64,6 +64,7 @@ CORE_ORDER = (
     "systems",
     "composition",
     "topological_map",
+    "recorded_map",
     "evaluation",
     "reports",
     "contracts",

@@ -16,7 +16,7 @@ from ltvn_core.predictors.choice import IMPORTED
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import FrameId, Observation
+from ltvn_core.types import FrameId, NodeId, Observation
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.recording_library import RecordingLibrary
@@ -63,6 +63,8 @@ class Playback:
         self.length_s = max(0.0, timeline.end_s - self._start_s)
         self.time_s = 0.0
         self.playing = False
+        self.found: NodeId | None = None
+        """Where an uploaded image was taken; shown with a pin."""
         self.breakpoint_monitor = BreakpointMonitor()
         """What it stops at while it plays."""
         self._shown: tuple[FrameId | None, CameraImage | None] = (None, None)

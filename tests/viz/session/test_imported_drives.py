@@ -5,14 +5,18 @@ from contextlib import ExitStack
 from pathlib import Path
 from shutil import copytree
 
+import numpy as np
 import pytest
 
 from ltvn_core.importing.drive_import import import_drive
 from ltvn_core.importing.reader_registry import open_drive
 from ltvn_core.navigation.events import Severity
+from ltvn_core.preprocessing import preprocess_image
+from ltvn_core.types import Rgb
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
@@ -132,3 +136,36 @@ def test_one_recording_is_made_at_a_time(page: Page) -> None:
     assert "not done yet" in now.message.text
     page.do(c.Cancel())
     page.until(lambda now: not now.is_making)
+
+
+def test_a_picture_is_found_in_a_map_and_one_of_elsewhere_is_not(page: Page) -> None:
+    page.do(c.BuildMap())
+    page.until(lambda now: now.replay is not None and now.replay.name == "tour-map.rrd")
+    node = int(page.do(c.Seek(1e9)).moment.graph.ids[0])
+    playback = page.state.activity
+    assert isinstance(playback, Playback)
+    taken = playback.observation(node)
+    assert taken is not None
+    page.do(look_for(taken.rgb))
+    now = page.until(lambda now: now.selected is not None)
+    assert now.selected == node
+    assert now.message is not None
+    assert now.message.text.startswith(f"The picture was taken at node {node}")
+    page.do(look_for(np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)))
+    now = page.until(lambda now: now.selected is None)
+    assert now.message is not None
+    assert "nowhere in this map" in now.message.text
+
+
+def test_a_picture_cannot_be_found_where_there_is_no_map(page: Page) -> None:
+    page.do(look_for(np.zeros((240, 320, 3), np.uint8)))
+    now = page.until(lambda now: now.work is None and now.message is not None)
+    assert now.message is not None
+    assert now.message.severity is Severity.ERROR
+    assert "map" in now.message.text
+    assert now.mode is Mode.REPLAY
+
+
+def look_for(rgb: Rgb) -> c.NavigateToImage:
+    """Return what an upload of such an image asks for."""
+    return c.NavigateToImage(preprocess_image(rgb, "upload"), rgb)

@@ -52,8 +52,8 @@ def test_a_predictor_of_ones_own_builds_a_map(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_systems_are_evaluated_and_plotted(tmp_path: Path) -> None:
-    said = run("06_evaluate_and_plot.py", tmp_path, "4", cwd=tmp_path)
-    assert said.count("of 4 episodes") == 2
+    said = run("06_evaluate_and_plot.py", tmp_path, "2", cwd=tmp_path)
+    assert said.count("of 2 episodes") == 2
     assert (tmp_path / "success.png").stat().st_size > 5_000
 
 

@@ -20,6 +20,8 @@ LOST_SHARE = 0.5
 _WIDTH_PX = 160
 _POINTS = 120
 _FEWEST_POINTS = 8
+_ROUNDING = 1e-4
+"""Metres and radians that a source's poses may be rounded by: images 0.1 m apart are kept at 0.1 m."""
 _NOISE = 2.0
 """Images that differ by less, in grey levels of 255 on average, show the same."""
 
@@ -46,7 +48,7 @@ class MotionSelection:
         if self._last is not None:
             moved_m = np.hypot(*(now - self._last)[:2])
             turned_rad = np.abs(wrap_angle((now - self._last)[2:])).max()
-            if moved_m < self._every_m and turned_rad < self._every_rad:
+            if moved_m < self._every_m - _ROUNDING and turned_rad < self._every_rad - _ROUNDING:
                 return False
         self._last = now
         return True

@@ -150,6 +150,6 @@ def test_collect_build_navigate_in_one_go_each(tmp_path: Path) -> None:
     run = ltvn("navigate", built, "--recording", tmp_path / "trips.rrd", *many)
     assert json.loads(run.stdout)["outcome"]["queries"] == 2, run.stderr
     assert any(edge.attempts for edge in load_map(learned).graph.edges.values())
-    other = ltvn("navigate", built, "--recording", tmp_path / "again.rrd")
+    other = ltvn("navigate", built, "--recording", tmp_path / "again.rrd", "--predictor", "network")
     assert other.returncode == 1
     assert "weights" in other.stderr

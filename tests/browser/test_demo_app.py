@@ -28,17 +28,18 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningApp]:
         yield app
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
-    with open_page(chromium, app.server.url, width=900, height=560) as page:
+    with open_page(chromium, app.server.url, width=900, height=560, draws=False) as page:
         page.get_by_text("Next:").wait_for()
-        wait_until_drawn(app.server.viser)
         yield page
 
 
-def test_the_apartment_is_drawn(app: RunningApp, page: Page) -> None:
-    client = wait_until_drawn(app.server.viser)
-    drawn = client.get_render(120, 160, timeout=PATIENCE_S)[..., :3]
+def test_the_apartment_is_drawn(app: RunningApp, chromium: Browser) -> None:
+    with open_page(chromium, app.server.url, width=900, height=560) as page:
+        page.get_by_text("Next:").wait_for()
+        client = wait_until_drawn(app.server.viser)
+        drawn = client.get_render(120, 160, timeout=PATIENCE_S)[..., :3]
     assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 500
 
 

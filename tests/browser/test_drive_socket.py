@@ -4,124 +4,43 @@ The robot's end is a queue of what the server told the app, with the times at wh
 """
 
 import contextlib
-import itertools
 import math
 import queue
 import signal
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from dataclasses import field as dataclass_field
 
 import numpy as np
 import psutil
 import pytest
-import viser
-from playwright.sync_api import Browser, BrowserContext, Page
+from playwright.sync_api import Browser, Page
 
-from ltvn_core.types import Twist
-from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.driver_seat import DriverSeat, StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.keymap import Action
+from tests.browser.drive_page import FIELD, DrivePage, open_drive_page, renderers
 from tests.browser.pages import draw_nothing
-from tests.waiting import PATIENCE_MS, PATIENCE_S, until
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
 
 STOP_WITHIN_S = 0.3
 TRIES = 8
 """On a machine that has other things to do, any single stop may be late: the quickest of a few counts."""
-FIELD = "input[value=here]"
-
-
-@dataclass
-class ReceivedInput:
-    """What the app was told, each thing with its time."""
-
-    drives: "queue.Queue[tuple[float, Twist]]" = dataclass_field(default_factory=queue.Queue)
-    stops: "queue.Queue[tuple[float, StopReason]]" = dataclass_field(default_factory=queue.Queue)
-    actions: "queue.Queue[tuple[Action, int | None]]" = dataclass_field(default_factory=queue.Queue)
-
-    def listener(self) -> DriveListener:
-        return DriveListener(
-            on_drive=lambda _, twist: self.drives.put((time.monotonic(), twist)),
-            on_stop=lambda _, reason: self.stops.put((time.monotonic(), reason)),
-            on_action=lambda _, action, target: self.actions.put((action, target)),
-        )
-
-    def forget(self) -> None:
-        for told in (self.drives, self.stops, self.actions):
-            while not told.empty():
-                told.get_nowait()
-
-    def next_stop(self) -> tuple[float, StopReason]:
-        return self.stops.get(timeout=PATIENCE_S)
-
-    def next_drive(self) -> Twist:
-        return self.drives.get(timeout=PATIENCE_S)[1]
-
-
-@dataclass(frozen=True)
-class DrivePage:
-    """A server, what it told, and pages on it."""
-
-    server: GuardedServer
-    told: ReceivedInput
-    context: BrowserContext
-    field: viser.GuiInputHandle[str]
-    clients: "itertools.count[int]" = dataclass_field(default_factory=lambda: itertools.count(1))
-
-    def open(self) -> Page:
-        """Open a page and wait until it may drive."""
-        page = self.context.new_page()
-        page.goto(self.server.url)
-        page.locator(FIELD).wait_for()
-        self.wait_until_armed(next(self.clients))
-        self.told.forget()
-        return page
-
-    def wait_until_armed(self, client: int) -> None:
-        """Wait until an input of this client, who is counted from 1, would move the robot."""
-        until(lambda: self.server.seat.state_of(client).is_armed)
-
-    def hold(self, page: Page, key: str = "w") -> None:
-        """Hold a key and wait until the robot is told to move."""
-        page.bring_to_front()
-        page.keyboard.down(key)
-        self.told.next_drive()
 
 
 @pytest.fixture
 def door(chromium: Browser) -> Iterator[DrivePage]:
     """A door with the lease of a real one, for tests of how soon the robot stops."""
-    with GuardedServer() as server:
-        yield from opened(server, chromium)
+    with GuardedServer() as server, open_drive_page(server, chromium) as door:
+        yield door
 
 
 @pytest.fixture
 def patient_door(chromium: Browser) -> Iterator[DrivePage]:
     """A door for tests of anything else: a page drawn by software may stall for longer than the real lease."""
-    with GuardedServer(seat=DriverSeat(lease_s=5.0)) as server:
-        yield from opened(server, chromium)
-
-
-def opened(server: GuardedServer, chromium: Browser) -> Iterator[DrivePage]:
-    told = ReceivedInput()
-    server.listen(told.listener())
-    server.scene.add_box("/thing", dimensions=(1.0, 1.0, 1.0), cast_shadow=False)
-    field = server.gui.add_text("Name", initial_value="here")
-    context = chromium.new_context(viewport={"width": 800, "height": 500})
-    draw_nothing(context)
-    context.set_default_timeout(PATIENCE_MS)
-    yield DrivePage(server, told, context, field)
-    context.close()
-
-
-def renderers() -> list[psutil.Process]:
-    processes = psutil.Process().children(recursive=True)
-    alive = [process for process in processes if process.status() != psutil.STATUS_ZOMBIE]
-    return [process for process in alive if "--type=renderer" in " ".join(process.cmdline())]
+    with GuardedServer(seat=DriverSeat(lease_s=5.0)) as server, open_drive_page(server, chromium) as door:
+        yield door
 
 
 def quickest(seconds_to_stop: Callable[[], float]) -> float:

@@ -13,9 +13,9 @@ from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.modes import Mode
+from tests.browser.drive_page import renderers
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
-from tests.browser.test_drive_socket import renderers
 from tests.viz.page_sockets import open_sockets
 
 pytestmark = pytest.mark.browser
@@ -43,7 +43,7 @@ def go_on(app: FlatApp, page: Page) -> None:
 def test_a_query_pauses_while_the_only_page_is_frozen_or_reloads_and_goes_on_by_a_click(
     app: FlatApp, chromium: Browser
 ) -> None:
-    with open_page(chromium, app.server.url, width=1000, height=640) as page:
+    with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         page.get_by_text("Next:").wait_for()
         start_query(app)
         frozen = renderers()
@@ -71,7 +71,7 @@ def test_a_watching_page_is_grey_says_why_and_looks_by_itself(app: FlatApp, chro
     with (
         open_sockets(app.server) as driver,
         driver.staying(),
-        open_page(chromium, app.server.url, width=1000, height=640) as page,
+        open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page,
     ):
         page.get_by_text("Next:").wait_for()
         driver.take_seat()

@@ -1,0 +1,102 @@
+"""A door with pages on it and nothing behind it: what the server would tell the app is kept, with its time."""
+
+import itertools
+import queue
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+
+import psutil
+import viser
+from playwright.sync_api import Browser, BrowserContext, Page
+
+from ltvn_core.types import Twist
+from ltvn_viz.server.drive_socket import DriveListener
+from ltvn_viz.server.driver_seat import StopReason
+from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.keymap import Action
+from tests.browser.pages import draw_nothing, open_window
+from tests.waiting import PATIENCE_MS, PATIENCE_S, until
+
+FIELD = "input[value=here]"
+"""A field to type in."""
+
+
+@dataclass
+class ReceivedInput:
+    """What the app was told, each thing with its time."""
+
+    drives: "queue.Queue[tuple[float, Twist]]" = dataclass_field(default_factory=queue.Queue)
+    stops: "queue.Queue[tuple[float, StopReason]]" = dataclass_field(default_factory=queue.Queue)
+    actions: "queue.Queue[tuple[Action, int | None]]" = dataclass_field(default_factory=queue.Queue)
+
+    def listener(self) -> DriveListener:
+        return DriveListener(
+            on_drive=lambda _, twist: self.drives.put((time.monotonic(), twist)),
+            on_stop=lambda _, reason: self.stops.put((time.monotonic(), reason)),
+            on_action=lambda _, action, target: self.actions.put((action, target)),
+        )
+
+    def forget(self) -> None:
+        for told in (self.drives, self.stops, self.actions):
+            while not told.empty():
+                told.get_nowait()
+
+    def next_stop(self) -> tuple[float, StopReason]:
+        return self.stops.get(timeout=PATIENCE_S)
+
+    def next_drive(self) -> Twist:
+        return self.drives.get(timeout=PATIENCE_S)[1]
+
+
+@dataclass(frozen=True)
+class DrivePage:
+    """A server, what it told, and pages on it."""
+
+    server: GuardedServer
+    told: ReceivedInput
+    window: BrowserContext
+    field: viser.GuiInputHandle[str]
+    clients: "itertools.count[int]" = dataclass_field(default_factory=lambda: itertools.count(1))
+
+    def open(self) -> Page:
+        """Open a page and wait until it may drive."""
+        page = self.window.new_page()
+        page.set_viewport_size({"width": 800, "height": 500})
+        page.set_default_timeout(PATIENCE_MS)
+        draw_nothing(page)
+        page.goto(self.server.url)
+        page.locator(FIELD).wait_for()
+        self.wait_until_armed(next(self.clients))
+        self.told.forget()
+        return page
+
+    def wait_until_armed(self, client: int) -> None:
+        """Wait until an input of this client, who is counted from 1, would move the robot."""
+        until(lambda: self.server.seat.state_of(client).is_armed)
+
+    def hold(self, page: Page, key: str = "w") -> None:
+        """Hold a key and wait until the robot is told to move."""
+        page.bring_to_front()
+        page.keyboard.down(key)
+        self.told.next_drive()
+
+
+@contextmanager
+def open_drive_page(server: GuardedServer, chromium: Browser) -> Iterator[DrivePage]:
+    """Put a thing and a field on the pages of a server, and keep what it tells."""
+    told = ReceivedInput()
+    server.listen(told.listener())
+    server.scene.add_box("/thing", dimensions=(1.0, 1.0, 1.0), cast_shadow=False)
+    field = server.gui.add_text("Name", initial_value="here")
+    with open_window(chromium) as window:
+        yield DrivePage(server, told, window, field)
+
+
+def renderers() -> list[psutil.Process]:
+    """Return the browser's processes that show pages."""
+    processes = psutil.Process().children(recursive=True)
+    alive = [process for process in processes if process.status() != psutil.STATUS_ZOMBIE]
+    return [process for process in alive if "--type=renderer" in " ".join(process.cmdline())]

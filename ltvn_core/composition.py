@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.config import Likelihoods, Method, preset
+from ltvn_core.config import PAPER, Likelihoods, Method, preset
 from ltvn_core.errors import SceneError
 from ltvn_core.extras import missing_text
 from ltvn_core.graph.navigation_system import NavigationSystem
@@ -119,7 +119,11 @@ def open_method(name: str, predictor: Predictor, *, likelihoods: Likelihoods | N
     unknown preset and WeightsError for a damaged card.
     """
     method = preset(name)
-    constants = likelihoods or predictor_card(predictor).likelihoods
+    card = predictor_card(predictor)
+    if card.merge_distance is not None and method is not PAPER:
+        nearest = min(card.merge_distance, method.building.merge_distance)
+        method = replace(method, building=replace(method.building, merge_distance=nearest))
+    constants = likelihoods or card.likelihoods
     if constants is None:
         log.info(
             "Nobody measured this predictor; Eq. 3 and Eq. 4 use general constants. `ltvn measure --write` does it for "

@@ -69,6 +69,11 @@ class ComposedPredictor:
         """The poser's, for its word is the last."""
         return predictor_card(self._poser).likelihoods
 
+    @property
+    def merge_distance(self) -> float | None:
+        """D_m of the poser, which decides in the end."""
+        return predictor_card(self._poser).merge_distance
+
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return (N, 2) features. Raises what recogniser and poser raise."""
         rows = np.empty((len(observations), 2), object)

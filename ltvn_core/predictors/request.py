@@ -37,10 +37,13 @@ class PredictorCard(NamedTuple):
     """Whether it can compare nothing without depth."""
     likelihoods: Likelihoods | None
     """The constants of Eq. 3 and Eq. 4 as they were measured for it; None where nobody measured them."""
+    merge_distance: float | None
+    """Greatest D_m for maps built with it: nodes may not be farther apart than it recognises most images. None where
+    it sees as far as D_c."""
 
 
 def predictor_card(predictor: Predictor) -> PredictorCard:
-    """Return what a predictor says of itself; `needs_depth` and `likelihoods` are attributes that it may leave out.
+    """Return what a predictor says of itself; `needs_depth`, `likelihoods` and `merge_distance` may be left out.
 
     Raises WeightsError where the constants beside weights are damaged.
     """
@@ -49,4 +52,5 @@ def predictor_card(predictor: Predictor) -> PredictorCard:
         camera=predictor.camera,
         needs_depth=bool(getattr(predictor, "needs_depth", False)),
         likelihoods=getattr(predictor, "likelihoods", None),
+        merge_distance=getattr(predictor, "merge_distance", None),
     )

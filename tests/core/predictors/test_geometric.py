@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.composition import open_method
+from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import ImageError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.predictors.geometric import GeometricPredictor
@@ -193,3 +195,10 @@ def test_an_image_of_another_size_and_foreign_features_are_refused(
         predictor.encode([room.observe(HERE, camera=CAMERA.scaled(160, 120))])
     with pytest.raises(ValueError, match="Features"):
         predictor.predict(np.zeros((1, 7)), np.zeros((2, 7)))
+
+
+def test_nodes_lie_closer_together_than_it_recognises_most_images(
+    predictor: GeometricPredictor,
+) -> None:
+    assert open_method("robust", predictor).building.merge_distance < ROBUST.building.merge_distance
+    assert open_method("paper", predictor).building.merge_distance == PAPER.building.merge_distance, "it is literal"

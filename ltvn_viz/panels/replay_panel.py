@@ -31,7 +31,7 @@ class ReplayPanel:
         self.about = HtmlBlock(gui)
         self.making = HtmlBlock(gui)
         self._choices: dict[str, Command] = {}
-        self._opened = ""
+        self._opened = self._to_choose = ""
         self._followed = -1.0
         self._bind(send)
 
@@ -84,10 +84,10 @@ class ReplayPanel:
 
     def _follow(self, replay: PlaybackStatus) -> None:
         if replay.name != self._opened:
-            self._opened = replay.name
-            if replay.name in self._choices:
-                self._names.value = replay.name
+            self._opened = self._to_choose = replay.name
             self.time.max = max(replay.length_s, STEP_S)
+        if self._to_choose in self._choices:  # A new recording is listed a little later than it is opened.
+            self._names.value, self._to_choose = self._to_choose, ""
         if replay.time_s != self._followed:
             # Only a place in time that is new may move the slider, else it would jump back under a person's drag.
             self._followed = replay.time_s

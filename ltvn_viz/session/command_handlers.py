@@ -102,6 +102,8 @@ def _build_map(state: AppState) -> None:
 def take_made_recording(state: AppState) -> None:
     """Open a recording that was just made, and say what is doubtful of it, or why it was not made."""
     match state.maker.collect():
+        case None:
+            pass
         case FailedRecording(reason):
             state.say(reason, Severity.ERROR)
         case MadeRecording(name, text, doubts):

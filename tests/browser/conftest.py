@@ -6,7 +6,6 @@ import pytest
 from playwright.sync_api import Browser, expect, sync_playwright
 
 from tests.browser.chromium import chromium_path
-from tests.browser.pages import keep_window
 from tests.waiting import PATIENCE_MS
 
 FLAGS = [
@@ -34,6 +33,5 @@ def chromium() -> Iterator[Browser]:
     expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
-        keep_window(browser)
         yield browser
         browser.close()

@@ -17,7 +17,7 @@ from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.driver_seat import StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.keymap import Action
-from tests.browser.pages import draw_nothing, open_window
+from tests.browser.pages import draw_nothing
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 FIELD = "input[value=here]"
@@ -91,8 +91,9 @@ def open_drive_page(server: GuardedServer, chromium: Browser) -> Iterator[DriveP
     server.listen(told.listener())
     server.scene.add_box("/thing", dimensions=(1.0, 1.0, 1.0), cast_shadow=False)
     field = server.gui.add_text("Name", initial_value="here")
-    with open_window(chromium) as window:
-        yield DrivePage(server, told, window, field)
+    window = chromium.new_context()
+    yield DrivePage(server, told, window, field)
+    window.close()
 
 
 def renderers() -> list[psutil.Process]:

@@ -10,8 +10,6 @@ from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.waiting import PATIENCE_MS, PATIENCE_S
 
-_EMPTY = "about:blank"
-
 _DRAW_NOTHING = """
 for (const call of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
   WebGL2RenderingContext.prototype[call] = () => {};
@@ -27,41 +25,18 @@ def draw_nothing(pages: BrowserContext | Page) -> None:
     pages.add_init_script(_DRAW_NOTHING)
 
 
-def keep_window(browser: Browser) -> None:
-    """Open an empty window that stays: a window is as dear as the page in it, and `open_window` lends this one."""
-    browser.new_context().new_page()
-
-
-@contextmanager
-def open_window(browser: Browser) -> Iterator[BrowserContext]:
-    """Lend a window to open pages in, with nothing of earlier ones: the one that stays if it is empty, else a new one.
-
-    Pages that are open at the end are closed.
-    """
-    kept = next((each for each in browser.contexts if [page.url for page in each.pages] == [_EMPTY]), None)
-    window = kept or browser.new_context()
-    try:
-        yield window
-    finally:
-        if kept is None:
-            window.close()
-        else:
-            for page in window.pages[1:]:
-                page.close()
-            window.clear_cookies()
-
-
 @contextmanager
 def open_page(browser: Browser, url: str, *, width: int, height: int, draws: bool = True) -> Iterator[Page]:
     """Open an address in a window of so many pixels, and close it at the end; see `draw_nothing`."""
-    with open_window(browser) as window:
-        page = window.new_page()
-        page.set_viewport_size({"width": width, "height": height})
-        if not draws:
-            draw_nothing(page)
-        page.set_default_timeout(PATIENCE_MS)
+    page = browser.new_page(viewport={"width": width, "height": height})
+    if not draws:
+        draw_nothing(page)
+    page.set_default_timeout(PATIENCE_MS)
+    try:
         page.goto(url)
         yield page
+    finally:
+        page.close()
 
 
 def wait_until_drawn(server: viser.ViserServer) -> viser.ClientHandle:

@@ -28,7 +28,7 @@ TRIP_S = 2 * PATIENCE_S
 
 @pytest.fixture
 def app(tmp_path: Path) -> Iterator[RunningApp]:
-    with running_app(AppOptions(port=0, recordings=tmp_path, robot=EXAMPLE)) as app:
+    with running_app(AppOptions(port=0, recordings=tmp_path, robot=EXAMPLE, predictor="network")) as app:
         yield app
 
 

@@ -10,9 +10,10 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.original_images import OriginalSize
 from ltvn_core.cameras.rectification import have_same_rays, rectified_camera
 from ltvn_core.preprocessing import ORIGINAL_SIZE, admit_observation
-from ltvn_core.robots.robot import Clock, Robot
+from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.types import Observation, RobotState, Twist
+from ltvn_core.robots.robot_view import RobotView
+from ltvn_core.types import Observation
 
 
 def fit_camera(robot: Robot, target: CameraModel, *, original_size: OriginalSize | None = ORIGINAL_SIZE) -> Robot:
@@ -27,48 +28,21 @@ def fit_camera(robot: Robot, target: CameraModel, *, original_size: OriginalSize
     return RectifiedRobot(robot, target, original_size)
 
 
-class RectifiedRobot:
-    """Passes everything on to a robot and rectifies what it sees. Implements `ltvn_core.robots.robot.Robot`."""
+class RectifiedRobot(RobotView):
+    """Rectifies what a robot sees, each image once."""
 
     def __init__(self, robot: Robot, target: CameraModel, original_size: OriginalSize | None) -> None:
         """Look through the camera `target`; see `fit_camera`."""
-        self._robot = robot
+        super().__init__(robot)
         self._target = target
         self._original_size = original_size
         self._spec = replace(robot.spec, camera=rectified_camera(robot.spec.camera, target))
-        self._taken: Observation | None = None
-        self._observation: Observation | None = None
 
     @property
     def spec(self) -> RobotSpec:
         """The robot's, with the camera of the rectified images."""
         return self._spec
 
-    @property
-    def clock(self) -> Clock:
-        """The robot's."""
-        return self._robot.clock
-
-    def observe(self) -> Observation:
-        """Take an image and rectify it; an image that the robot returns twice is rectified once."""
-        taken = self._robot.observe()
-        if self._observation is None or taken is not self._taken:
-            self._taken = taken
-            self._observation = self._rectified(taken)
-        return self._observation
-
-    def state(self) -> RobotState:
-        """Return the robot's odometry, clock and bumper."""
-        return self._robot.state()
-
-    def drive(self, twist: Twist) -> None:
-        """Pass the command on."""
-        self._robot.drive(twist)
-
-    def stop(self) -> None:
-        """Stop the robot."""
-        self._robot.stop()
-
-    def _rectified(self, taken: Observation) -> Observation:
+    def _changed(self, taken: Observation) -> Observation:
         camera = self._robot.spec.camera
         return admit_observation(taken, camera, self._target, original_size=self._original_size, source=self._spec.name)

@@ -9,15 +9,7 @@ import pytest
 
 from ltvn_core.errors import MissingLibraryError, PluginError
 from ltvn_core.plugins import GROUPS, OWN_PACKAGE, PREDICTORS, ROBOTS, Plugin, find_plugins, load_plugins, require_own
-
-
-def install(folder: Path, package: str, entry_points: str, *, source: str = "", version: str = "1.0") -> None:
-    """Put a package into a folder as pip would."""
-    metadata = folder / f"{package}-{version}.dist-info"
-    metadata.mkdir(parents=True)
-    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: {version}\n")
-    (metadata / "entry_points.txt").write_text(entry_points)
-    (folder / f"{package}.py").write_text(source)
+from tests.core.plugin_packages import install
 
 
 def named(value: str) -> Plugin:

@@ -1,9 +1,6 @@
 """The contract test of a plug-in passes what can be used, and names what cannot."""
 
 import json
-import os
-import subprocess
-import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -13,7 +10,7 @@ import pytest
 from ltvn_core import Prediction, PredictorRequest
 from ltvn_core.contracts.plugin_contracts import contract_checks, installed_plugins, plugin_row
 from ltvn_core.plugins import PREDICTORS, READERS, ROBOTS, SYSTEMS, Plugin, PluginGroup, find_plugins
-from tests.core.test_plugins import install
+from tests.core.plugin_packages import install, ltvn
 from tests.repository import ROOT
 
 HERE = __name__
@@ -135,17 +132,6 @@ def test_all_that_comes_with_the_toolkit_is_listed_and_can_be_loaded() -> None:
 def test_a_plug_in_that_cannot_be_loaded_is_listed_with_the_reason() -> None:
     row = plugin_row(plugin(PREDICTORS, "gone"))
     assert (row.works, "has no attribute 'gone'" in row.why) == (False, True)
-
-
-def ltvn(packages: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    paths = os.pathsep.join([str(packages), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return subprocess.run(
-        [sys.executable, "-m", "ltvn_core.cli", *arguments],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": paths},
-        timeout=120,
-    )
 
 
 def test_the_template_package_is_found_and_passes_its_test(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ from ltvn_core.contracts.plugin_contracts import contract_checks
 from ltvn_core.errors import PluginError
 from ltvn_core.plugins import SCENES, find_plugins
 from ltvn_core.simulation.scene_registry import load_scene, scene_names
+from tests.core.plugin_packages import install
 from tests.core.simulation.two_room_mesh import box_house, save
-from tests.core.test_plugins import install
 
 
 def test_a_scene_of_another_package_is_found_by_its_name_and_keeps_the_contract(

@@ -1,6 +1,5 @@
 """Verbs are found where packages offer them: ours, other people's, and broken ones that spoil nothing."""
 
-import os
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
@@ -11,6 +10,7 @@ import pytest
 from ltvn_core.errors import PluginError
 from ltvn_core.plugins import OWN_PACKAGE, VERBS, Plugin
 from ltvn_core.verbs.discovery import FIRST_SHOWN, find_verbs, load_verb
+from tests.core.plugin_packages import install, ltvn
 
 HEAVY = ("torch", "rerun", "pybullet", "viser", "numpy", "cv2", "matplotlib", "ltvn_viz.app")
 
@@ -33,32 +33,19 @@ class GreetVerb(Verb):
 '''
 
 
+def verb(entry: str) -> str:
+    """Return the entry points of a package that offers one verb."""
+    return f"[{VERBS.name}]\n{entry}\n"
+
+
 @pytest.fixture
 def packages(tmp_path: Path) -> Path:
     """A folder of three installed packages: a verb, a verb with the name of ours, and one that cannot be imported."""
-    install(tmp_path, "greetings", GREETING, "greet = greetings:GreetVerb")
-    install(tmp_path, "another-info", GREETING.replace("Greet somebody", "Not ours"), "info = another_info:GreetVerb")
-    install(tmp_path, "rusty", "import no_such_library", "oil = rusty:OilVerb")
+    install(tmp_path, "greetings", verb("greet = greetings:GreetVerb"), source=GREETING)
+    not_ours = GREETING.replace("Greet somebody", "Not ours")
+    install(tmp_path, "another-info", verb("info = another_info:GreetVerb"), source=not_ours)
+    install(tmp_path, "rusty", verb("oil = rusty:OilVerb"), source="import no_such_library")
     return tmp_path
-
-
-def install(folder: Path, package: str, source: str, verb: str) -> None:
-    metadata = folder / f"{package.replace('-', '_')}-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(f"[{VERBS.name}]\n{verb}\n")
-    (folder / f"{package.replace('-', '_')}.py").write_text(source)
-
-
-def ltvn(packages: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    paths = os.pathsep.join([str(packages), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return subprocess.run(
-        [sys.executable, "-m", "ltvn_core.cli", *arguments],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": paths},
-        timeout=60,
-    )
 
 
 def test_our_verbs_are_all_offered_in_the_order_of_a_first_time_user() -> None:
@@ -111,6 +98,6 @@ def test_help_needs_no_heavy_library() -> None:
 
 
 def test_ctrl_c_while_a_verb_is_imported_ends_with_one_line(tmp_path: Path) -> None:
-    install(tmp_path, "slow", "raise KeyboardInterrupt", "slow = slow:SlowVerb")
+    install(tmp_path, "slow", verb("slow = slow:SlowVerb"), source="raise KeyboardInterrupt")
     run = ltvn(tmp_path, "slow")
     assert (run.returncode, run.stderr) == (130, "ltvn: interrupted\n")

@@ -10,6 +10,9 @@ from ltvn_core.recording.integrity import repair
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
+# The demo map alone fills more than this; a batch, which comes into the file whole or not at all, fills less.
+LIMIT_BYTES = 2_000_000
+
 APP = """
 import os, resource, signal, sys, threading
 from pathlib import Path
@@ -28,7 +31,7 @@ def watch(app):
 
 with open_app(AppOptions(port=0, recordings=Path(sys.argv[1]))) as app, stop_on_signals(app.session.stop):
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
+    resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (int(sys.argv[2]),))
     app.session.send(StartRecording())
     threading.Thread(target=watch, args=[app]).start()
     app.session.run()
@@ -40,7 +43,7 @@ print("ended", flush=True)
 def test_an_app_whose_disk_is_full_says_so_goes_on_and_ends_at_sigterm(tmp_path: Path) -> None:
     pytest.importorskip("pybullet")
     run = subprocess.run(
-        [sys.executable, "-c", APP, str(tmp_path / "drives")],
+        [sys.executable, "-c", APP, str(tmp_path / "drives"), str(LIMIT_BYTES)],
         capture_output=True,
         text=True,
         cwd=ROOT,

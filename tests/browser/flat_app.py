@@ -16,12 +16,14 @@ from ltvn_viz.page_layout import PageAssets, build_layout
 from ltvn_viz.painter import Painter
 from ltvn_viz.server.driver_seat import IDLE_S, DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.pages import SessionPages
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import drive_listener
 from tests.core.flat_world import FlatWorld, two_rooms
 from tests.viz.session_harness import SessionHarness
+from tests.viz.tiny_fine_tuning import TUNER, tiny_weights
 from tests.waiting import PATIENCE_S, until
 
 WAY = ((1.0, 1.0), (1.0, 2.0), (3.0, 2.0), (5.0, 2.0), (5.0, 3.2))
@@ -43,7 +45,9 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
 
     A page drawn by software may stall for longer than the lease of a real one, which `None` stands for.
     """
-    harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=ThreadPoolExecutor(1))
+    executor = ThreadPoolExecutor(1)
+    fine_tuning = FineTuning(TUNER, tiny_weights(folder), executor)
+    harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=executor, fine_tuning=fine_tuning)
     with GuardedServer(seat=None if lease_s is None else DriverSeat(lease_s=lease_s, idle_s=idle_s)) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         set_initial_camera(server.viser, (0, 0), (6, 4))

@@ -81,9 +81,9 @@ def test_a_watching_page_is_grey_says_why_and_looks_by_itself(app: FlatApp, chro
         record.hover()
         expect(record).to_have_attribute("title", "Page 1 drives. Take over to use this.")
         record.click()
-        follow = page.get_by_label("Follow the robot").locator("visible=true").first
-        follow.click()
-        expect(follow).not_to_be_checked()
+        minutes = page.get_by_label("Minutes").locator("visible=true").first
+        minutes.fill("9")
+        expect(minutes).to_have_value("3")
         assert app.harness.now.recording.name is None
         page.get_by_role("tab", name="Why").click()
         box = page.get_by_label("Question", exact=True).locator("visible=true")

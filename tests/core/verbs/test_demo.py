@@ -21,7 +21,7 @@ for library in ("pybullet", "torch", "trimesh"):
 KEYS = {"frames", "nodes", "edges", "queries", "reached", "collisions", "pruned", "added", "recording", "wall_s"}
 
 
-@pytest.mark.parametrize(("predictor", "queries", "least"), [("oracle", 4, 4), ("network", 10, 8)])
+@pytest.mark.parametrize(("predictor", "queries", "least"), [("oracle", 4, 4), ("network", 5, 4)])
 def test_the_demo_reaches_its_goals_and_its_recording_tells_all(
     predictor: str, queries: int, least: int, tmp_path: Path
 ) -> None:

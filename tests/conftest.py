@@ -1,5 +1,6 @@
 """How the whole suite runs: with a cache of its own, what takes long first, and on a plain installation what it can."""
 
+import gc
 import os
 import shutil
 import tempfile
@@ -21,6 +22,12 @@ def pytest_configure(config: pytest.Config) -> None:
     folder = tempfile.mkdtemp(prefix="ltvn-test-cache-")
     os.environ["XDG_CACHE_HOME"] = folder
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+
+
+def pytest_collection_finish() -> None:
+    """Keep modules and tests, which live to the end, out of every garbage collection: a tenth of the whole run."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(wrapper=True)

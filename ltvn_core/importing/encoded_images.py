@@ -1,9 +1,13 @@
 """Compressed images of strangers: their size is looked at before they are decoded, and damage is one clear error."""
 
 import io
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import cv2
 import numpy as np
+from cv2.utils import logging as cv2_logging
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -45,27 +49,56 @@ def decode_depth(blob: bytes, metres_per_unit: float, source: str) -> Depth:
 
 
 def _decoded(blob: bytes, mode: int, source: str) -> NDArray:
-    _check_size(blob, source)
     try:
-        image = cv2.imdecode(np.frombuffer(blob, np.uint8), mode)
+        with _libraries_silent():
+            _check_container(blob, source)
+            image = cv2.imdecode(np.frombuffer(blob, np.uint8), mode)
     except cv2.error as error:
         raise DriveError(f"{source} cannot be decoded ({error!s:.80}).") from error
     if image is None:
-        raise DriveError(f"{source} cannot be decoded: its {len(blob):,} bytes are damaged or cut.")
+        raise DriveError(_damaged(blob, source))
     return np.asarray(image)
 
 
-def _check_size(blob: bytes, source: str) -> None:
+@contextmanager
+def _libraries_silent() -> Iterator[None]:
+    """Keep what OpenCV and Pillow say of a damaged image off the terminal, where our error says it in one line."""
+    level = cv2_logging.setLogLevel(cv2_logging.LOG_LEVEL_SILENT)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        cv2_logging.setLogLevel(level)
+
+
+def _check_container(blob: bytes, source: str) -> None:
+    """Raise DriveError where an image is of no known format, unpacks to too much, or fails its own checksums."""
     try:
         with Image.open(io.BytesIO(blob), formats=_FORMATS) as header:
             width, height = header.size
+            _check_chunks(header, blob, source)
     except Image.DecompressionBombError as error:
         raise _too_large(source) from error
+    except DriveError:
+        raise
     except Exception as error:  # Pillow's readers raise many kinds for damaged headers.
         kinds = ", ".join(_FORMATS)
         raise DriveError(f"{source} is no image that can be read ({kinds}): {len(blob):,} bytes.") from error
     if width * height > MAX_PIXELS:
         raise _too_large(source)
+
+
+def _check_chunks(header: Image.Image, blob: bytes, source: str) -> None:
+    """Check the checksums of a PNG, for libpng would print its own line about a damaged one beside our error."""
+    try:
+        header.verify()
+    except Exception as error:  # As above.
+        raise DriveError(_damaged(blob, source)) from error
+
+
+def _damaged(blob: bytes, source: str) -> str:
+    return f"{source} cannot be decoded: its {len(blob):,} bytes are damaged or cut."
 
 
 def _too_large(source: str) -> DriveError:

@@ -123,6 +123,22 @@ def test_a_cut_or_foreign_picture_is_left_out_and_counted(tmp_path: Path, blob: 
     assert "2.jpg" in reader.doubts[0]
 
 
+@pytest.mark.parametrize("extension", [".png", ".jpg", ".bmp", ".tiff"])
+def test_of_a_damaged_picture_one_line_is_said_and_none_by_the_libraries_that_decode_it(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], extension: str
+) -> None:
+    name = f"2{extension}"
+    picture = (write_pictures(tmp_path, ["1.jpg", name, "3.jpg"]) / name).read_bytes()
+    middle = len(picture) // 2
+    for damaged in (picture[:middle], picture[:-6]):
+        (tmp_path / name).write_bytes(damaged)
+        reader = FolderReader.open(tmp_path, ReadOptions())
+        assert [frame.name for frame in reader.frames()] == ["1.jpg", "3.jpg"]
+        assert len(reader.doubts) == 1
+        assert "\n" not in reader.doubts[0]
+    assert capfd.readouterr().err == ""
+
+
 def test_a_folder_without_pictures_is_no_drive(tmp_path: Path) -> None:
     assert not FolderReader.recognises(tmp_path)
     with pytest.raises(DriveError, match="holds no pictures"):

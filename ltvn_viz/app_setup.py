@@ -13,15 +13,16 @@ import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import open_method, open_system
+from ltvn_core.composition import open_method, open_system, simulated_robot
 from ltvn_core.errors import OptionError, RecordingError, SceneError
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import GraphChanged
-from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.choice import AUTO, ImageSource
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recorded_map import BuildOptions
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
+from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Robot
@@ -44,6 +45,7 @@ from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.options import DEMO_SCENE, AppOptions
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.replay_method import ReplayMethods
 from ltvn_viz.session.rerun_viewers import RerunViewers
 from ltvn_viz.session.worker import PatientWorker, Worker
 
@@ -66,10 +68,11 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         _check_same_scene(named, chosen, own_robot)
         options = replace(options, scene=chosen.meta.scene, system=recorded_system(chosen.meta.config).name)
     source = _image_source(options, library, own_robot, chosen)
-    choice = source.choose(options.predictor)
+    choice = (source or ImageSource(camera=LOCOBOT.camera)).choose(options.predictor)
     logger.info("Images are compared by %s.", choice)
     asked, options = options, replace(options, predictor=choice.name)
-    predictor = predictor_for(options, source.camera)
+    camera = simulated_robot(choice.name).camera if source is None else source.camera
+    predictor = predictor_for(options, camera)
     system = _open_system(options, predictor)
     if chosen is not None:
         check_fingerprint(chosen.meta, predictor.fingerprint)
@@ -89,6 +92,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
         _take_map(live, live_map, known)
     patient_worker = PatientWorker(worker)
+    choose_method = ReplayMethods(options, predictor).of if asked.predictor == AUTO else _as_the_robots
     teleop = AbsentTeleop if backend.robot is None else Teleop
     return AppState(
         scene=options.scene,
@@ -96,12 +100,12 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         live_map=live_map,
         worker=worker,
         library=library,
-        open_replay=lambda name: open_replay(library, name),
+        open_replay=lambda name: open_replay(library, name, choose_method),
         feed=open_feed(backend, live, stack),
         goals=Goals(live_map, worker, thumbnails),
         teleop=teleop(live, worker, live_map.offer),
         fine_tuning=_open_learning(options),
-        predictor_for=lambda weights: _reopen_with(options, weights, source.camera),
+        predictor_for=lambda weights: _reopen_with(options, weights, camera),
         patient_worker=patient_worker,
         new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
@@ -156,9 +160,9 @@ def _open_learning(options: AppOptions) -> FineTuning:
 
 def _image_source(
     options: AppOptions, library: RecordingLibrary, own_robot: Robot | None, chosen: LoadedMap | None
-) -> ImageSource:
-    """Return where images come from: the map's recording, a robot of one's own, the recording to watch, or else
-    the simulator.
+) -> ImageSource | None:
+    """Return where images come from: the map's recording, a robot of one's own, or the recording to watch; None for
+    the simulator, whose camera is made to suit the predictor.
     """
     if chosen is not None:
         return ImageSource.of(chosen.meta)
@@ -167,7 +171,11 @@ def _image_source(
     if options.replay is not None:
         with suppress(RecordingError):  # Who opens it to be watched says what is wrong with it.
             return ImageSource.of(Recording.open(library.path(options.replay)).meta)
-    return ImageSource(camera=LOCOBOT.camera)
+    return None
+
+
+def _as_the_robots(meta: RecordingMetadata) -> None:
+    """Compare a recording's images as the robot's are, because a person named the predictor."""
 
 
 def _open_system(options: AppOptions, predictor: Predictor) -> NavigationSystem:

@@ -102,6 +102,7 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.run_description import RunDescription
+    from ltvn_core.robots.robot_spec import LOCOBOT
     from ltvn_core.systems.registry import DEFAULT_SYSTEM
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -109,9 +110,9 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
         require_new_path(options.map)
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
-    simulation = open_simulation(options.scene, seed=options.seed, spec=simulated_robot(options.predictor))
+    choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
+    simulation = open_simulation(options.scene, seed=options.seed, spec=simulated_robot(choice.name))
     camera = simulation.robot.spec.camera
-    choice = ImageSource(camera=camera).choose(options.predictor)
     predictor = open_predictor(choice.name, options.scene, options.weights, camera=camera)
     system = open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor))
     path = options.recording or _dated_path(f"demo-{simulation.scene.name}-{options.seed}")

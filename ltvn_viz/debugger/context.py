@@ -64,7 +64,7 @@ class DebugContext:
     method: Method
     """The thresholds in use."""
     predictor: Predictor
-    """The network in use; a recording may have been made with another."""
+    """What compares the images; a recording may have been made with another."""
     weights: str
     """Fingerprint of the network that the run was made with; empty where nobody knows."""
     system: str

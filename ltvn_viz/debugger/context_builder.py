@@ -35,6 +35,7 @@ class DebugContextBuilder:
         """Return what questions may look at when the page shows `moment`."""
         replay = state.activity if isinstance(state.activity, Playback) else None
         run = state.shown_run
+        compared = None if replay is None else replay.method
         return DebugContext(
             name="" if replay is None else replay.name,
             scene=state.scene if replay is None else replay.scene,
@@ -45,8 +46,8 @@ class DebugContextBuilder:
             known_events=self._count(run),
             observation=_live_observation(state) if replay is None else replay.observation,
             camera=state.live.robot.spec.camera if replay is None else replay.camera_model,
-            method=state.live_map.system.method,
-            predictor=state.live_map.predictor,
+            method=state.live_map.system.method if compared is None else compared.method,
+            predictor=state.live_map.predictor if compared is None else compared.predictor,
             weights=state.live_map.fingerprint if replay is None else replay.weights,
             system=state.live_map.system.name if replay is None else replay.system,
             live_map=state.live_map if replay is None else None,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import START_CLEARANCE_M, open_predictor, open_simulation
+from ltvn_core.composition import START_CLEARANCE_M, open_predictor, open_simulation, simulated_robot
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
 from ltvn_core.network.cards.driving_calibration import measured_likelihoods
 from ltvn_core.predictors.registry import NETWORK
@@ -66,14 +66,20 @@ def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
 def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack) -> Backend:
     """Open the simulator, to be closed by `stack`; where only a recording is watched it may be missing.
 
-    Raises SceneError.
+    The options name the predictor itself, for the robot's camera depends on it. Raises SceneError.
     """
     try:
         scene = load_scene(options.scene)
         renderer = EmbreeRenderer(scene.surfaces, supersampling=1)
         start = _start(scene, renderer, known, np.random.default_rng(options.seed))
         first_step = 0 if known is None else max(known.observations) + 1
-        simulation = open_simulation(options.scene, seed=options.seed, first_step=first_step, start=start)
+        simulation = open_simulation(
+            options.scene,
+            seed=options.seed,
+            first_step=first_step,
+            start=start,
+            spec=simulated_robot(options.predictor),
+        )
     except SceneError as missing:
         if options.replay is None:
             raise

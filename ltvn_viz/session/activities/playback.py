@@ -3,8 +3,9 @@
 Owns the place in time and the image on show. Never writes, and keeps no image but the one on show.
 """
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +15,20 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError
 from ltvn_core.predictors.choice import IMPORTED
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
+from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, NodeId, Observation
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.replay_method import ReplayMethod
 from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 from ltvn_viz.timeline.run_moment import TRAJECTORY_POINTS, RunMoment, moment_of
+
+MethodChoice: TypeAlias = Callable[[RecordingMetadata], ReplayMethod | None]
+"""How a recording's images are to be compared; None as those of the robot."""
 
 
 class ObservationSource(Protocol):
@@ -49,15 +55,17 @@ class Playback:
         weights: str = "",
         system: str = "",
         is_imported: bool = False,
+        method: ReplayMethod | None = None,
     ) -> None:
         """Show the recording `name`, made in `scene`, from its beginning.
 
         `camera` took its images, `weights` is the fingerprint of the network that it was made with, `system` the name
         of what planned, if known. `is_imported` says that another program took the images, with whatever carried the
-        camera.
+        camera. `method` compares the images; None does it as the robot does.
         """
         self.name, self.scene, self.weights, self.system = name, scene, weights, system
         self.camera_model, self.is_imported = camera, is_imported
+        self.method = method
         self.timeline, self._observations = timeline, observations
         self._start_s = timeline.start_s
         self.length_s = max(0.0, timeline.end_s - self._start_s)
@@ -128,7 +136,7 @@ class Playback:
         return None if seen is None else CameraImage(seen.rgb, seen.depth)
 
 
-def open_replay(library: RecordingLibrary, name: str) -> Playback:
+def open_replay(library: RecordingLibrary, name: str, choose_method: MethodChoice = lambda _: None) -> Playback:
     """Read a recording of the library for the page; raises RecordingError."""
     with garbage_collection_paused():
         recording = Recording.open(library.path(name))
@@ -146,4 +154,5 @@ def open_replay(library: RecordingLibrary, name: str) -> Playback:
         weights=meta.fingerprint,
         system=str(meta.config.get("system", "")),
         is_imported=meta.config.get("verb") == IMPORTED,
+        method=choose_method(meta),
     )

@@ -1,0 +1,23 @@
+"""The camera of the app's simulated robot suits what compares its images."""
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from ltvn_viz.app_setup import open_app_state
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session.options import AppOptions
+from tests.core.simulation.two_room_mesh import box_house, save
+
+pytest.importorskip("pybullet")
+
+
+def test_the_robot_sees_as_many_pixels_as_key_points_need(tmp_path: Path) -> None:
+    house = save(box_house(), tmp_path / "house.glb")
+    options = AppOptions(scene=str(house), recordings=tmp_path, predictor="geometric")
+    with ExitStack() as stack:
+        state = open_app_state(options, stack, ThumbnailStore())
+        assert state.live.robot.spec.camera.width == 320
+        assert state.live_map.predictor.camera == state.live.robot.spec.camera
+        assert state.live.robot.observe().rgb.shape == (240, 320, 3)

@@ -21,7 +21,7 @@ from ltvn_core.importing.frame_preparation import FramePreparation
 from ltvn_core.importing.frame_selection import FrameSelection, MotionSelection, PictureSelection
 from ltvn_core.importing.import_options import ImportOptions, OdometrySource
 from ltvn_core.importing.import_summary import ImportSummary, import_summary
-from ltvn_core.importing.raw_frame import DriveReader, RawFrame
+from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
 from ltvn_core.navigation.events import Note, Severity, StampedEvent
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.observation_check import ObservationCheck
@@ -85,8 +85,7 @@ class _DriveImport:
 
     def _observations(self) -> Iterator[Observation]:
         """Yield what is kept; everything else is counted."""
-        for raw in self._reader.frames():
-            self._progress(len(self._stamps) + sum(self._reader.dropped.values()) + 1, self._reader.facts.frames)
+        for raw in self._wanted_frames():
             try:
                 observation = self._observation(raw)
             except ImageError as error:
@@ -96,14 +95,27 @@ class _DriveImport:
             if observation is not None:
                 yield observation
 
-    def _observation(self, raw: RawFrame) -> Observation | None:
-        """Return what a recording holds of a frame, None where it is left out; the reason is counted."""
-        reason = self._reason_to_drop(raw)
+    def _wanted_frames(self) -> Iterator[RawFrame]:
+        """Yield the frames that may be kept, decoded by readers that can tell before."""
+        if isinstance(self._reader, SelectiveReader):
+            return self._reader.frames_where(self._is_wanted)
+        return (raw for raw in self._reader.frames() if self._is_wanted(FrameMoment.of(raw)))
+
+    def _is_wanted(self, moment: FrameMoment) -> bool:
+        """Tell whether the image of a moment may be kept; the reason why not is counted."""
+        self._progress(len(self._stamps) + sum(self._reader.dropped.values()) + 1, self._reader.facts.frames)
+        reason = self._reason_to_drop(moment)
         if reason is not None:
             self._dropped[reason] += 1
+        return reason is None
+
+    def _observation(self, raw: RawFrame) -> Observation | None:
+        """Return what a recording holds of a wanted frame, None where it is left out; the reason is counted."""
+        pose = self._pose(FrameMoment.of(raw))
+        assert pose is not None  # Else it was not wanted.
+        if not self._selection.keeps(raw.rgb, pose, raw.tilt):
+            self._dropped[TOO_LITTLE_MOTION] += 1
             return None
-        pose = self._pose(raw)
-        assert pose is not None  # Else there was a reason.
         if self._preparation is None:
             self._preparation = FramePreparation(raw, fov_deg=self._options.fov_deg)
         observation = self._preparation.observation(raw, step=len(self._kept), odometry=pose)
@@ -119,25 +131,25 @@ class _DriveImport:
         )
         return observation
 
-    def _reason_to_drop(self, raw: RawFrame) -> str | None:
+    def _reason_to_drop(self, moment: FrameMoment) -> str | None:
         before = self._stamps[-1] if self._stamps else -np.inf
-        self._stamps.append(max(raw.stamp, before))
-        if not raw.stamp > before:
+        self._stamps.append(max(moment.stamp, before))
+        if not moment.stamp > before:
             return "stamp not after the one before"
-        pose = self._pose(raw)
+        pose = self._pose(moment)
         if pose is None:
             wanted = "true pose" if self._odometry is OdometrySource.TRUTH else "odometry"
             return f"no {wanted} at that time"
-        return None if self._selection.keeps(raw.rgb, pose, raw.tilt) else TOO_LITTLE_MOTION
+        return None if self._selection.may_keep(pose, moment.tilt) else TOO_LITTLE_MOTION
 
-    def _pose(self, raw: RawFrame) -> Pose | None:
+    def _pose(self, moment: FrameMoment) -> Pose | None:
         match self._odometry:
             case OdometrySource.TRUTH:
-                return raw.truth
+                return moment.truth
             case OdometrySource.NONE:
                 return np.zeros(3)
             case OdometrySource.SOURCE | OdometrySource.AUTO:
-                return raw.odometry
+                return moment.odometry
 
     def _mounted_camera(self, camera: CameraModel) -> CameraModel:
         """Return the camera as it is mounted: as the person says, else as it was tilted for the most part."""

@@ -19,7 +19,7 @@ from ltvn_core.errors import DriveError
 from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.image_folder import read_bytes_within
 from ltvn_core.importing.odometry_table import OdometryTable
-from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_camera_file
 from ltvn_core.importing.stamp_matching import rate_hz
 from ltvn_core.types import Depth
@@ -72,27 +72,37 @@ class FolderReader:
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the pictures in natural order, with the depth image of the same name and the odometry of the table."""
+        return self.frames_where(lambda _: True)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames without those whose moment is not wanted, whose pictures are not read."""
         for place, path in enumerate(self._images):
+            moment = self._moment(place, path)
+            if not wanted(moment):
+                continue
             try:
-                yield self._frame(place, path)
+                yield self._frame(moment, path)
             except DriveError as error:
                 if not self.dropped[_DAMAGED]:
                     self.doubts.append(f"An image was left out: {error}")
                 self.dropped[_DAMAGED] += 1
 
-    def _frame(self, place: int, path: Path) -> RawFrame:
+    def _moment(self, place: int, path: Path) -> FrameMoment:
+        stamp = self._stamps[place]
+        return FrameMoment(stamp, None if self._table is None else self._table.pose(path.name, stamp, place))
+
+    def _frame(self, moment: FrameMoment, path: Path) -> RawFrame:
         name = str(path.relative_to(self._folder))
         blob = read_bytes_within(self._folder, name)
         rgb = decode_colour(blob, name)
         height, width = rgb.shape[:2]
         camera = self._options.camera or self._described.camera or _exif_camera(blob, width, height)
-        stamp = self._stamps[place]
         return RawFrame(
-            stamp=stamp,
+            stamp=moment.stamp,
             rgb=rgb,
             depth_m=self._read_depth(path.stem),
             camera=None if camera is None else fitted(camera, width, height, name),
-            odometry=None if self._table is None else self._table.pose(path.name, stamp, place),
+            odometry=moment.odometry,
             name=name,
         )
 

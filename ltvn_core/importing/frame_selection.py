@@ -29,6 +29,10 @@ _NOISE = 2.0
 class FrameSelection(Protocol):
     """Says of each image in turn whether to keep it; it is kept then."""
 
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether an image that was taken there could be kept, before anybody decodes it."""
+        ...
+
     def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
         """Tell whether the camera moved enough since the last image that was kept."""
         ...
@@ -42,15 +46,20 @@ class MotionSelection:
         self._every_m, self._every_rad = every_m, every_rad
         self._last: NDArray[np.float64] | None = None
 
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the robot drove or turned enough; see `FrameSelection`."""
+        if self._last is None:
+            return True
+        gap = _pose_and_tilt(pose, tilt) - self._last
+        moved_m, turned_rad = np.hypot(*gap[:2]), np.abs(wrap_angle(gap[2:])).max()
+        # What is no number has not stood still: it is kept here, and refused with its reason where it is checked.
+        return not (moved_m < self._every_m - _ROUNDING and turned_rad < self._every_rad - _ROUNDING)
+
     def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
         """Tell whether the robot drove or turned enough; see `FrameSelection`."""
-        now = np.array([*pose, *(tilt or (0.0, 0.0))])
-        if self._last is not None:
-            moved_m = np.hypot(*(now - self._last)[:2])
-            turned_rad = np.abs(wrap_angle((now - self._last)[2:])).max()
-            if moved_m < self._every_m - _ROUNDING and turned_rad < self._every_rad - _ROUNDING:
-                return False
-        self._last = now
+        if not self.may_keep(pose, tilt):
+            return False
+        self._last = _pose_and_tilt(pose, tilt)
         return True
 
 
@@ -61,6 +70,10 @@ class PictureSelection:
         """Nothing was seen yet."""
         self._last: NDArray[np.uint8] | None = None
 
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Want every image, for the picture alone says whether it differs."""
+        return True
+
     def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
         """Tell whether the picture differs enough; see `FrameSelection`."""
         height = max(round(_WIDTH_PX * rgb.shape[0] / rgb.shape[1]), 1)
@@ -70,6 +83,10 @@ class PictureSelection:
             return False
         self._last = grey
         return True
+
+
+def _pose_and_tilt(pose: Pose, tilt: Tilt | None) -> NDArray[np.float64]:
+    return np.array([*pose, *(tilt or (0.0, 0.0))])
 
 
 def _has_moved(before: NDArray[np.uint8], now: NDArray[np.uint8]) -> bool:

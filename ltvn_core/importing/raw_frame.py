@@ -4,10 +4,10 @@ Owns the contract between readers and the rest of importing, and no format. A re
 by the entry-point group `ltvn.readers`, where an entry is `name = "package.module:ReaderClass"`.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.types import Depth, Pose, Rgb, Tilt
@@ -36,6 +36,27 @@ class RawFrame:
     """How the camera was tilted then, where that changes; see `spatial_pose`."""
     name: str = ""
     """What messages call it: a file, or a topic and a number."""
+
+
+class FrameMoment(NamedTuple):
+    """When and where an image was taken, as far as that is known before the image is decoded."""
+
+    stamp: float
+    """Seconds on the source's clock."""
+    odometry: Pose | None = None
+    """(3,)"""
+    truth: Pose | None = None
+    """(3,)"""
+    tilt: Tilt | None = None
+
+    @classmethod
+    def of(cls, frame: RawFrame) -> "FrameMoment":
+        """Return the moment of a frame."""
+        return cls(frame.stamp, frame.odometry, frame.truth, frame.tilt)
+
+
+FrameFilter: TypeAlias = Callable[[FrameMoment], bool]
+"""Tells whether the image of a moment is wanted; asked once for each image, in their order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +129,15 @@ class DriveReader(Protocol):
 
         Raises DriveError where nothing can be read.
         """
+        ...
+
+
+@runtime_checkable
+class SelectiveReader(Protocol):
+    """A drive whose images are decoded only where they are wanted; most of a slow robot's are not."""
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames as `DriveReader.frames` does, without those whose moment is not wanted."""
         ...
 
 

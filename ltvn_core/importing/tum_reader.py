@@ -14,7 +14,7 @@ from ltvn_core.errors import DriveError
 from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.image_folder import read_bytes_within
 from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
-from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_calibration, read_camera_file
 from ltvn_core.importing.stamp_matching import nearest, rate_hz
 from ltvn_core.types import Depth
@@ -69,31 +69,46 @@ class TumReader:
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the colour images with the depth image and the pose of the same time."""
+        return self.frames_where(lambda _: True)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames without those whose moment is not wanted, whose images are not read."""
         partners = nearest([stamp for stamp, _ in self._colour], [stamp for stamp, _ in self._depth], slack_s=SLACK_S)
         for (stamp, name), partner in zip(self._colour, partners, strict=True):
+            moment = self._moment(stamp)
+            if not wanted(moment):
+                continue
             try:
-                yield self._frame(stamp, name, None if partner is None else self._depth[partner][1])
+                yield self._frame(moment, name, None if partner is None else self._depth[partner][1])
             except DriveError as error:
                 if not self.dropped["damaged or missing image"]:
                     self.doubts.append(f"An image was left out: {error}")
                 self.dropped["damaged or missing image"] += 1
 
-    def _frame(self, stamp: float, name: str, depth_name: str | None) -> RawFrame:
-        rgb = decode_colour(read_bytes_within(self._folder, name), name)
-        height, width = rgb.shape[:2]
-        depth = None if depth_name is None else self._read_depth(depth_name)
+    def _moment(self, stamp: float) -> FrameMoment:
         truth = None if self._truth is None else self._truth.at(stamp)
         odometry = None if self._odometry is None else self._odometry.at(stamp)
         known = truth or odometry
-        return RawFrame(
+        return FrameMoment(
             stamp=stamp,
+            odometry=None if odometry is None else odometry.planar,
+            truth=None if truth is None else truth.planar,
+            tilt=None if known is None else known.tilt,
+        )
+
+    def _frame(self, moment: FrameMoment, name: str, depth_name: str | None) -> RawFrame:
+        rgb = decode_colour(read_bytes_within(self._folder, name), name)
+        height, width = rgb.shape[:2]
+        depth = None if depth_name is None else self._read_depth(depth_name)
+        return RawFrame(
+            stamp=moment.stamp,
             rgb=rgb,
             depth_m=depth,
             camera=self._fitted_camera(width, height, name),
             depth_camera=None if depth is None else self._depth_camera(depth),
-            odometry=None if odometry is None else odometry.planar,
-            truth=None if truth is None else truth.planar,
-            tilt=None if known is None else known.tilt,
+            odometry=moment.odometry,
+            truth=moment.truth,
+            tilt=moment.tilt,
             name=name,
         )
 

@@ -14,7 +14,7 @@ import numpy as np
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.encoded_images import decode_colour
 from ltvn_core.importing.image_folder import read_bytes_within
-from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.restricted_pickle import load_pickle
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.types import Pose
@@ -73,26 +73,37 @@ class VintReader:
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the images with the poses of their rows. Raises DriveError where none can be read."""
-        read = 0
+        return self.frames_where(lambda _: True)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames without those whose moment is not wanted, whose images are not read."""
+        found = 0
         for number, name in self._images.items():
+            moment = self._moment(number)
+            if not wanted(moment):
+                found += 1
+                continue
             try:
-                yield self._frame(number, name)
-                read += 1
+                yield self._frame(moment, name)
+                found += 1
             except DriveError as error:
                 if not self.dropped[DAMAGED]:
                     self.doubts.append(f"An image was left out: {error}")
                 self.dropped[DAMAGED] += 1
-        if not read:
+        if not found:
             raise DriveError(f"{self._folder} has no image that can be read. {' '.join(self.doubts)}")
 
-    def _frame(self, number: int, name: str) -> RawFrame:
+    def _moment(self, number: int) -> FrameMoment:
+        return FrameMoment(number / self._rate_hz, self._poses[number] if number < len(self._poses) else None)
+
+    def _frame(self, moment: FrameMoment, name: str) -> RawFrame:
         rgb = decode_colour(read_bytes_within(self._folder, name), name)
         height, width = rgb.shape[:2]
         return RawFrame(
-            stamp=number / self._rate_hz,
+            stamp=moment.stamp,
             rgb=rgb,
             camera=None if self._camera is None else fitted(self._camera, width, height, name),
-            odometry=self._poses[number] if number < len(self._poses) else None,
+            odometry=moment.odometry,
             name=name,
         )
 

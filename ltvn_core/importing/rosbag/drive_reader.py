@@ -10,7 +10,7 @@ from typing import Any
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.moving_frame import MovingFrame, transform
-from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.rosbag.bag_files import BagFiles, RawMessage
 from ltvn_core.importing.rosbag.bag_survey import (
     STATIC,
@@ -26,7 +26,7 @@ from ltvn_core.importing.rosbag.bag_topics import NOTHING, ChosenTopics, choose_
 from ltvn_core.importing.rosbag.camera_rig import CameraRig, FrameEdge, find_rig, robot_frame
 from ltvn_core.importing.rosbag.frame_decoder import FrameDecoder
 from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage, StampMatcher
-from ltvn_core.importing.spatial_pose import spatial_pose
+from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.types import Pose
 
 _CLOCKS_APART_S = 5.0
@@ -84,12 +84,15 @@ class BagDrive:
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of their stamps. Raises DriveError where the bag is damaged or none fits."""
+        return self.frames_where(lambda _: True)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames without those whose moment is not wanted, whose images are not decoded."""
         # What the look at the beginning found comes again now, perhaps by another clock or from another topic.
         self._tree.forget_motion()
         for matched in self._matches():
-            frame = self._frame(matched)
+            frame = self._frame(matched, wanted)
             if frame is not None:
-                self._last_stamp = frame.stamp
                 yield frame
         if self._last_stamp == float("-inf"):
             said = ", ".join(f"{count} with {reason}" for reason, count in self.dropped.items()) or "it holds none"
@@ -138,8 +141,8 @@ class BagDrive:
     def _known_s(self) -> float:
         return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")
 
-    def _frame(self, matched: MatchedImages) -> RawFrame | None:
-        """Return a frame, or None where it had to be dropped."""
+    def _frame(self, matched: MatchedImages, wanted: FrameFilter) -> RawFrame | None:
+        """Return a frame, or None where it had to be dropped or nobody wants it."""
         pose = self._rig.pose(self._tree, matched.colours.stamp)
         if matched.colours.stamp <= self._last_stamp:
             reason = NOT_LATER
@@ -149,13 +152,25 @@ class BagDrive:
             reason = NO_POSE
         else:
             try:
-                return self._decoder.decode(matched, pose, self._true_pose(matched.colours.stamp))
+                return self._wanted_frame(matched, pose, wanted)
             except DriveError as error:
                 reason = DAMAGED
                 if not self.dropped[DAMAGED]:
                     self._doubt(f"An image was left out: {error}")
         self.dropped[reason] += 1
         return None
+
+    def _wanted_frame(self, matched: MatchedImages, pose: SpatialPose | None, wanted: FrameFilter) -> RawFrame | None:
+        """Return a frame; None where nobody wants it. Raises DriveError for a damaged one."""
+        moment = FrameMoment(
+            stamp=matched.colours.stamp,
+            odometry=None if pose is None else pose.planar,
+            truth=self._true_pose(matched.colours.stamp),
+            tilt=None if pose is None else self._rig.mounting.own_tilt(pose.tilt),
+        )
+        frame = self._decoder.decode(matched, moment) if wanted(moment) else None
+        self._last_stamp = moment.stamp
+        return frame
 
     def _true_pose(self, stamp: float) -> Pose | None:
         robot = self._truth.at(stamp)

@@ -11,7 +11,7 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.importing.depth_registration import register_depth
 from ltvn_core.importing.moving_frame import Transform
-from ltvn_core.importing.raw_frame import RawFrame
+from ltvn_core.importing.raw_frame import FrameMoment, RawFrame
 from ltvn_core.importing.rosbag.bag_survey import frame_name
 from ltvn_core.importing.rosbag.bag_topics import ChosenTopics
 from ltvn_core.importing.rosbag.camera_rig import CameraRig
@@ -20,8 +20,7 @@ from ltvn_core.importing.rosbag.ros_cameras import is_calibrated, ros_camera
 from ltvn_core.importing.rosbag.ros_images import decode_colours, decode_metres
 from ltvn_core.importing.rosbag.transform_tree import TransformTree
 from ltvn_core.importing.source_camera import fitted
-from ltvn_core.importing.spatial_pose import SpatialPose
-from ltvn_core.types import Depth, Pose, Rgb
+from ltvn_core.types import Depth, Rgb
 
 _SAME_LENS = 0.015
 """Lenses whose focal lengths and centres differ by less than this share of the width are one."""
@@ -58,24 +57,23 @@ class FrameDecoder:
         self._doubt = doubt
         self._lenses: dict[tuple[str, int, int], CameraModel | None] = {}
 
-    def decode(self, matched: MatchedImages, pose: SpatialPose | None, truth: Pose | None) -> RawFrame:
-        """Return the frame. Raises DriveError where an image is damaged or no camera fits it."""
-        stamp = matched.colours.stamp
-        name = f"{self._topics.rgb} at {stamp:.3f}"
+    def decode(self, matched: MatchedImages, moment: FrameMoment) -> RawFrame:
+        """Return the frame of a moment. Raises DriveError where an image is damaged or no camera fits it."""
+        name = f"{self._topics.rgb} at {moment.stamp:.3f}"
         rgb = decode_colours(matched.colours.message, name)
         lens = self._colour_lens(rgb, name)
         depth, depth_lens = None, None
         if matched.depth is not None:
             depth, depth_lens = self._depth(matched.depth, lens, frame_name(matched.colours.message.header.frame_id))
         return RawFrame(
-            stamp=stamp,
+            stamp=moment.stamp,
             rgb=rgb,
             depth_m=depth,
             camera=None if lens is None else self._rig.mounting.mounted(lens),
             depth_camera=depth_lens,
-            odometry=None if pose is None else pose.planar,
-            truth=truth,
-            tilt=None if pose is None else self._rig.mounting.own_tilt(pose.tilt),
+            odometry=moment.odometry,
+            truth=moment.truth,
+            tilt=moment.tilt,
             name=name,
         )
 

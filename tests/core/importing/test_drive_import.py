@@ -12,11 +12,12 @@ from ltvn_core.errors import DriveError, OptionError, RecordingError
 from ltvn_core.importing.drive_import import import_drive
 from ltvn_core.importing.drive_statistics import coverage, drift
 from ltvn_core.importing.import_options import ImportOptions, OdometrySource
-from ltvn_core.importing.raw_frame import RawFrame
+from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
+from ltvn_core.importing.reader_registry import open_drive
 from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Tilt
-from tests.core.importing.drives import ListedDrive, sight
+from tests.core.importing.drives import FORWARD, ListedDrive, sight, write_tum_folder
 
 PLAIN = CameraModel.from_fov(640, 480, np.radians(70), height_m=0.9)
 SMALL = CameraModel.from_fov(160, 120, np.radians(60))
@@ -240,3 +241,22 @@ def test_drift_is_measured_per_metre_wherever_odometry_began() -> None:
     assert found.per_metre == pytest.approx(0.1, abs=0.001)
     assert found.yaw_deg_per_metre == pytest.approx(0, abs=1e-6)
     assert drift(stretched[:5], truth[:5]) is None
+
+
+def test_an_image_that_is_not_kept_is_not_even_decoded(tmp_path: Path) -> None:
+    poses = [f"{100 + k / 10:.4f} {0.2 * (k // 2):.2f} 1 0.5 {FORWARD}" for k in range(4)]
+    folder = write_tum_folder(tmp_path / "drive", pose_lines=poses)
+    for unmoved in ("100.10", "100.30"):
+        (folder / f"rgb/{unmoved}.png").write_bytes(b"not looked at")
+    summary = import_drive(open_drive(folder, options=ReadOptions(camera=SMALL.scaled(64, 48))), tmp_path / "tour.rrd")
+    assert dict(summary.dropped) == {"too little motion": 2}
+    assert Recording.open(tmp_path / "tour.rrd").poses.stamps.tolist() == [100.0, 100.2]
+
+
+def test_a_damaged_image_does_not_stand_for_the_next_one(tmp_path: Path) -> None:
+    poses = [f"{100 + k / 10:.4f} {0.06 * k:.2f} 1 0.5 {FORWARD}" for k in range(4)]
+    folder = write_tum_folder(tmp_path / "drive", pose_lines=poses)
+    (folder / "rgb/100.20.png").write_bytes(b"damaged")
+    summary = import_drive(open_drive(folder, options=ReadOptions(camera=SMALL.scaled(64, 48))), tmp_path / "tour.rrd")
+    assert dict(summary.dropped) == {"too little motion": 1, "damaged or missing image": 1}
+    assert Recording.open(tmp_path / "tour.rrd").poses.stamps.tolist() == [100.0, 100.3]

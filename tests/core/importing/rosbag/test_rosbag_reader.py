@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.raw_frame import DriveReader, RawFrame, ReadOptions
+from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame, ReadOptions, SelectiveReader
 from ltvn_core.importing.rosbag_reader import RosbagReader
 from tests.core.importing.rosbag.bag_examples import (
     BEGIN_S,
@@ -54,6 +54,25 @@ def test_a_bag_of_each_kind_becomes_the_same_frames(tmp_path: Path, kind: str) -
     assert reader.facts.frames == 6
     assert not reader.dropped
     assert not reader.doubts
+
+
+def test_only_wanted_images_of_a_bag_are_decoded_and_their_moment_is_known_before(tmp_path: Path) -> None:
+    reader = RosbagReader.open(straight_drive(tmp_path / "drive"), ReadOptions())
+    assert isinstance(reader, SelectiveReader)
+    moments: list[FrameMoment] = []
+
+    def every_third(moment: FrameMoment) -> bool:
+        moments.append(moment)
+        return len(moments) % 3 == 1
+
+    frames = list(reader.frames_where(every_third))
+
+    assert len(moments) == 6
+    assert [frame.stamp for frame in frames] == [moments[0].stamp, moments[3].stamp]
+    for frame, moment in zip(frames, moments[::3], strict=True):
+        assert frame.odometry is not None
+        assert np.array_equal(frame.odometry, moment.odometry)
+    assert not reader.dropped
 
 
 def test_a_single_file_of_a_folder_and_a_folder_without_metadata_are_read_too(tmp_path: Path) -> None:

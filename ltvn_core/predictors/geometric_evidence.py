@@ -95,7 +95,9 @@ def rival_support(
     others = np.flatnonzero(second.depth > 0)
     if len(known) < 2 or len(others) < 5:
         return 0.0
-    likely = cosines[np.ix_(known, others)]
+    likely = cosines[known] if len(others) == cosines.shape[1] else cosines[np.ix_(known, others)]
+    matched = likely.max(1) > _RIVAL_MIN  # No other key point has anything to offer.
+    known, likely = known[matched], likely[matched]
     best = np.argpartition(-likely, 3, axis=1)[:, :4]
     value = np.take_along_axis(likely, best, axis=1)
     good = (value > value.max(1, keepdims=True) - _RIVAL_MARGIN) & (value > _RIVAL_MIN)

@@ -71,8 +71,10 @@ def ray_gaps(motion: CameraMotion, first: ImageFeatures, second: ImageFeatures) 
 
     The first image's are looked for in the second, and where they have no depth, the other way.
     """
-    gaps = np.full((len(first.rays), len(second.rays)), np.inf, np.float32)
     known = np.flatnonzero(first.depth)
+    if len(known) == len(first.rays):
+        return _squared_gaps(projected(motion, first.rays, first.depth), second.rays)
+    gaps = np.full((len(first.rays), len(second.rays)), np.inf, np.float32)
     gaps[known] = _squared_gaps(projected(motion, first.rays[known], first.depth[known]), second.rays)
     unknown, other = np.flatnonzero(first.depth == 0), np.flatnonzero(second.depth)
     if len(unknown) and len(other):

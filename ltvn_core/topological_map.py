@@ -56,12 +56,14 @@ class TopologicalMap:
     """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
 
     @classmethod
-    def load(cls, path: Path | str, predictor: Predictor | None = None) -> Self:
+    def load(cls, path: Path | str, predictor: Predictor | None = None, *, with_reserve: bool = True) -> Self:
         """Open the map at the end of a map file, or of any recording in which one was built or used.
 
         Args:
             path: The file.
             predictor: What compares images; None opens the one that made the map, with its shipped weights.
+            with_reserve: Whether to encode the images that are no nodes too; navigation needs them, finding a place
+                does not.
 
         Raises:
             RecordingError: The file is no whole recording.
@@ -77,7 +79,8 @@ class TopologicalMap:
             predictor = open_predictor(name, meta.scene, entry.weights, camera=meta.camera)
         check_fingerprint(meta, predictor.fingerprint)
         keyframes = KeyframeStore(predictor)
-        keyframes.add(list(loaded.observations.values()))
+        nodes = loaded.graph.nodes
+        keyframes.add([seen for frame, seen in loaded.observations.items() if with_reserve or frame in nodes])
         return cls(
             graph=loaded.graph,
             keyframes=keyframes,

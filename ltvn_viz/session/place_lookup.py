@@ -85,6 +85,7 @@ class PlaceLookup:
         key = path, path.stat().st_mtime_ns, in_use.fingerprint
         if self._opened is None or self._opened[0] != key:
             made_by = Recording.open(path).meta.fingerprint
-            known = TopologicalMap.load(path, in_use if made_by == in_use.fingerprint else None)
+            predictor = in_use if made_by == in_use.fingerprint else None
+            known = TopologicalMap.load(path, predictor, with_reserve=False)
             self._opened = key, known
         return self._opened[1]

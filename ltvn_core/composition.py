@@ -16,7 +16,7 @@ from ltvn_core.config import PAPER, Likelihoods, Method, preset
 from ltvn_core.errors import SceneError
 from ltvn_core.extras import missing_text
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.predictors.registry import GEOMETRIC, open_plugin, require_predictor
+from ltvn_core.predictors.registry import COMPOSED, GEOMETRIC, open_plugin, require_predictor
 from ltvn_core.predictors.request import PredictorRequest, predictor_card
 from ltvn_core.preprocessing import ORIGINAL_SIZE
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
@@ -79,7 +79,7 @@ def open_simulation(
 
 def simulated_robot(predictor: str) -> RobotSpec:
     """Return the LoCoBot with a camera that suits the predictor of that name: key points need a larger picture."""
-    if predictor != GEOMETRIC:
+    if predictor not in (GEOMETRIC, COMPOSED):
         return LOCOBOT
     return replace(LOCOBOT, camera=LOCOBOT.camera.scaled(ORIGINAL_SIZE.long_side, ORIGINAL_SIZE.short_side))
 

@@ -15,6 +15,7 @@ from ltvn_core.types import Predictor
 
 NETWORK = "network"
 GEOMETRIC = "geometric"
+COMPOSED = "composed"
 ORACLE = "oracle"
 
 OWN_PREDICTORS = (NETWORK, GEOMETRIC, ORACLE)

@@ -50,6 +50,9 @@ class BuildingConfig:
     """Least r for images that are left over after Algorithm 1; 0 switches the second pass off (ours)."""
     second_pass_edges: int = 2
     """Edges that a left-over image may get, the most reachable ones first (ours)."""
+    bridges: bool = True
+    """Images left over after the second pass may be connected with merged ones, which become nodes then, and where no
+    image helps, with the next image of the drive by odometry (ours)."""
     odometry_drift: float = 0.04
     """Metres that odometry may drift per metre driven; what contradicts it by more is no edge. 0 = not used (ours)."""
     keep_merged: bool = True
@@ -264,6 +267,7 @@ PAPER = Method(
         connect_distance=1.5,
         merge_yaw_rad=math.pi,
         second_pass_reachability=0.0,
+        bridges=False,
         odometry_drift=0.0,
         keep_merged=False,
         restarts=0,

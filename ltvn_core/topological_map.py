@@ -17,13 +17,14 @@ from ltvn_core.cameras.rectification import rectified_camera
 from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.map_check import map_doubts
-from ltvn_core.graph.map_diagnosis import MappedDrive, likely_causes
+from ltvn_core.graph.map_coverage import MapCoverage, map_coverage
+from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.registry import NETWORK
+from ltvn_core.predictors.request import predictor_card
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.robots.observation_check import sequence_doubts
@@ -52,6 +53,8 @@ class TopologicalMap:
     """The camera of the images; None is the predictor's."""
     predictor_name: str = ""
     """By what name `predictor` can be opened again; empty where it has none."""
+    coverage: MapCoverage | None = None
+    """What the map knew of its drive when it was built; None for one that was loaded."""
     doubts: tuple[str, ...] = ()
     """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
 
@@ -179,15 +182,19 @@ def build_map(
     keyframes = KeyframeStore(predictor)
     deltas = system.build(images, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress)
     graph = TopologicalGraph(deltas)
+    in_order = sorted(observations, key=lambda seen: seen.step)
+    coverage = map_coverage(in_order, graph, keyframes, predictor, system)
     drive = MappedDrive(
-        observations=sorted(observations, key=lambda seen: seen.step),
+        observations=in_order,
         camera=camera,
         is_lens_known=is_lens_known,
         graph=graph,
         keyframes=keyframes,
         predictor=predictor,
+        predictor_name=predictor_name,
+        least_width_px=predictor_card(predictor).least_width_px,
     )
-    doubts = (*build_doubts(observations, graph), *likely_causes(drive))
+    doubts = (*sequence_doubts(in_order), *diagnose(drive, coverage))
     for doubt in doubts:
         log.warning(doubt)
     return TopologicalMap(
@@ -198,11 +205,6 @@ def build_map(
         scene=scene,
         camera=None if camera is None else rectified_camera(camera, target),
         predictor_name=predictor_name,
+        coverage=coverage,
         doubts=doubts,
     )
-
-
-def build_doubts(observations: Sequence[Observation], graph: TopologicalGraph) -> tuple[str, ...]:
-    """Return what is doubtful of a drive and of the map that was built from it, in words."""
-    in_order = sorted(observations, key=lambda seen: seen.step)
-    return (*sequence_doubts(in_order), *map_doubts(graph, len(observations)))

@@ -17,6 +17,7 @@ from ltvn_core.geometry import relative
 from ltvn_core.graph.image_similarity import colour_descriptors
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_check import map_doubts
+from ltvn_core.graph.map_coverage import MapCoverage
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation, Predictor, is_usable
 
@@ -26,6 +27,10 @@ RECOGNISED = 0.5
 """Images with a higher r show one place,"""
 FEW_RECOGNISED = 0.5
 """and where fewer of those in a row than this do, that is why the map falls apart."""
+MOST_RECOGNISED = 0.95
+"""Where not even so many do, the drive breaks there."""
+GEOMETRIC = "geometric"
+"""What to try, unless it was tried."""
 SEEN = 0.6
 """A predictor that is shown less of its own field of view than this sees little."""
 MOST_WITHOUT_DEPTH = 0.5
@@ -49,13 +54,19 @@ class MappedDrive:
     keyframes: KeyframeStore
     """The images as the predictor sees them."""
     predictor: Predictor
+    predictor_name: str = ""
+    """By what name it was asked for; empty where it has none."""
+    least_width_px: int = 0
+    """The predictor finds too little in images that are narrower."""
 
 
-def likely_causes(drive: MappedDrive) -> tuple[str, ...]:
-    """Return why a map came of a drive that nobody can navigate by; nothing for a map in order."""
-    if not map_doubts(drive.graph, len(drive.observations)):
+def diagnose(drive: MappedDrive, coverage: MapCoverage) -> tuple[str, ...]:
+    """Return what is doubtful of a map as a whole, then why it came of the drive; nothing for a map in order."""
+    doubts = map_doubts(drive.graph, len(drive.observations), coverage)
+    if not doubts:
         return ()
-    return (*_lens(drive), *_depth(drive), *_view(drive), *_places(drive), *_overlap(drive))
+    causes = (*_lens(drive), *_depth(drive), *_size(drive), *_view(drive), *_places(drive), *_overlap(drive))
+    return (*doubts, *causes)
 
 
 def _lens(drive: MappedDrive) -> Iterator[str]:
@@ -72,6 +83,15 @@ def _depth(drive: MappedDrive) -> Iterator[str]:
         yield (
             f"Likely cause: {without} of {len(drive.observations)} images have no depth, and without it distances are "
             "guessed or images left out. Record the depth camera too."
+        )
+
+
+def _size(drive: MappedDrive) -> Iterator[str]:
+    width_px = drive.predictor.camera.width
+    if width_px < drive.least_width_px:
+        yield (
+            f"Likely cause: the images are {width_px} pixels wide, and in less than {drive.least_width_px} the "
+            "predictor finds too little. Record larger images, or use --predictor network."
         )
 
 
@@ -125,25 +145,38 @@ def _look_alike(drive: MappedDrive) -> bool:
 def _overlap(drive: MappedDrive) -> Iterator[str]:
     """Ask whether images in a row are recognised, and whether they could be."""
     recognised = _recognised_in_a_row(drive)
-    if recognised is None or recognised.mean() >= FEW_RECOGNISED:
+    if recognised is None or recognised.mean() >= MOST_RECOGNISED:
         return
     text = f"Likely cause: of {len(recognised)} pairs of images in a row {recognised.sum()} are recognised as one place"
-    poses = np.array([seen.odometry for seen in drive.observations])
-    steps = relative(poses[:-1], poses[1:])
-    moved_m, turned_rad = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
-    camera = drive.camera or drive.predictor.camera
-    apart = (moved_m > 1.0) | (turned_rad > camera.horizontal_fov_rad / 2)
-    if _has_odometry(drive) and apart.mean() > FEW_RECOGNISED / 2:
+    if recognised.mean() >= FEW_RECOGNISED:
         yield (
-            f"{text}, for they hardly overlap: {apart.mean():.0%} are farther than 1 m or turned by half of the field "
+            f"{text}, and where one is not, the map may break. Look at those images (`ltvn view`): in turns, before "
+            "bare walls or in the dark drive slower, record more images a second, or thin less (--every-m, --every-deg "
+            "of `ltvn import`)."
+        )
+        return
+    apart = _far_apart(drive)
+    if _has_odometry(drive) and apart > FEW_RECOGNISED / 2:
+        yield (
+            f"{text}, for they hardly overlap: {apart:.0%} are farther than 1 m or turned by half of the field "
             "of view. Drive slower, record more images a second, or thin less (--every-m, --every-deg of `ltvn "
             "import`)."
         )
         return
+    other = "network" if drive.predictor_name == GEOMETRIC else GEOMETRIC
     yield (
         f"{text}. The predictor cannot compare images of this camera, or they do not overlap: try --predictor "
-        "geometric, adapt the network by `ltvn finetune`, and look at images in a row for blur and gaps (`ltvn view`)."
+        f"{other}, adapt the network by `ltvn finetune`, and look at images in a row for blur and gaps (`ltvn view`)."
     )
+
+
+def _far_apart(drive: MappedDrive) -> float:
+    """Return the share of the images in a row that by odometry can hardly overlap."""
+    poses = np.array([seen.odometry for seen in drive.observations])
+    steps = relative(poses[:-1], poses[1:])
+    moved_m, turned_rad = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    camera = drive.camera or drive.predictor.camera
+    return float(((moved_m > 1.0) | (turned_rad > camera.horizontal_fov_rad / 2)).mean())
 
 
 def _has_odometry(drive: MappedDrive) -> bool:

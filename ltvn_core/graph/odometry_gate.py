@@ -1,8 +1,9 @@
 """What odometry knows of two images of one trajectory: how far apart they can be at most, allowing for its drift.
 
 Owns the allowance. It is evidence against false edges between perceptual aliases, and saves comparing what cannot be
-near; it never places a node. Where odometry jumps, as after a restart, it knows nothing, and nowhere where it stands
-still for the whole drive, which is how a drive without odometry is recorded.
+near; it places a node only where images in a row show nothing in common (`graph.bridges`). Where odometry jumps, as
+after a restart, it knows nothing, and nowhere where it stands still for the whole drive, which is how a drive without
+odometry is recorded.
 """
 
 from collections.abc import Sequence
@@ -13,12 +14,14 @@ from numpy.typing import NDArray
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.graph.matching import Matches
-from ltvn_core.types import FrameId, NodeId, Observation
+from ltvn_core.types import FrameId, NodeId, Observation, Waypoint
 
 _JUMP_M = 1.5
 """Two images in a row that are farther apart were not driven from one to the other."""
 _SLACK_M, _SLACK_RAD = 0.6, 0.6
 """By so much the network's waypoint may be wrong."""
+_PAUSE_S = 5.0
+"""In a longer pause between two images a robot may be carried away without its odometry knowing."""
 _DRIFT_RAD_PER_M = 0.02
 
 
@@ -34,6 +37,7 @@ class OdometryGate:
         self._path_m = np.concatenate([[0.0], np.cumsum(steps_m)])
         stands_still = not np.ptp(self._poses, axis=0).any()
         self._segment = np.concatenate([[0], np.cumsum((steps_m > _JUMP_M) | stands_still)])
+        self._stamps_s = np.array([seen.stamp for seen in ordered])
         self._config = config
 
     def may_be_near(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
@@ -57,6 +61,19 @@ class OdometryGate:
         gap_m = np.hypot(*(driven - matches.waypoints)[:, :2].T)
         gap_rad = np.abs(wrap_angle(driven[:, 2] - matches.waypoints[:, 2]))
         return (gap_m <= self._allowance_m(here, there)) & (gap_rad <= self._allowance_rad(here, there))
+
+    def driven(self, frame: FrameId, other: FrameId) -> Waypoint | None:
+        """Return where an image lies (3,) seen from another, by odometry alone.
+
+        None where odometry is not used, jumps between the two, or cannot know because there is a pause between them.
+        """
+        here, there = self._row[frame], self._row[other]
+        between = slice(min(here, there), max(here, there) + 1)
+        if not self._config.odometry_drift or self._segment[here] != self._segment[there]:
+            return None
+        if (np.abs(np.diff(self._stamps_s[between])) > _PAUSE_S).any():
+            return None
+        return relative(self._poses[here], self._poses[there])
 
     def _rows(self, nodes: Sequence[NodeId]) -> NDArray[np.intp]:
         return np.array([self._row[node] for node in nodes], np.intp)

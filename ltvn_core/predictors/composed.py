@@ -74,6 +74,11 @@ class ComposedPredictor:
         """D_m of the poser, which decides in the end."""
         return predictor_card(self._poser).merge_distance
 
+    @property
+    def least_width_px(self) -> int:
+        """Width below which the poser finds too little in an image."""
+        return predictor_card(self._poser).least_width_px
+
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return (N, 2) features. Raises what recogniser and poser raise."""
         rows = np.empty((len(observations), 2), object)

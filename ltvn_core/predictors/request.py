@@ -40,10 +40,12 @@ class PredictorCard(NamedTuple):
     merge_distance: float | None
     """Greatest D_m for maps built with it: nodes may not be farther apart than it recognises most images. None where
     it sees as far as D_c."""
+    least_width_px: int
+    """In narrower images it finds too little; 0 where none is too narrow."""
 
 
 def predictor_card(predictor: Predictor) -> PredictorCard:
-    """Return what a predictor says of itself; `needs_depth`, `likelihoods` and `merge_distance` may be left out.
+    """Return what a predictor says of itself; all but the first two may be left out.
 
     Raises WeightsError where the constants beside weights are damaged.
     """
@@ -53,4 +55,5 @@ def predictor_card(predictor: Predictor) -> PredictorCard:
         needs_depth=bool(getattr(predictor, "needs_depth", False)),
         likelihoods=getattr(predictor, "likelihoods", None),
         merge_distance=getattr(predictor, "merge_distance", None),
+        least_width_px=int(getattr(predictor, "least_width_px", 0)),
     )

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ltvn_core.config import Method
-from ltvn_core.graph.builder import ProgressCallback, usable_trajectory
+from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,

@@ -30,6 +30,8 @@ class BuildSummary:
     reserve: int
     pieces: int
     """Parts between which no path leads there and back; 1 is what one wants."""
+    known_share: float
+    """Share of the images that are nodes of the largest piece or recognised as one; elsewhere a robot is lost."""
     doubts: tuple[str, ...] = ()
     """What is doubtful of the drive or of the map, in words; nothing where all is well."""
 
@@ -80,6 +82,7 @@ class BuildVerb(Verb):
             built, choice, observations = build_recorded_map(self.recording, options, show)
         save_recorded_map(built, self.output, options)
         graph = built.graph
+        assert built.coverage is not None
         return BuildSummary(
             map=self.output,
             predictor=choice.name,
@@ -90,5 +93,6 @@ class BuildVerb(Verb):
             edges=len(graph.edges),
             reserve=len(graph.reserve),
             pieces=count_strongly_connected_components(graph),
+            known_share=round(built.coverage.share, 3),
             doubts=built.doubts,
         )

@@ -11,12 +11,14 @@ from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta, NodeDropped
 from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.map_check import map_doubts
+from ltvn_core.graph.map_coverage import map_coverage
+from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.predictors.request import predictor_card
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Rgb, is_usable
 from ltvn_viz.session.live_robot import LiveRobot
 
@@ -87,7 +89,7 @@ class LiveMap:
         if not seen:
             raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
         built = self.system.build(seen, self.keyframes, self._predictor, rng=self._rng, progress=progress)
-        return self._replaced(built, len(seen))
+        return self._replaced(built, seen)
 
     def rebuild_with(
         self, predictor: Predictor, system: NavigationSystem, progress: Callable[[int, int], None]
@@ -105,18 +107,31 @@ class LiveMap:
         self._predictor = predictor
         self.system = system
         self.keyframes = keyframes
-        return self._replaced(built, len(seen))
+        return self._replaced(built, seen)
 
     def observations(self) -> Sequence[Observation]:
         """Return all pictures at hand in the order they were taken."""
         return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
 
-    def _replaced(self, built: Sequence[GraphDelta], images: int) -> Sequence[GraphDelta]:
+    def _replaced(self, built: Sequence[GraphDelta], seen: Sequence[Observation]) -> Sequence[GraphDelta]:
         fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
         released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
         self._replace(TopologicalGraph(built))
-        self.doubts = map_doubts(self.graph, images)
+        self.doubts = self._diagnosed(seen)
         return [*fell, *released, *built]
+
+    def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[str]:
+        """Return what is doubtful of the map that was built from images in order, with likely causes."""
+        drive = MappedDrive(
+            observations=seen,
+            camera=None,
+            is_lens_known=True,
+            graph=self.graph,
+            keyframes=self.keyframes,
+            predictor=self._predictor,
+            least_width_px=predictor_card(self._predictor).least_width_px,
+        )
+        return diagnose(drive, map_coverage(seen, self.graph, self.keyframes, self._predictor, self.system))
 
     def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""

@@ -12,7 +12,7 @@ from ltvn_core.graph.map_check import map_doubts
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.map_file import load_map
-from ltvn_core.topological_map import build_doubts, build_map
+from ltvn_core.topological_map import build_map
 from ltvn_core.types import Features, Prediction, Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
 from tests.repository import DEMO_MAP
@@ -22,7 +22,7 @@ def test_a_map_of_one_node_is_told(caplog: pytest.LogCaptureFixture) -> None:
     standing = [observation_at(np.array([2.0, 2.0, 0.0]), step) for step in range(30)]
     built = build_map(standing, predictor=FlatPredictor(one_room()))
     assert len(built.graph.nodes) == 1
-    (doubt,) = build_doubts(standing, built.graph)
+    (doubt,) = [doubt for doubt in built.doubts if "one node" in doubt]
     assert "has one node, as if all 30 images showed one place" in doubt
     assert doubt in caplog.text
 
@@ -52,6 +52,43 @@ def test_a_map_in_small_pieces_is_told() -> None:
     pieces.apply(EdgeAdded(edge, Cause.BUILD))
     (doubt,) = map_doubts(pieces, len(images))
     assert f"falls into {len(nodes)} pieces" in doubt
+
+
+def test_a_map_that_knows_a_part_of_its_drive_is_told_with_where_it_ends() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7)], spins=False))
+    carried = [replace(seen, stamp=seen.stamp + 60.0) for seen in tour([(0.7, 3.2), (4.2, 3.2)], first_step=300)]
+    built = build_map([*images, *carried], predictor=FlatPredictor(one_room(), sight_m=1.0))
+    assert built.coverage is not None
+    (doubt,) = [doubt for doubt in built.doubts if "of its own drive" in doubt]
+    assert f"knows {built.coverage.share:.0%}" in doubt
+    assert 0 < built.coverage.share < 0.8
+    begins = {f"from {run[0].stamp:.1f} s to {run[-1].stamp:.1f} s" for run in (images, carried)}
+    assert any(begin in doubt for begin in begins)
+
+
+def test_a_map_that_knows_its_drive_says_so() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
+    built = build_map(images, predictor=FlatPredictor(one_room()))
+    assert built.coverage == (1.0, None)
+
+
+class NarrowPredictor(FlatPredictor):
+    """Finds nothing in its images, for they are too narrow."""
+
+    least_width_px = 160
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        found = super().predict(sources, targets)
+        return Prediction(np.zeros_like(found.reachability), found.waypoints)
+
+
+def test_images_too_small_for_a_predictor_are_named_as_the_cause() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7)]))
+    built = build_map(images, predictor=NarrowPredictor(one_room()), predictor_name="geometric")
+    said = " ".join(built.doubts)
+    assert "images are 96 pixels wide" in said
+    assert "--predictor network" in said
+    assert "--predictor geometric" not in said
 
 
 class BlindPredictor(FlatPredictor):

@@ -1,0 +1,100 @@
+"""How images that Algorithm 1 leaves over come into the map after all: by way of a merged image, or by odometry.
+
+A predictor may recognise an image from one that merged and from no node, for the node is farther away. And where two
+images in a row show nothing in common, as before a bare wall, the robot drove from one to the other all the same, and
+over so short a way odometry is exact. Both are ours. Owns which images are joined so; changes no map.
+"""
+
+from collections.abc import Collection, Container, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ltvn_core.geometry import distance
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.types import FrameId, Observation
+
+_NEAR_IN_TIME = 30
+"""Images that were taken so few images before or after are asked about first, and joined by odometry."""
+_BESIDE = 4
+"""An image that is joined by odometry must be recognised from one of so many left-over ones before or after it."""
+
+
+class Bridge(NamedTuple):
+    """A left-over image and what joins it to the map."""
+
+    frame: FrameId
+    matches: Matches
+    """One image that is a node or merged."""
+
+
+class BridgeSearch:
+    """Searches bridges along one trajectory; no pair of images is asked about twice."""
+
+    def __init__(
+        self,
+        observations: Sequence[Observation],
+        matcher: Matcher,
+        odometry_gate: OdometryGate,
+        loop_closures: LoopClosureVerifier,
+        thresholds: OperatorThresholds,
+    ) -> None:
+        """Join images that are connectable by `thresholds`, those of the last pass."""
+        self._frames = sorted(seen.step for seen in observations)
+        self._row = {frame: row for row, frame in enumerate(self._frames)}
+        self._matcher, self._odometry_gate, self._loop_closures = matcher, odometry_gate, loop_closures
+        self._thresholds = thresholds
+        self._asked: dict[FrameId, set[FrameId]] = {}
+
+    def by_merged_image(self, frame: FrameId, merged: Collection[FrameId]) -> Bridge | None:
+        """Return the most reachable merged image that a left-over one can be connected with; None without any.
+
+        One near in time is preferred, because two such are hardly perceptual aliases.
+        """
+        beside = [other for other in self._beside(frame, _NEAR_IN_TIME) if other in merged]
+        return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
+
+    def by_odometry(self, left: Collection[FrameId], placed: Container[FrameId]) -> Bridge | None:
+        """Return the shortest way that odometry knows from a left-over image to a node or a merged image.
+
+        An image that nothing recognises leads nowhere, so it is not joined. None where there is no such way.
+        """
+        ways = [way for frame in left for way in self._ways(frame, placed)]
+        for way in sorted(ways, key=lambda way: (way.matches.distances[0], way.frame)):
+            beside = [other for other in self._beside(way.frame, _BESIDE) if other in left]
+            if self._recognised(way.frame, beside) is not None:
+                return way
+        return None
+
+    def _beside(self, frame: FrameId, reach: int) -> Sequence[FrameId]:
+        """Return up to `reach` frames before and after one, without itself."""
+        row = self._row[frame]
+        return [*self._frames[max(row - reach, 0) : row], *self._frames[row + 1 : row + 1 + reach]]
+
+    def _recognised(self, frame: FrameId, others: Sequence[FrameId]) -> Bridge | None:
+        asked = self._asked.setdefault(frame, set())
+        fresh = self._odometry_gate.may_be_near(frame, [other for other in others if other not in asked])
+        asked.update(fresh)
+        found = self._matcher.match(self._matcher.keyframes.features([frame]), fresh)
+        found = found.take(self._odometry_gate.plausible(frame, found))
+        found = found.take(connectable(found, self._thresholds))
+        found = self._matcher.with_mutual_support(found, frame)
+        found = self._loop_closures.verified(frame, found, connectable(found, self._thresholds))
+        found = found.take(connectable(found, self._thresholds))
+        return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None
+
+    def _ways(self, frame: FrameId, placed: Container[FrameId]) -> Iterator[Bridge]:
+        """Yield the ways to the next images before and after a frame that have a place in the map."""
+        row = self._row[frame]
+        before = self._frames[max(row - _NEAR_IN_TIME, 0) : row][::-1]
+        for beside in (before, self._frames[row + 1 : row + 1 + _NEAR_IN_TIME]):
+            other = next((other for other in beside if other in placed), None)
+            driven = None if other is None else self._odometry_gate.driven(frame, other)
+            if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:
+                continue
+            # No image speaks for it, so it is believed no more than the least edge that images speak for.
+            least = np.array([self._thresholds.connect_reachability])
+            yield Bridge(frame, Matches((other,), least, driven[None], distance(driven)[None], np.ones(1, bool)))

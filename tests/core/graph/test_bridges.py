@@ -1,0 +1,93 @@
+"""Images that are recognised from no node come into the map by way of merged ones, or by odometry where none helps."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.geometry import relative
+from ltvn_core.graph.builder import build
+from ltvn_core.graph.connectivity import count_strongly_connected_components
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Features, FrameId, Observation, Prediction
+from tests.core.flat_world import FlatPredictor, one_room, tour
+
+NEAR_SIGHTED_M = 0.4
+WITHOUT = replace(ROBUST, building=replace(ROBUST.building, bridges=False))
+
+
+def line() -> list[Observation]:
+    """Images 12 cm apart along 3.5 m."""
+    return list(tour([(0.7, 0.7), (4.2, 0.7)], spins=False))
+
+
+def built(images: Sequence[Observation], predictor: FlatPredictor, method: Method = ROBUST) -> TopologicalGraph:
+    deltas = build(images, KeyframeStore(predictor), predictor, method, np.random.default_rng(0))
+    return TopologicalGraph(deltas)
+
+
+class GapPredictor(FlatPredictor):
+    """Sees nothing in common between images before and after one frame, and nothing at all in blank ones."""
+
+    gap: FrameId = 0
+    blank: frozenset[FrameId] = frozenset()
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        found = super().predict(sources, targets)
+        first, second = np.broadcast_arrays(sources[:, 3], targets[:, 3])
+        unlike = (first < self.gap) != (second < self.gap)
+        unlike |= np.isin(first, list(self.blank)) | np.isin(second, list(self.blank))
+        return Prediction(np.where(unlike, 0.01, found.reachability), found.waypoints)
+
+
+def gap_predictor(gap: FrameId, blank: Sequence[FrameId] = ()) -> GapPredictor:
+    predictor = GapPredictor(one_room())
+    predictor.gap, predictor.blank = gap, frozenset(blank)
+    return predictor
+
+
+def test_a_near_sighted_predictor_leaves_no_image_over() -> None:
+    images = line()
+    short = built(images, FlatPredictor(one_room(), sight_m=NEAR_SIGHTED_M), WITHOUT)
+    graph = built(images, FlatPredictor(one_room(), sight_m=NEAR_SIGHTED_M))
+    span_m = [np.ptp([node.odometry.x_m for node in each.nodes.values()]) for each in (short, graph)]
+    assert span_m[0] < 1.0
+    assert span_m[1] > 2.8
+    assert count_strongly_connected_components(graph) == 1
+    assert len(graph.nodes) < len(images)
+
+
+def test_where_images_in_a_row_share_nothing_odometry_joins_them() -> None:
+    images = line()
+    gap = images[len(images) // 2].step
+    graph = built(images, gap_predictor(gap))
+    across = [(source, target) for source, target in graph.edges if source < gap <= target]
+    (edge,) = across
+    poses = {seen.step: seen.odometry for seen in images}
+    assert np.allclose(graph.edges[edge].waypoint, relative(poses[edge[0]], poses[edge[1]]))
+    assert graph.edges[edge].belief.p <= ROBUST.building.second_pass_reachability
+    assert count_strongly_connected_components(graph) == 1
+    sides = {frame < gap for frame in built(images, gap_predictor(gap), PAPER).nodes}
+    assert len(sides) == 1
+
+
+def test_odometry_joins_nothing_across_a_pause_or_a_jump() -> None:
+    images = line()
+    middle = len(images) // 2
+    gap = images[middle].step
+    late = [replace(seen, stamp=seen.stamp + 30.0) for seen in images[middle:]]
+    away = [replace(seen, odometry=np.add(seen.odometry, [0.0, 3.0, 0.0])) for seen in images[middle:]]
+    for rest in (late, away):
+        graph = built([*images[:middle], *rest], gap_predictor(gap))
+        assert len({frame < gap for frame in graph.nodes}) == 1
+
+
+def test_an_image_that_nothing_recognises_stays_in_the_reserve() -> None:
+    images = line()
+    blank = images[len(images) // 2].step
+    graph = built(images, gap_predictor(blank, [blank]))
+    assert blank in graph.reserve
+    assert {frame < blank for frame in graph.nodes} == {True, False}
+    assert count_strongly_connected_components(graph) == 1

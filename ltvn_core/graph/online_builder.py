@@ -5,6 +5,8 @@ Owns what is kept for later and how much. Does not apply its deltas: whoever own
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import Cause, FramesReleased, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -16,6 +18,8 @@ from ltvn_core.types import FrameId, Observation, Predictor, is_usable
 
 MAX_RETRIES_PER_NODE = 4
 """Images kept for later that are tried again with each new node."""
+BRIDGES_TRIED = 12
+"""An image without a neighbour is compared with so many images that merged last: it may hang on one of them."""
 
 
 class OnlineBuilder:
@@ -40,6 +44,8 @@ class OnlineBuilder:
         self._thresholds = OperatorThresholds.building(method.building)
         self._reserve_limit = reserve_limit
         self._pending: dict[FrameId, None] = {}
+        self._merged: dict[FrameId, Matches] = {}
+        """The images that merged last, each with the node that it adds nothing to."""
 
     def offer(self, observation: Observation) -> tuple[GraphDelta, ...]:
         """Return what an image changes: a node with its edges, or its place in the reserve, or nothing.
@@ -63,13 +69,40 @@ class OnlineBuilder:
         found = self._matcher.match(self._keyframes.features([frame]), tuple(self._graph.nodes))
         likely = mergeable(found, self._thresholds) | connectable(found, self._thresholds)
         found = self._matcher.with_mutual_support(found.take(likely), frame)
-        if mergeable(found, self._thresholds).any():
+        merging = found.take(mergeable(found, self._thresholds))
+        if len(merging):
+            self._remember_merged(frame, merging.take(np.array([merging.distances.argmin()])))
             return []
+        chosen = self._connected(found, frame)
+        if not len(chosen):
+            return self._bridged(frame)
+        return node_with_edges(self._keyframes.observation(frame), chosen, self._method.believing, Cause.ONLINE)
+
+    def _remember_merged(self, frame: FrameId, merging: Matches) -> None:
+        self._merged[frame] = merging
+        if len(self._merged) > BRIDGES_TRIED:
+            del self._merged[next(iter(self._merged))]
+
+    def _bridged(self, frame: FrameId) -> list[GraphDelta]:
+        """Return the deltas that join a frame by way of a merged image, see `graph.bridges`; without any it waits."""
+        graph, config = self._graph, self._method
+        known = [other for other, merging in self._merged.items() if merging.nodes[0] in graph.nodes]
+        known = [other for other in known if other in graph.reserve and config.building.bridges]
+        found = self._matcher.match(self._keyframes.features([frame]), known)
+        found = self._matcher.with_mutual_support(found.take(connectable(found, self._thresholds)), frame)
         chosen = self._connected(found, frame)
         if not len(chosen):
             self._pending[frame] = None
             return []
-        return node_with_edges(self._keyframes.observation(frame), chosen, self._method.believing, Cause.ONLINE)
+        chosen = chosen.take(np.array([chosen.reachability.argmax()]))
+        (other,) = chosen.nodes
+        return [
+            FramesReleased((other,), Cause.ONLINE),
+            *node_with_edges(
+                self._keyframes.observation(other), self._merged.pop(other), config.believing, Cause.ONLINE
+            ),
+            *node_with_edges(self._keyframes.observation(frame), chosen, config.believing, Cause.ONLINE),
+        ]
 
     def _connected(self, found: Matches, frame: FrameId) -> Matches:
         """Return the matches of a frame that become edges."""

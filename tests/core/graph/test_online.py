@@ -1,6 +1,7 @@
 """While somebody drives: merge, connect or keep, with the same operators."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +18,9 @@ ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7)]
 
 
 def driven(
-    images: Iterable[Observation], method: Method = ROBUST, limit: int = 2000
+    images: Iterable[Observation], method: Method = ROBUST, limit: int = 2000, sight_m: float = 2.0
 ) -> tuple[TopologicalGraph, KeyframeStore, list[GraphDelta]]:
-    graph, predictor, history = TopologicalGraph(), FlatPredictor(one_room()), []
+    graph, predictor, history = TopologicalGraph(), FlatPredictor(one_room(), sight_m=sight_m), []
     keyframes = KeyframeStore(predictor)
     online = OnlineBuilder(graph, keyframes, predictor, method, reserve_limit=limit)
     for seen in images:
@@ -43,6 +44,17 @@ def test_the_first_image_is_a_node_and_the_same_image_again_changes_nothing() ->
     graph, _, history = driven([seen, seen])
     assert list(graph.nodes) == [5]
     assert len(history) == 1
+
+
+def test_a_near_sighted_predictor_joins_images_by_way_of_merged_ones() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7)], spins=False))
+    graph, keyframes, history = driven(images, sight_m=0.4)
+    assert np.ptp([node.odometry.x_m for node in graph.nodes.values()]) > 2.8
+    assert reachable_nodes(graph, images[0].step) == set(graph.nodes)
+    assert set(keyframes.frames) == set(graph.nodes) | set(graph.reserve)
+    assert TopologicalGraph(history) == graph
+    without = replace(ROBUST, building=replace(ROBUST.building, bridges=False))
+    assert len(driven(images, without, sight_m=0.4)[0].nodes) < 3
 
 
 def test_standing_still_adds_no_nodes() -> None:

@@ -69,6 +69,27 @@ def far_image(app: FlatApp) -> int:
     return int(np.argmax(np.linalg.norm(away, axis=1)))
 
 
+@pytest.fixture
+def narrow(page: Page) -> Iterator[Page]:
+    """A window like that of a phone, which was wide when the page was opened."""
+    page.set_viewport_size({"width": 390, "height": 844})
+    yield page
+    page.set_viewport_size({"width": 1000, "height": 640})
+    page.wait_for_function("innerWidth === 1000")
+
+
+def test_in_a_window_that_became_narrow_the_pad_covers_nothing_of_the_panel(narrow: Page) -> None:
+    panel = narrow.locator(".mantine-Paper-root").filter(has=narrow.get_by_role("tab"))
+    narrow.get_by_role("button", name="show or hide the keys").click()
+    over, under = narrow.locator(".ltvn-pad").bounding_box(), panel.bounding_box()
+    narrow.get_by_role("button", name="show or hide the keys").click()
+    assert over is not None
+    assert under is not None
+    assert under["y"] + under["height"] == 844
+    assert over["y"] >= 0
+    assert over["y"] + over["height"] <= under["y"]
+
+
 def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path) -> None:
     with serving(tmp_path) as app, open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         expect(page).to_have_title("Lifelong Topological Visual Navigation")

@@ -69,7 +69,13 @@ class EdgeDriver:
         start = next(iter(imaged_scene.poses.values()))
         first_step = max(imaged_scene.poses) + 1
         self._robot = SimulatedRobot(
-            imaged_scene.scene, imaged_scene.camera, start=start, rng=rng, odometry_noise=noise, first_step=first_step
+            imaged_scene.scene,
+            imaged_scene.camera,
+            start=start,
+            rng=rng,
+            odometry_noise=noise,
+            first_step=first_step,
+            spec=imaged_scene.spec,
         )
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.types import FrameId, Pose, Renderer
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ class ImagedScene:
     """The images, encoded."""
     poses: Mapping[FrameId, Pose]
     """(3,) exact pose of each image."""
+    spec: RobotSpec = LOCOBOT
+    """The robot that took the images."""
 
     def farthest_from(self, source: FrameId, *, other_than: FrameId) -> FrameId:
         """Return the image taken farthest from `source`, which is neither that one nor `other_than`."""

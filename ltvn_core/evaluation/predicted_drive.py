@@ -10,7 +10,7 @@ from ltvn_core.evaluation.imaged_scene import ImagedScene
 from ltvn_core.geometry import relative
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.network.metrics.pair_evaluation import predict_pairs
-from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.training_data.reachability_labels import ReachabilityLimits
 from ltvn_core.training_data.scene_protocols import DatasetScene
 from ltvn_core.training_data.shard_generation import label_image_pairs
@@ -40,25 +40,32 @@ class PredictedDrive:
     """(N, N) share of the target's points that the source sees; nan where not measured."""
     predicted: Prediction
     """(N, N) and (N, N, 3)."""
+    spec: RobotSpec = LOCOBOT
+    """The robot that took the images."""
 
     @property
     def imaged_scene(self) -> ImagedScene:
         """The scene with these images, for driving edges between them."""
         return ImagedScene(
-            scene=self.scene, camera=self.renderer, keyframes=self.keyframes, poses=dict(enumerate(self.poses))
+            scene=self.scene,
+            camera=self.renderer,
+            keyframes=self.keyframes,
+            poses=dict(enumerate(self.poses)),
+            spec=self.spec,
         )
 
 
-def predict_drive(scene: "Scene", renderer: Renderer, predictor: Predictor, poses: Pose) -> PredictedDrive:
+def predict_drive(
+    scene: "Scene", renderer: Renderer, predictor: Predictor, poses: Pose, spec: RobotSpec = LOCOBOT
+) -> PredictedDrive:
     """Render the images at the poses (N, 3) of a drive, and label and predict all ordered pairs."""
     images = len(poses)
-    observations = tuple(_observe(renderer, pose, frame) for frame, pose in enumerate(poses))
+    observations = tuple(_observe(renderer, pose, frame, spec) for frame, pose in enumerate(poses))
     keyframes = KeyframeStore(predictor)
     keyframes.add(observations)
     first, second = np.divmod(np.arange(images**2), images)
-    depth_mm = np.rint(np.stack([each.require_depth("the evaluation") for each in observations]) * 1000).astype(
-        np.uint16
-    )
+    # Labels are of poses and not of cameras, so they come from the depth of the dataset's.
+    depth_mm = np.rint(np.stack([renderer.render(pose, LOCOBOT.camera)[1] for pose in poses]) * 1000).astype(np.uint16)
     labels = label_image_pairs(
         DatasetScene(scene.name, scene.clearance, renderer), poses, depth_mm, first, second, ReachabilityLimits()
     )
@@ -74,9 +81,10 @@ def predict_drive(scene: "Scene", renderer: Renderer, predictor: Predictor, pose
         reachable=labels.reachable.reshape(square),
         overlap=labels.overlap.reshape(square),
         predicted=Prediction(predicted.reachability.reshape(square), predicted.waypoints.reshape(*square, 3)),
+        spec=spec,
     )
 
 
-def _observe(renderer: Renderer, pose: Pose, frame: int) -> Observation:
-    rgb, depth = renderer.render(pose, LOCOBOT.camera)
+def _observe(renderer: Renderer, pose: Pose, frame: int, spec: RobotSpec) -> Observation:
+    rgb, depth = renderer.render(pose, spec.camera)
     return Observation(rgb=rgb, depth=depth, odometry=pose, stamp=frame * CONTROL_STEP_S, step=frame, exact_pose=pose)

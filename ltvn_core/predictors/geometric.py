@@ -13,6 +13,7 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
 from ltvn_core.predictors.geometric_calibration import CALIBRATION_FILE, Logistic, shipped_calibration
+from ltvn_core.predictors.geometric_driving import shipped_likelihoods
 from ltvn_core.predictors.geometric_features import FeatureExtractor, ImageFeatures
 from ltvn_core.predictors.geometric_memory import NO_POSE, PairMemory, SurePose
 from ltvn_core.predictors.geometric_reach import drivable_share
@@ -34,9 +35,6 @@ SIMILAR = 64
 SHORTLIST = 12
 """and of those so many by the votes of their key points."""
 
-LIKELIHOODS = Likelihoods(0.9, 0.1, 0.01)
-"""Likelihoods of Eq. 3 and variance of Eq. 4 for a method with this predictor."""
-
 LEAST_WIDTH_PX = 160
 """In images 96 pixels wide it finds half as many near pairs as in those of 320."""
 
@@ -53,7 +51,6 @@ class GeometricPredictor:
 
     needs_depth = False
     """Depth in one of two images is enough; without any, the distance is a guess, see `geometric_epipolar`."""
-    likelihoods = LIKELIHOODS
     merge_distance = MERGE_DISTANCE
     least_width_px = LEAST_WIDTH_PX
 
@@ -71,6 +68,11 @@ class GeometricPredictor:
         digest = hashlib.sha256(CALIBRATION_FILE.read_bytes() + WORDS_FILE.read_bytes())
         digest.update(repr(self._camera).encode())
         return f"geometric-{VERSION}-{digest.hexdigest()[:12]}"
+
+    @property
+    def likelihoods(self) -> Likelihoods | None:
+        """What `ltvn measure` measured of it in simulation."""
+        return shipped_likelihoods()
 
     @property
     def camera(self) -> CameraModel:

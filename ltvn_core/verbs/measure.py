@@ -28,7 +28,7 @@ class MeasureSummary:
     p_success_if_reachable: float
     """p(s given r), Laplace's estimate."""
     p_success_if_not: float
-    """p(s given not r), Laplace's estimate."""
+    """p(s given not r), Laplace's estimate; the method's general one where no false edge looked like an edge."""
     sigma: float
     """Of d."""
     driving: "DrivingMeasurements"
@@ -53,7 +53,8 @@ class MeasureVerb(Verb):
     scenes: tuple[str, ...] = TEST_SCENES
     """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
     write: bool = False
-    """Write the result into the weights' card, from which the method takes its constants; for the network alone."""
+    """Write the result into the weights' card, or beside the geometric predictor, from where the method takes its
+    constants."""
 
     def run(self) -> Summary:
         """Drive and measure; raises OptionError, SceneError and, for weights that cannot be read, WeightsError."""
@@ -61,16 +62,16 @@ class MeasureVerb(Verb):
 
         self._check()
         measured = self._measure()
-        refused = None
+        refused, constants = None, None
         try:
-            likelihoods(measured)
+            constants = likelihoods(measured)
         except WeightsError as error:
             refused = str(error)
         return MeasureSummary(
             self._write(measured) if self.write and refused is None else None,
             refused,
             measured.success_if_reachable.shrunk,
-            measured.success_if_not.shrunk,
+            measured.success_if_not.shrunk if constants is None else constants.p_success_if_not,
             measured.distance_sigma,
             measured,
         )
@@ -78,8 +79,8 @@ class MeasureVerb(Verb):
     def _check(self) -> None:
         if not self.scenes:
             raise OptionError("--scenes needs at least one scene by name.")
-        if self.write and self.predictor not in (AUTO, "network"):
-            raise OptionError(f"--write is for the card of the network's weights; {self.predictor} keeps its own.")
+        if self.write and self.predictor not in (AUTO, "network", "geometric"):
+            raise OptionError(f"--write is for network and geometric; {self.predictor} says itself what was measured.")
         if self.attempts < 2 * len(self.scenes):
             raise OptionError(f"--attempts must be two or more per scene, so {2 * len(self.scenes)} or more.")
         if self.images < _FEWEST_IMAGES:
@@ -91,7 +92,7 @@ class MeasureVerb(Verb):
         import numpy as np
         from tqdm import tqdm
 
-        from ltvn_core.composition import open_predictor
+        from ltvn_core.composition import open_predictor, simulated_robot
         from ltvn_core.config import preset
         from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
         from ltvn_core.predictors.choice import ImageSource
@@ -103,20 +104,22 @@ class MeasureVerb(Verb):
         shares = [share + (k < self.attempts % len(self.scenes)) for k in range(len(self.scenes))]
         measured = []
         choice = ImageSource(camera=LOCOBOT.camera).choose(self.predictor)
+        spec = simulated_robot(choice.name)
         with tqdm(total=self.attempts, desc="measure", unit="edge") as bar:
             for k, (name, attempts) in enumerate(zip(self.scenes, shares, strict=True)):
                 scene = load_scene(name)
-                predictor = open_predictor(choice.name, name, self.weights)
+                predictor = open_predictor(choice.name, name, self.weights, camera=spec.camera)
                 measured.append(
                     measure_scene(
                         scene,
-                        open_renderer(scene),
+                        open_renderer(scene, spec.camera),
                         predictor,
                         preset(self.preset),
                         attempts=attempts,
                         images=self.images,
                         rng=np.random.default_rng([self.seed, k]),
                         progress=bar.update,
+                        spec=spec,
                     )
                 )
         return summarise_measurements(measured, self._command())
@@ -129,6 +132,10 @@ class MeasureVerb(Verb):
         return f"ltvn measure{of} {counts} --preset {self.preset}{named}"
 
     def _write(self, measured: "DrivingMeasurements") -> Path:
+        if self.predictor == "geometric":
+            from ltvn_core.predictors.geometric_driving import write_driving
+
+            return write_driving(measured)
         from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION
         from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
         from ltvn_core.network.weights_file import add_to_card

@@ -10,7 +10,7 @@ from typing import Any
 
 import cattrs
 
-from ltvn_core.config import Likelihoods
+from ltvn_core.config import BeliefConfig, Likelihoods
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.metrics.binned_metrics import CalibrationBin, ErrorBin
 from ltvn_core.network.metrics.success_rate import SuccessRate
@@ -61,11 +61,12 @@ def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
     """Return the constants of Eq. 3 and Eq. 4.
 
     Both probabilities are Laplace's estimates, so p(s given r) is never 1 and p(s given not r) never 0: one attempt
-    can never settle the matter. Raises WeightsError where a success speaks against an edge, for Eq. 3 would then prune
+    can never settle the matter. Where no false edge looked like an edge, nothing was measured of those, and p(s given
+    not r) is the general one. Raises WeightsError where a success speaks against an edge, for Eq. 3 would then prune
     what can be driven.
     """
     there = measured.success_if_reachable.shrunk
-    not_there = measured.success_if_not.shrunk
+    not_there = measured.success_if_not.shrunk if measured.success_if_not.trials else BeliefConfig().p_success_if_not
     if there <= not_there:
         raise WeightsError(
             f"Edges that exist were driven with success less often ({there:.2f}) than edges that do not "

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ltvn_core.composition import open_method
+from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.config import ROBUST, Likelihoods, preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.graph.beliefs import update_existence
@@ -102,6 +102,18 @@ def test_one_attempt_never_settles_whether_an_edge_exists(there: int, not_there:
         < 1
     )
     assert constants.sigma2 > 0
+
+
+def test_where_no_false_edge_could_be_driven_a_success_still_speaks_for_an_edge() -> None:
+    none = SuccessRate.of(0, 0)
+    constants = likelihoods(replace(measured(there=20), success_if_not=none, arrival_if_not=none))
+    assert constants.p_success_if_not == ROBUST.believing.p_success_if_not
+
+
+def test_the_geometric_predictor_brings_what_was_measured_of_it() -> None:
+    constants = open_method("robust", open_predictor("geometric")).believing
+    assert constants.p_success_if_not < 0.5 < constants.p_success_if_reachable < 1
+    assert 0 < constants.sigma2 < 0.01
 
 
 def test_weights_whose_successes_mean_nothing_are_refused() -> None:

@@ -13,6 +13,8 @@ from ltvn_core.importing.source_camera import HOW_TO
 
 STEEP_DEG = 20.0
 """A predictor that looks level sees less than two thirds of a picture that is tilted by more."""
+NARROW_PX = 160
+"""In narrower images the geometric predictor, which real ones are compared by, finds too little."""
 MUCH_DRIFT = 0.15
 FEW_FRAMES = 20
 MANY_GAPS = 3
@@ -37,6 +39,11 @@ def _camera_doubts(found: DriveFindings) -> Iterator[str]:
         yield (
             f"Nothing says what lens took the images; {ASSUMED_FOV_DEG:.0f} degrees were assumed, and distances will "
             f"be wrong by as much as that is: {HOW_TO}."
+        )
+    if found.width_px < NARROW_PX:
+        yield (
+            f"The images are {found.width_px} pixels wide, and in less than {NARROW_PX} hardly anything is recognised; "
+            "a map of them may know a small part of the drive. Record larger images where the camera can."
         )
     if not found.is_depth_registered:
         yield (

@@ -51,6 +51,8 @@ class DriveFindings:
     odometry: OdometrySource
     poses: Pose
     """(N, 3) by the odometry that was recorded."""
+    width_px: int
+    """Of the recorded images."""
     field_of_view_rad: float
     """Horizontal."""
     tilt: TiltRange | None
@@ -80,6 +82,7 @@ def drive_findings(
         is_depth_registered=preparation.is_depth_registered,
         odometry=odometry,
         poses=poses,
+        width_px=camera.width,
         field_of_view_rad=camera.horizontal_fov_rad,
         tilt=tilt_range([frame.tilt for frame in frames if frame.tilt is not None]),
         coverage=coverage(poses, np.array([frame.stamp for frame in frames])) if has_poses else None,

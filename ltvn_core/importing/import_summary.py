@@ -87,6 +87,8 @@ class ImportSummary:
     """How odometry strays from the true poses, where the source has both."""
     doubts: tuple[str, ...]
     """What is doubtful, with the likely cause and what to do; nothing where all is well."""
+    next_step: str
+    """What to do now, and what that will tell."""
 
 
 def import_summary(
@@ -122,4 +124,8 @@ def import_summary(
         tilt=found.tilt,
         drift=found.drift,
         doubts=doubts,
+        next_step=(
+            f"`ltvn build {recording} --output map.rrd` makes a map, and its `known_share` says of how much of the "
+            "drive the map knows the place; below 80 % it says where, and likely causes."
+        ),
     )

@@ -43,10 +43,12 @@ def build_from_replay(state: AppState, replay: Playback) -> None:
         save_recorded_map(built, output, options)
         graph = built.graph
         pieces = count_strongly_connected_components(graph)
+        assert built.coverage is not None
         return MadeRecording(
             output.name,
             f"Built {output.name} by {choice.name} from {len(observations):,} images: {len(graph.nodes):,} nodes, "
-            f"{len(graph.edges):,} edges, {pieces:,} {'piece' if pieces == 1 else 'pieces'}.",
+            f"{len(graph.edges):,} edges, {pieces:,} {'piece' if pieces == 1 else 'pieces'}. It knows "
+            f"{built.coverage.share:.0%} of the drive.",
             built.doubts,
         )
 

@@ -70,3 +70,14 @@ def test_images_without_depth_among_others_are_counted(tmp_path: Path) -> None:
     summary = imported(tmp_path, drive, ("rgb", "depth", "odometry"))
     assert summary.without_depth == 5
     assert "5 of 25 images have no depth" in said(summary)
+
+
+def test_images_too_small_to_recognise_anything_in_are_told(tmp_path: Path) -> None:
+    whole = [frame(k, x=0.1 * k) for k in range(25)]
+    small = [
+        replace(raw, rgb=raw.rgb[::4, ::4], camera=None if raw.camera is None else raw.camera.scaled(80, 60))
+        for raw in whole
+    ]
+    assert "pixels wide" not in said(imported(tmp_path, whole))
+    (tmp_path / "tour.rrd").unlink()
+    assert "images are 80 pixels wide" in said(imported(tmp_path, small))

@@ -21,6 +21,7 @@ def test_a_real_drive_is_imported_with_one_command(tmp_path: Path, capsys: pytes
     assert said["pieces_expected"] == 1
     assert said["odometry"] == "truth"
     assert any("looks down" in doubt for doubt in said["doubts"])
+    assert f"ltvn build {tour} " in said["next_step"]
     recording = Recording.open(tour)
     assert recording.meta.scene == "real:tum_excerpt"
     assert recording.poses.exact is not None

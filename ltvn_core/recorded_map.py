@@ -53,7 +53,8 @@ def build_recorded_map(
     choice = ImageSource.of(meta).choose_anew(options.predictor)
     observations = [recording.observation(frame) for frame in recording.frames]
     entry = system_entry(options.system)
-    predictor = open_predictor(choice.name, meta.scene, options.weights or entry.weights, camera=meta.camera)
+    weights = entry.weights_for(choice.name, options.weights)
+    predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
     built = build_map(
         observations,
         predictor=predictor,

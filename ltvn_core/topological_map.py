@@ -79,7 +79,7 @@ class TopologicalMap:
         entry = recorded_system(meta.config)
         if predictor is None:
             name, _ = ImageSource.of(meta).choose()
-            predictor = open_predictor(name, meta.scene, entry.weights, camera=meta.camera)
+            predictor = open_predictor(name, meta.scene, entry.weights_for(name), camera=meta.camera)
         check_fingerprint(meta, predictor.fingerprint)
         keyframes = KeyframeStore(predictor)
         nodes = loaded.graph.nodes

@@ -1,15 +1,15 @@
 """Fit the geometric predictor: `python -m tools.fit_geometric --scenes train-00 train-01 --recordings tour.rrd`.
 
-Writes the visual words and the logistic regressions that stand beside the predictor. Images come from simulated scenes,
-rendered at 320 x 240 by several cameras with noise, and from recordings with true poses. Pairs of each drive and pairs
-across drives are compared in full, and a pose counts as right when it is near the truth. The same seed gives the same
-files.
+Writes the visual words, the logistic regressions and the pairs that they were fitted on, beside the predictor. Images
+come from simulated scenes, rendered at 320 x 240 by several cameras with noise, and from recordings with true poses.
+Pairs of each drive and pairs across drives are compared in full, and a pose counts as right when it is near the truth.
+The same seed gives the same files.
 """
 
 import argparse
-import json
+import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -17,49 +17,39 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
-from scipy.optimize import minimize
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.geometry import relative, wrap_angle
-from ltvn_core.predictors.geometric_calibration import CALIBRATION_FILE
+from ltvn_core.geometry import relative
+from ltvn_core.predictors.geometric_calibration import (
+    BOTH_DEPTHS,
+    CALIBRATION_FILE,
+    NO_DEPTH,
+    ONE_DEPTH,
+    Calibration,
+    shipped_calibration,
+)
 from ltvn_core.predictors.geometric_evidence import Evidence
 from ltvn_core.predictors.geometric_features import FeatureExtractor, ImageFeatures, ImageGrid
+from ltvn_core.predictors.geometric_fitting import (
+    PAIRS_FILE,
+    Comparisons,
+    fit_logistic,
+    is_right,
+    write_comparisons,
+)
 from ltvn_core.predictors.geometric_shortlist import WORDS_FILE, VisualWords, visual_words, votes
 from ltvn_core.predictors.geometric_verification import verify, waypoint
 from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training_data.pose_sampling import ClusterSampling, cluster_poses
-from ltvn_core.types import Observation, Pose, Renderer, Waypoint
+from ltvn_core.types import Observation, Pose, Renderer
 from tools.repeating_corridor import corridor_poses, repeating_corridor
 
 WORDS = 64
 DIMENSIONS = 32
-RIDGE = 1.0
-"""Strength of the regularisation of standardised weights."""
-RIGHT_M, RIGHT_SHARE, RIGHT_RAD = 0.12, 0.12, np.deg2rad(8)
-"""A pose is right when it is off by less than this, or this share of the distance, and turned by less."""
-GUESSED_M, GUESSED_SHARE = 0.3, 0.6
-"""The same for the guessed distances of images without depth."""
 CORRIDOR_WEIGHT = 0.03
 """A pair of a corridor counts so much; all corridors together then count about as much as one apartment."""
-SIGNS = Evidence(
-    agreeing=1,
-    agreeing_share=1,
-    repeated_share=1,
-    spread=1,
-    overlap=1,
-    depth_agreement=1,
-    depth_conflict=-1,
-    brightness=1,
-    colour_conflict=-1,
-    colour_gap=-1,
-    rival=-1,
-    tilt_gap=-1,
-    uncertainty=-1,
-)
-"""Which way each number may count, so that a regression does not learn the habits of the images it saw."""
-
 CAMERAS = (
     CameraModel.from_fov(320, 240, np.deg2rad(69.4), height_m=0.6),
     CameraModel.from_fov(320, 240, np.deg2rad(57.0), height_m=0.4, pitch_rad=np.deg2rad(5)),
@@ -182,9 +172,8 @@ def compare(drive: SeenDrive, pairs: NDArray[np.intp]) -> Iterator[Comparison]:
         if found is not None:
             measured = first.has_depth or second.has_depth
             truth = relative(drive.poses[i], drive.poses[j])
-            yield Comparison(
-                found.evidence, is_right(waypoint(found.motion, first, second), truth, measured), drive.weight
-            )
+            right = is_right(waypoint(found.motion, first, second), truth, measured=measured)
+            yield Comparison(found.evidence, right, drive.weight)
 
 
 def compare_across(first: SeenDrive, second: SeenDrive, rng: np.random.Generator, count: int) -> Iterator[Comparison]:
@@ -194,36 +183,6 @@ def compare_across(first: SeenDrive, second: SeenDrive, rng: np.random.Generator
         found = verify(first.features[i], second.features[j], first.camera, first.grid)
         if found is not None:
             yield Comparison(found.evidence, right=False, weight=first.weight)
-
-
-def is_right(found: Waypoint, truth: Waypoint, measured: bool) -> bool:
-    """Tell whether a waypoint (3,) is near enough to the truth, its distance `measured` by depth or guessed."""
-    gap = relative(truth, found)
-    least, share = (RIGHT_M, RIGHT_SHARE) if measured else (GUESSED_M, GUESSED_SHARE)
-    allowed = max(least, share * float(np.hypot(truth[0], truth[1])))
-    return float(np.hypot(gap[0], gap[1])) < allowed and abs(float(wrap_angle(gap[2]))) < RIGHT_RAD
-
-
-def fit_logistic(found: Sequence[Comparison]) -> tuple[NDArray[np.float64], float]:
-    """Return weights (E,) and bias of the logistic regression with a ridge on standardised evidence."""
-    evidence = np.array([each.evidence for each in found], np.float64)
-    counts = np.array([each.weight for each in found])
-    signs = np.where([each.right for each in found], 1.0, -1.0)
-    mean, spread = evidence.mean(0), evidence.std(0) + 1e-6
-    inputs = (evidence - mean) / spread
-
-    def loss(parameters: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        margins = signs * (inputs @ parameters[:-1] + parameters[-1])
-        slope = -counts * signs / (1 + np.exp(np.clip(margins, -30, 30)))
-        ridge = RIDGE * parameters[:-1]
-        gradient = np.append(inputs.T @ slope + ridge, slope.sum())
-        return float(counts @ np.logaddexp(0, -margins) + parameters[:-1] @ ridge / 2), gradient
-
-    bounds = [(0, None) if sign > 0 else (None, 0) for sign in SIGNS] + [(None, None)]
-    start = np.zeros(inputs.shape[1] + 1)
-    fitted = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
-    weights = fitted[:-1] / spread
-    return weights, float(fitted[-1] - weights @ mean)
 
 
 def see(drive: Drive) -> SeenDrive:
@@ -253,12 +212,10 @@ def comparisons(drives: Sequence[SeenDrive], rng: np.random.Generator, pairs: in
                 yield from compare_across(drive, other, rng, pairs // 10)
 
 
-def fit_part(found: Sequence[Comparison]) -> dict[str, object]:
-    """Return the weights of one logistic regression by the names of the evidence, as JSON takes them."""
-    weights, bias = fit_logistic(found)
-    named = {name: round(float(weight), 4) for name, weight in zip(Evidence._fields, weights, strict=True)}
-    right = int(sum(each.right for each in found))
-    return {"weights": named, "bias": round(bias, 4), "pairs": len(found), "right": right}
+def together(found: Iterable[Comparison]) -> Comparisons:
+    """Return the pairs as a fit takes them."""
+    evidence, right, weight = zip(*found, strict=True)
+    return Comparisons(np.array(evidence, np.float64), np.array(right, bool), np.array(weight, np.float64))
 
 
 def write_words(words: VisualWords) -> None:
@@ -285,22 +242,30 @@ def main() -> int:
     ]
     drives += [corridor_drive(k, CAMERAS[k % len(CAMERAS)], rng, options.clusters) for k in range(options.corridors)]
     drives += [recorded_drive(path, options.first_share) for path in options.recordings]
-    fit(drives, rng, options.pairs)
-    sys.stdout.write(f"{WORDS_FILE.name} and {CALIBRATION_FILE.name} written\n")
+    fit(drives, rng, options.pairs, shlex.join(["python", "-m", "tools.fit_geometric", *sys.argv[1:]]))
+    sys.stdout.write(f"{WORDS_FILE.name}, {CALIBRATION_FILE.name} and {PAIRS_FILE.name} written\n")
     return 0
 
 
-def fit(drives: Sequence[Drive], rng: np.random.Generator, pairs: int) -> None:
-    """Fit words and regressions on drives, and write them."""
+def fit(drives: Sequence[Drive], rng: np.random.Generator, pairs: int, command: str) -> None:
+    """Fit words and regressions on drives, and write them, and the pairs."""
     seen = [see(drive) for drive in drives]
     write_words(fit_words([each for drive in seen for each in drive.features], rng))
-    parts = {
-        "both": fit_part(list(comparisons(seen, rng, pairs))),
-        "one": fit_part(list(comparisons([without_depth(drive, every=2) for drive in seen], rng, pairs // 2))),
-        "none": fit_part(list(comparisons([without_depth(drive, every=1) for drive in seen], rng, pairs // 2))),
+    found = {
+        BOTH_DEPTHS: together(comparisons(seen, rng, pairs)),
+        ONE_DEPTH: together(comparisons([without_depth(drive, every=2) for drive in seen], rng, pairs // 2)),
+        NO_DEPTH: together(comparisons([without_depth(drive, every=1) for drive in seen], rng, pairs // 2)),
     }
-    fitted = {"fitted_on": [drive.name for drive in drives], "pairs": pairs, "logistics": parts}
-    CALIBRATION_FILE.write_text(json.dumps(fitted, indent=1) + "\n")
+    write_comparisons(found)
+    card = {
+        "fitted_on": [drive.name for drive in drives],
+        "pairs": {name: len(part.right) for name, part in found.items()},
+        "right": {name: int(part.right.sum()) for name, part in found.items()},
+        "command": command,
+    }
+    fitted = Calibration({name: fit_logistic(part) for name, part in found.items()}, card=card)
+    CALIBRATION_FILE.write_text(fitted.text())
+    shipped_calibration.cache_clear()
 
 
 if __name__ == "__main__":

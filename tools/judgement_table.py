@@ -31,11 +31,11 @@ def judgement_table(summaries: list[Mapping[str, Any]]) -> ReportTable:
     rows = []
     for summary in summaries:
         name = Path(summary["recording"]).stem
+        name += f", part {summary['part']}" if summary.get("part", "1/1") != "1/1" else ""
+        predictor = summary["predictor"] + (f", {Path(own).name}" if (own := summary.get("weights")) else "")
         against = f" against {Path(summary['against']).stem}" if summary["against"] else ""
-        rows.append((f"{name}{against}", summary["predictor"], *_cells(summary)))
-        rows += [
-            (f"{name}, {worse}", summary["predictor"], *_cells(found)) for worse, found in summary["perturbed"].items()
-        ]
+        rows.append((f"{name}{against}", predictor, *_cells(summary)))
+        rows += [(f"{name}, {worse}", predictor, *_cells(found)) for worse, found in summary["perturbed"].items()]
     head = ("recording", "predictor", *(title for title, _, _ in _COLUMNS))
     return ReportTable(caption="", head=head, rows=tuple(rows), words=2)
 

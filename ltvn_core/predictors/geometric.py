@@ -6,14 +6,23 @@ image against many, and the memory of pairs. Implements `ltvn_core.types.Predict
 """
 
 import hashlib
+import logging
 from collections.abc import Sequence
 
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
-from ltvn_core.predictors.geometric_calibration import CALIBRATION_FILE, Logistic, shipped_calibration
+from ltvn_core.predictors.geometric_calibration import (
+    CALIBRATION_FILE,
+    DEPTHS,
+    Calibration,
+    Logistic,
+    read_calibration,
+    shipped_calibration,
+)
 from ltvn_core.predictors.geometric_driving import shipped_likelihoods
+from ltvn_core.predictors.geometric_epipolar import ROOM_DEPTH_M
 from ltvn_core.predictors.geometric_features import FeatureExtractor, ImageFeatures
 from ltvn_core.predictors.geometric_memory import NO_POSE, PairMemory, SurePose
 from ltvn_core.predictors.geometric_reach import drivable_share
@@ -21,6 +30,8 @@ from ltvn_core.predictors.geometric_shortlist import WORDS_FILE, most_similar, v
 from ltvn_core.predictors.geometric_verification import verify, waypoint
 from ltvn_core.predictors.request import PredictorRequest
 from ltvn_core.types import Features, Observation, Prediction, Waypoint
+
+log = logging.getLogger(__name__)
 
 VERSION = 1
 """Increase it whenever equal images give another answer than before."""
@@ -42,6 +53,7 @@ MERGE_DISTANCE = 0.3
 """D_m with this predictor. Of images that are 0.55 apart, the paper's D_m, it recognises about half, and beyond that
 fewer: nodes that far apart leave the images between them unconnected."""
 
+_NETWORK_SUFFIX = ".safetensors"
 _UNRELATED = 0.01
 """Reachability of a pair that nothing speaks for. Not 0, because no evidence could revise such a belief."""
 
@@ -54,18 +66,32 @@ class GeometricPredictor:
     merge_distance = MERGE_DISTANCE
     least_width_px = LEAST_WIDTH_PX
 
-    def __init__(self, camera: CameraModel, *, shortlist_from: int | None = SHORTLIST_FROM) -> None:
-        """Take the camera whose images come; `shortlist_from` None compares every pair in full."""
+    def __init__(
+        self,
+        camera: CameraModel,
+        *,
+        calibration: Calibration | None = None,
+        shortlist_from: int | None = SHORTLIST_FROM,
+    ) -> None:
+        """Take the camera whose images come, and a calibration, None being the one of the package.
+
+        `shortlist_from` None compares every pair in full.
+        """
         self._camera = camera
         self._extractor = FeatureExtractor(camera)
         self._shortlist_from = shortlist_from
-        self._calibration = shipped_calibration()
+        self._calibration = calibration or shipped_calibration()
         self._memory = PairMemory()
 
     @property
     def fingerprint(self) -> str:
         """Name the version, its fitted parameters and the camera."""
-        digest = hashlib.sha256(CALIBRATION_FILE.read_bytes() + WORDS_FILE.read_bytes())
+        numbers = self._calibration.fingerprint
+        if numbers == shipped_calibration().fingerprint:
+            calibration = CALIBRATION_FILE.read_bytes()  # As maps of earlier versions name it.
+        else:
+            calibration = numbers.encode()
+        digest = hashlib.sha256(calibration + WORDS_FILE.read_bytes())
         digest.update(repr(self._camera).encode())
         return f"geometric-{VERSION}-{digest.hexdigest()[:12]}"
 
@@ -78,6 +104,11 @@ class GeometricPredictor:
     def camera(self) -> CameraModel:
         """The camera whose images it takes."""
         return self._camera
+
+    @property
+    def calibration(self) -> Calibration:
+        """What evidence is worth."""
+        return self._calibration
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return (N, 1) features: one object an image. Raises ImageError for images of another size."""
@@ -96,7 +127,7 @@ class GeometricPredictor:
         self._check(sources, targets)
         chosen = np.arange(len(targets))
         if len(sources) == 1 and self._shortlist_from is not None and len(targets) >= self._shortlist_from:
-            chosen = self._shortlist(sources[0, 0], [row[0] for row in targets])
+            chosen = self.shortlist(sources[0, 0], [row[0] for row in targets])
         reachability = np.full(len(targets), _UNRELATED)
         waypoints = np.zeros((len(targets), 3))
         for k in chosen:
@@ -104,7 +135,7 @@ class GeometricPredictor:
             reachability[k], waypoints[k] = self._compare(source, targets[k, 0])
         return Prediction(reachability, waypoints)
 
-    def _shortlist(self, source: ImageFeatures, targets: Sequence[ImageFeatures]) -> list[int]:
+    def shortlist(self, source: ImageFeatures, targets: Sequence[ImageFeatures]) -> list[int]:
         """Return which targets are compared in full, in order."""
         similar = most_similar(source.place, [target.place for target in targets], SIMILAR)
         counted = [votes(source.descriptors, targets[k].descriptors) for k in similar]
@@ -131,15 +162,18 @@ class GeometricPredictor:
         verified = verify(first, second, self._camera, self._extractor.grid)
         if verified is None:
             return NO_POSE
-        return SurePose(
+        pose = SurePose(
             certainty=self._logistic(first, second).probability(verified.evidence._asdict()),
             waypoint=waypoint(verified.motion, first, second),
             moved_m=float(np.linalg.norm(verified.motion.translation)),
             turned_rad=verified.motion.turned_rad,
         )
+        if first.has_depth or second.has_depth:
+            return pose
+        return pose.scaled(self._calibration.room_depth_m / ROOM_DEPTH_M)
 
     def _logistic(self, first: ImageFeatures, second: ImageFeatures) -> Logistic:
-        return self._calibration[("none", "one", "both")[first.has_depth + second.has_depth]]
+        return self._calibration.logistics[DEPTHS[first.has_depth + second.has_depth]]
 
     def _check(self, sources: Features, targets: Features) -> None:
         if sources.shape[1:] != (1,) or targets.shape[1:] != (1,) or object not in (sources.dtype, targets.dtype):
@@ -152,5 +186,22 @@ class GeometricPredictor:
 
 
 def open_geometric(request: PredictorRequest) -> GeometricPredictor:
-    """Take the camera of the request as it is; its weights and its scene are of no use here."""
-    return GeometricPredictor(request.camera)
+    """Take the camera of the request as it is, and a drive's own calibration (.json) as weights. Raises WeightsError.
+
+    The scene is of no use here.
+    """
+    return GeometricPredictor(request.camera, calibration=requested_calibration(request))
+
+
+def requested_calibration(request: PredictorRequest) -> Calibration | None:
+    """Return the calibration that is asked for as weights; None for the one of the package. Raises WeightsError.
+
+    Weights of a network are passed over, because who asks may have them in hand for other images.
+    """
+    weights = request.weights
+    if weights is None:
+        return None
+    if weights.suffix == _NETWORK_SUFFIX:
+        log.warning("The geometric predictor has no use for %s, weights of the network; it takes its own.", weights)
+        return None
+    return read_calibration(weights)

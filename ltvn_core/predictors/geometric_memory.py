@@ -32,6 +32,10 @@ class SurePose(NamedTuple):
         """Return the pose of the first image, seen from the second."""
         return self._replace(waypoint=invert(self.waypoint))
 
+    def scaled(self, factor: float) -> "SurePose":
+        """Return the pose so many times as far away, with the same turn."""
+        return self._replace(waypoint=self.waypoint * [factor, factor, 1.0], moved_m=self.moved_m * factor)
+
 
 NO_POSE = SurePose(0.0, np.zeros(3), 0.0, 0.0)
 """Nothing speaks for any pose."""

@@ -36,3 +36,12 @@ class SystemEntry:
     """How its network learns."""
     preset_in_label: bool = False
     """Whether readers must know the preset: True where presets change the system itself and not only the navigator."""
+
+    def weights_for(self, predictor: str, wanted: Path | None = None) -> Path | None:
+        """Return the weights that a predictor of that name is to be opened with: those wanted, else its own.
+
+        Those of the system are of its network; other predictors bring theirs (None).
+        """
+        from ltvn_core.predictors.registry import NETWORK
+
+        return wanted or (self.weights if predictor == NETWORK else None)

@@ -9,6 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
+
 if TYPE_CHECKING:
     from ltvn_core.cameras.camera_model import CameraModel
     from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
@@ -32,8 +34,8 @@ def ignore_progress(share: float, doing: str) -> None:
     """Report progress to nobody."""
 
 
-def read_labelled_drive(path: Path, rule: "LabelRule") -> "TrajectoryPairs":
-    """Read a recording, as the network sees it, and label its pairs of images by a rule. Raises RecordingError."""
+def read_labelled_drive(path: Path, rule: "LabelRule", part: DrivePart = WHOLE_DRIVE) -> "TrajectoryPairs":
+    """Read a part of a recording, as the network sees it, and label its pairs of images. Raises RecordingError."""
     from ltvn_core.cameras.rectification import rectified_camera
     from ltvn_core.network.architecture import NETWORK_CAMERA
     from ltvn_core.preprocessing import recorded_observation
@@ -42,7 +44,8 @@ def read_labelled_drive(path: Path, rule: "LabelRule") -> "TrajectoryPairs":
     recording = Recording.open(path)
     camera = recording.meta.camera
     observations = [
-        recorded_observation(recording.observation(frame), camera, NETWORK_CAMERA) for frame in recording.frames
+        recorded_observation(recording.observation(frame), camera, NETWORK_CAMERA)
+        for frame in part.take(recording.frames)
     ]
     return label_drive(observations, path.name, camera=rectified_camera(camera, NETWORK_CAMERA), rule=rule)
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
@@ -19,12 +19,21 @@ _SHORT_MINUTES = 0.25
 
 @dataclass(frozen=True, kw_only=True)
 class FinetuneVerb(Verb):
-    """Let weights learn from a robot's own drive; goes on where an interrupted call with the same output stopped."""
+    """Let weights learn from a robot's own drive; goes on where an interrupted call with the same output stopped.
+
+    The geometric predictor has no network: its calibration learns from the drive, in less than a minute.
+    """
 
     recording: Positional[Path]
     """The recording of the drive, with odometry."""
     output: Path
-    """The weights to write, with a card beside them; must not exist yet."""
+    """The weights to write, with a card beside them; must not exist yet. For the geometric predictor a calibration, a
+    .json file with its card in it."""
+    predictor: Literal["network", "geometric"] = "network"
+    """What is to learn."""
+    part: str = "1/1"
+    """Learn from this stretch of the drive alone, for instance 1/2, the first half; `ltvn judge --part 2/2` then judges
+    by the other."""
     horizon: int = 15
     """H: an image counts as reachable from those up to so many images before it. Images closer than 0.1 m and 8
     degrees to the last one are left out first, so 15 images are about 1.5 m of straight driving."""
@@ -32,7 +41,7 @@ class FinetuneVerb(Verb):
     """Take the paper's rule as it is: all within the horizon are reachable, all others are not. Otherwise odometry and
     depth are asked as well, and pairs they are unsure of are left out."""
     weights: Path | None = None
-    """Weights to start from instead of the shipped ones; they are not changed."""
+    """Weights, or a calibration, to start from instead of the shipped ones; they are not changed."""
     data: Path | None = None
     """A folder of `ltvn dataset` to draw simulated pairs from; without one, a few scenes are rendered once."""
     minutes: float = 3.0
@@ -42,14 +51,19 @@ class FinetuneVerb(Verb):
 
     def run(self) -> Summary:
         """Fine-tune, judge and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
+        self._check_options()
+        return self._tune_network() if self.predictor == "network" else self._tune_calibration()
+
+    def _tune_network(self) -> Summary:
+        from ltvn_core.recording.drive_part import parse_part
         from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
         from ltvn_core.training.fine_tuning_data import SimulatedPairs, read_labelled_drive
         from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
 
-        self._check_options()
+        rule = OdometryLabelRule(horizon=self.horizon, gated=not self.literal)
         with _ProgressBar() as bar:
             found = fine_tune(
-                read_labelled_drive(self.recording, OdometryLabelRule(horizon=self.horizon, gated=not self.literal)),
+                read_labelled_drive(self.recording, rule, parse_part(self.part)),
                 SimulatedPairs(self.data),
                 self.weights or system_entry(DEFAULT_SYSTEM).weights,
                 self.output,
@@ -63,13 +77,37 @@ class FinetuneVerb(Verb):
         assert found is not None  # Nobody cancels here.
         return found
 
+    def _tune_calibration(self) -> Summary:
+        from typing import cast
+
+        from ltvn_core.composition import open_predictor
+        from ltvn_core.predictors.geometric import GeometricPredictor
+        from ltvn_core.recording.drive_part import parse_part
+        from ltvn_core.recording.reader import Recording
+        from ltvn_core.training.calibration_tuning import tune_calibration
+
+        part = parse_part(self.part)
+        recording = Recording.open(self.recording)
+        predictor = open_predictor(self.predictor, weights=self.weights, camera=recording.meta.camera)
+        with _StepBar() as bar:
+            return tune_calibration(
+                recording,
+                cast(GeometricPredictor, predictor),
+                self.output,
+                command=self._command(),
+                part=part,
+                seed=self.seed,
+                on_progress=bar,
+            )
+
     def _check_options(self) -> None:
         if self.horizon < 2:
             raise OptionError(f"--horizon must be 2 or more images, got {self.horizon}; 15 is a good start.")
         if not self.minutes > 0:
             raise OptionError(f"--minutes must be above 0, got {self.minutes:g}; 3 is a good start.")
-        if self.output.suffix != ".safetensors":
-            raise OptionError(f"--output must end in .safetensors, got {self.output.name}.")
+        suffix = ".safetensors" if self.predictor == "network" else ".json"
+        if self.output.suffix != suffix:
+            raise OptionError(f"--output must end in {suffix}, got {self.output.name}.")
 
     def _plan(self) -> "FineTuningPlan":
         """Return what the options make of the plan."""
@@ -83,8 +121,13 @@ class FinetuneVerb(Verb):
         return replace(plan, learning=replace(plan.learning, seed=self.seed))
 
     def _command(self) -> str:
-        options = [f"--output {self.output.name}", f"--horizon {self.horizon}", f"--minutes {self.minutes:g}"]
+        options = [f"--output {self.output.name}"]
+        if self.predictor == "network":
+            options += [f"--horizon {self.horizon}", f"--minutes {self.minutes:g}"]
+        else:
+            options.append(f"--predictor {self.predictor}")
         options += ["--literal"] * self.literal
+        options += [f"--part {self.part}"] * (self.part != "1/1")
         options += [
             f"--{name} {path.name}" for name in ("weights", "data") if (path := getattr(self, name)) is not None
         ]
@@ -109,3 +152,24 @@ class _ProgressBar:
         figures = {} if progress is None else {"step": progress.steps, "loss": f"{progress.loss:.3f}"}
         self._bar.set_postfix(doing=doing, **figures, refresh=False)
         self._bar.update(100 * share - self._bar.n)
+
+
+class _StepBar:
+    """A progress bar for one step after the other."""
+
+    def __init__(self) -> None:
+        from tqdm import tqdm
+
+        self._bar = tqdm(desc="read")
+
+    def __enter__(self) -> "_StepBar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def __call__(self, step: str, done: int, total: int) -> None:
+        if done == 1:
+            self._bar.reset(total)
+            self._bar.set_description(step)
+        self._bar.update(1)

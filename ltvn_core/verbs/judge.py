@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
     from ltvn_core.evaluation.predictor_accuracy.revisits import RevisitAccuracy
     from ltvn_core.predictors.choice import PredictorChoice
+    from ltvn_core.recording.drive_part import DrivePart
     from ltvn_core.recording.reader import Recording
     from ltvn_core.types import Predictor
 
@@ -64,10 +65,14 @@ class JudgeSummary(ConditionSummary):
     """What a predictor was judged to be worth."""
 
     recording: Path
+    part: str
+    """Of it, that was judged."""
     against: Path | None
     predictor: str
     predictor_reason: str
     """Why this one."""
+    weights: Path | None
+    """Those instead of the predictor's own."""
     fingerprint: str
     """Names the weights."""
     images: int
@@ -106,6 +111,8 @@ class JudgeVerb(Verb):
     """Far pairs to compare at most, and an eighth as many near pairs."""
     images: int = 2000
     """Images to read of a recording at most, evenly spaced."""
+    part: str = "1/1"
+    """Judge by this stretch of the recording alone, for instance 2/2, the second half; --against is taken whole."""
     left_out: float = 0.2
     """Share of the images, evenly spaced, that the map is not built from, and that are then looked for in it."""
     perturb: str = ""
@@ -130,6 +137,7 @@ class JudgeVerb(Verb):
         from ltvn_core.evaluation.predictor_accuracy.judgement import JudgementPlan, judge
         from ltvn_core.graph.ltvn import ltvn_system
         from ltvn_core.predictors.choice import ImageSource
+        from ltvn_core.recording.drive_part import WHOLE_DRIVE, parse_part
         from ltvn_core.recording.reader import Recording
 
         self._check()
@@ -144,8 +152,9 @@ class JudgeVerb(Verb):
         recording = Recording.open(self.recording)
         choice = ImageSource.of(recording.meta).choose_anew(self.predictor)
         predictor = open_predictor(choice.name, recording.meta.scene, self.weights, camera=recording.meta.camera)
-        looking = self._read(recording, predictor)
-        mapped = looking if self.against is None else self._read(Recording.open(self.against), predictor)
+        part = parse_part(self.part)
+        looking = self._read(recording, predictor, part)
+        mapped = looking if self.against is None else self._read(Recording.open(self.against), predictor, WHOLE_DRIVE)
         revisits = self._revisits(recording, looking, predictor)
         judgement = judge(
             looking,
@@ -172,12 +181,14 @@ class JudgeVerb(Verb):
         if self.report is not None and self.report.suffix != ".html":
             raise OptionError(f"--report {self.report} must end in .html.")
 
-    def _read(self, recording: "Recording", predictor: "Predictor") -> "JudgedSequence":
+    def _read(self, recording: "Recording", predictor: "Predictor", part: "DrivePart") -> "JudgedSequence":
         from ltvn_core.evaluation.predictor_accuracy.judged_sequence import read_sequence
 
         no_truth = self.without_truth or (self.revisits is not None and recording.poses.exact is None)
-        with _bar("read", min(len(recording.frames), self.images), "image") as progress:
-            return read_sequence(recording, predictor, most=self.images, with_truth=not no_truth, progress=progress)
+        with _bar("read", min(len(part.take(recording.frames)), self.images), "image") as progress:
+            return read_sequence(
+                recording, predictor, most=self.images, with_truth=not no_truth, progress=progress, part=part
+            )
 
     def _revisits(
         self, recording: "Recording", looking: "JudgedSequence", predictor: "Predictor"
@@ -240,9 +251,11 @@ class JudgeVerb(Verb):
             map=figures.map,
             localisation=figures.localisation,
             recording=self.recording,
+            part=self.part,
             against=self.against,
             predictor=choice.name,
             predictor_reason=choice.reason,
+            weights=self.weights,
             fingerprint=fingerprint,
             images=sum(len(each.observations) for each in both),
             without_truth=sum(each.without_truth for each in both),

@@ -125,7 +125,8 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     meta = loaded.meta
     entry = recorded_system(meta.config)
     choice = ImageSource.of(meta).choose(options.predictor)
-    predictor = open_predictor(choice.name, meta.scene, options.weights or entry.weights, camera=meta.camera)
+    weights = entry.weights_for(choice.name, options.weights)
+    predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
     check_fingerprint(meta, predictor.fingerprint)
     system = entry.factory(open_method(options.preset, predictor))
     simulation = open_simulation(

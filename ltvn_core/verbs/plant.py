@@ -89,7 +89,8 @@ def _drive(options: PlantVerb) -> PlantSummary:
     entry = recorded_system(loaded.meta.config)
     meta = loaded.meta
     choice = ImageSource.of(meta).choose(options.predictor)
-    predictor = open_predictor(choice.name, meta.scene, options.weights or entry.weights, camera=meta.camera)
+    weights = entry.weights_for(choice.name, options.weights)
+    predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
     system = entry.factory(_method(options, predictor))
     check_fingerprint(meta, predictor.fingerprint)
     keyframes, graph = KeyframeStore(predictor), loaded.graph

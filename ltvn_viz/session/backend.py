@@ -59,7 +59,10 @@ def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
     except (SceneError, WeightsError, MissingLibraryError) as missing:
         if options.replay is None:
             raise
-        likelihoods = measured_likelihoods(options.start_weights) if options.predictor == NETWORK else None
+        weights = options.start_weights
+        likelihoods = None
+        if options.predictor == NETWORK and weights is not None:
+            likelihoods = measured_likelihoods(weights)
         return AbsentPredictor(missing, likelihoods)
 
 

@@ -48,6 +48,6 @@ class AppOptions:
     """Questions for the debugger besides ours and the installed ones, each a class that is made without arguments."""
 
     @property
-    def start_weights(self) -> Path:
-        """Weights to begin with. Raises OptionError for an unknown system."""
-        return self.weights or system_entry(self.system).weights
+    def start_weights(self) -> Path | None:
+        """Weights to begin with, None being the predictor's own. Raises OptionError for an unknown system."""
+        return system_entry(self.system).weights_for(self.predictor, self.weights)

@@ -10,6 +10,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.evaluation.predictor_accuracy.truth_limits import TrueViews, tilted_camera, true_views
 from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
@@ -40,13 +41,20 @@ class JudgedSequence:
 
 
 def read_sequence(
-    recording: Recording, predictor: Predictor, *, most: int, with_truth: bool, progress: Callable[[int], object]
+    recording: Recording,
+    predictor: Predictor,
+    *,
+    most: int,
+    with_truth: bool,
+    progress: Callable[[int], object],
+    part: DrivePart = WHOLE_DRIVE,
 ) -> JudgedSequence:
     """Read at most `most` images of a recording, evenly spaced.
 
     Args:
         recording: Any recording.
         predictor: Says which camera's images it takes, and whether it needs depth.
+        part: Of the recording.
         most: Images to read.
         with_truth: Leave out images without a true pose.
         progress: Called with the number of further images that are read.
@@ -55,12 +63,13 @@ def read_sequence(
         RecordingError: Fewer than two images are left, or none has a true pose.
         ImageError: An image cannot be read.
     """
-    count = len(recording.frames)
+    frames = part.take(recording.frames)
+    count = len(frames)
     chosen: list[int] = np.linspace(0, count - 1, min(count, most)).astype(int).tolist()
     seen: list[Observation] = []
     tilted: dict[FrameId, CameraModel] = {}
     for k in chosen:
-        taken = recording.observation(recording.frames[k])
+        taken = recording.observation(frames[k])
         tilted[taken.step] = tilted_camera(taken, recording.meta.camera)
         seen.append(recorded_observation(taken, recording.meta.camera, predictor.camera))
         progress(1)

@@ -1,0 +1,212 @@
+"""A calibration that adapts to one drive: fitted to its pairs, held by the parent, and taken only where it is better.
+
+Owns the candidates, how they are judged on stretches of the drive that they were not fitted on, and the choice. What is
+compared, and which poses are right, comes in; nothing is read or written.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import ROBUST
+from ltvn_core.predictors.geometric_calibration import DEPTHS, Calibration, Logistic
+from ltvn_core.predictors.geometric_fitting import Comparisons, fit_logistic, probabilities
+
+RIDGES = (3.0, 10.0, 30.0, 100.0)
+"""How strongly the parent holds: what fits best on left-out stretches is taken."""
+CAUTIONS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
+"""By so much, in units of log odds, a candidate may be surer than the fit before it accepts."""
+STRETCHES = 4
+"""The drive is cut into so many stretches; each is judged by a fit to the others."""
+ALLOWED_FAR = 1e-3
+"""Of the far pairs so many may be accepted; a parent that accepts more is adapted to accept fewer, where it can be."""
+FEWEST_RIGHT = 20
+"""Fewer right poses with one number of depth images do not adapt that part."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnPairs:
+    """P pairs of a drive of N images that were compared in full."""
+
+    source: NDArray[np.intp]
+    """(P,) rows of the images,"""
+    target: NDArray[np.intp]
+    images: int
+    """N"""
+    near: NDArray[np.bool_]
+    """(P,): an edge between them would be right, and is wanted."""
+    far: NDArray[np.bool_]
+    """(P,): an edge between them would be wrong."""
+    known: NDArray[np.bool_]
+    """(P,): whether the pose is right is known."""
+    right: NDArray[np.bool_]
+    """(P,)"""
+    depths: NDArray[np.intp]
+    """(P,): how many of the two images have depth."""
+    found: NDArray[np.bool_]
+    """(P,): there is a pose."""
+    evidence: NDArray[np.float64]
+    """(P, E); zeros without a pose."""
+    share: NDArray[np.float64]
+    """(P,): what r is of the certainty, see `geometric_reach`; 0 where the method joins nothing so far apart."""
+    far_pairs: int
+    """Far pairs there are, those included that the shortlist leaves out."""
+
+    @property
+    def stretch(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The stretches (P,) of the drive in which source and target were taken."""
+        return self.source * STRETCHES // self.images, self.target * STRETCHES // self.images
+
+    def comparisons(self, depths: int, chosen: NDArray[np.bool_]) -> Comparisons:
+        """Return those of the chosen pairs (P,) that have a pose known to be right or wrong, by depth images."""
+        rows = chosen & self.found & self.known & (self.depths == depths)
+        return Comparisons(self.evidence[rows], self.right[rows], np.ones(np.count_nonzero(rows)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rescaled:
+    """The pairs of a drive with another guess of distances."""
+
+    pairs: OwnPairs
+    room_depth_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acceptance:
+    """What of a drive's pairs a calibration accepts: r > R_c and d < D_c."""
+
+    near_recall: float
+    """Share of the near pairs."""
+    far_fpr: float
+    """Share of the far pairs."""
+    shipped_fpr: float
+    """Share of the wrong poses among the pairs that the package's calibration was fitted on, with r > R_c."""
+
+    def is_worse_than(self, other: "Acceptance") -> bool:
+        """Tell whether it accepts fewer near pairs, or more of what is wrong."""
+        return (
+            self.near_recall < other.near_recall or self.far_fpr > other.far_fpr or self.shipped_fpr > other.shipped_fpr
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adaptation:
+    """A calibration, and what it is worth on stretches of the drive that it was not fitted on."""
+
+    calibration: Calibration
+    """Without a card."""
+    before: Acceptance
+    """By the parent,"""
+    after: Acceptance
+    """and by the adapted calibration, each stretch by a fit to the others; as before where the parent stays."""
+    ridge: float | None = None
+    """Of the fit; None where the parent's weights stay, because no others are better."""
+    caution: float = 0.0
+    """In log odds."""
+
+
+def adapt(
+    pairs: OwnPairs, parent: Calibration, shipped: Mapping[str, Comparisons], rescaled: Rescaled | None = None
+) -> Adaptation:
+    """Adapt the parent to a drive.
+
+    A candidate must not accept fewer near pairs than the parent, nor more far ones, nor more of the shipped wrong
+    poses. Of those that do, the one with the most near pairs is taken, first among those with few enough far ones.
+
+    Args:
+        pairs: As they are with the parent's room depth.
+        parent: The calibration to begin with.
+        shipped: The pairs that the calibration of the package was fitted on, by depth images.
+        rescaled: The same pairs with another room depth, which is taken unless it makes things worse.
+    """
+    before = _acceptance(pairs, _across(pairs, [parent.logistics] * STRETCHES), parent.logistics, shipped)
+    best = Adaptation(calibration=replace(parent, card={}), before=before, after=before)
+    if rescaled is not None:
+        moved = _across(rescaled.pairs, [parent.logistics] * STRETCHES)
+        after = _acceptance(rescaled.pairs, moved, parent.logistics, shipped)
+        if not after.is_worse_than(before):
+            pairs = rescaled.pairs
+            calibration = replace(best.calibration, room_depth_m=rescaled.room_depth_m)
+            best = replace(best, calibration=calibration, after=after)
+    for ridge in RIDGES:
+        whole = _fitted(pairs, np.ones(len(pairs.source), bool), parent, shipped, ridge)
+        folds = [_fitted(pairs, _outside(pairs, k), parent, shipped, ridge) for k in range(STRETCHES)]
+        for caution in CAUTIONS:
+            logistics = _cautious(whole, parent, caution)
+            across = _across(pairs, [_cautious(each, parent, caution) for each in folds])
+            after = _acceptance(pairs, across, logistics, shipped)
+            if not after.is_worse_than(before) and _rank(after) > _rank(best.after):
+                calibration = replace(best.calibration, logistics=logistics)
+                best = replace(best, calibration=calibration, after=after, ridge=ridge, caution=caution)
+    return best
+
+
+def _rank(found: Acceptance) -> tuple[bool, float, float]:
+    return found.far_fpr <= ALLOWED_FAR, found.near_recall, -found.far_fpr
+
+
+def _outside(pairs: OwnPairs, stretch: int) -> NDArray[np.bool_]:
+    """Return which pairs (P,) have no image in a stretch."""
+    source, target = pairs.stretch
+    return (source != stretch) & (target != stretch)
+
+
+def _fitted(
+    pairs: OwnPairs,
+    chosen: NDArray[np.bool_],
+    parent: Calibration,
+    shipped: Mapping[str, Comparisons],
+    ridge: float,
+) -> Mapping[str, Logistic]:
+    """Return the regressions fitted to the chosen pairs (P,) and, weighing as much, to the shipped ones."""
+    logistics = dict(parent.logistics)
+    for depths, name in enumerate(DEPTHS):
+        own = pairs.comparisons(depths, chosen)
+        if np.count_nonzero(own.right) >= FEWEST_RIGHT:
+            together = own.joined(shipped[name].weighing(len(own.right)))
+            logistics[name] = fit_logistic(together, parent.logistics[name], ridge)
+    return logistics
+
+
+def _cautious(logistics: Mapping[str, Logistic], parent: Calibration, caution: float) -> Mapping[str, Logistic]:
+    """Return regressions that are less sure by so much; what was not adapted stays."""
+    return {
+        name: part if part is parent.logistics[name] else Logistic(part.weights, round(part.bias - caution, 4))
+        for name, part in logistics.items()
+    }
+
+
+def _across(pairs: OwnPairs, by_stretch: Sequence[Mapping[str, Logistic]]) -> NDArray[np.bool_]:
+    """Return which pairs (P,) are accepted, each by the regressions of its source's stretch."""
+    accepted = np.zeros(len(pairs.source), bool)
+    for (stretch, logistics), (depths, name) in product(enumerate(by_stretch), enumerate(DEPTHS)):
+        rows = np.flatnonzero(pairs.found & (pairs.stretch[0] == stretch) & (pairs.depths == depths))
+        reachability = probabilities(logistics[name], pairs.evidence[rows]) * pairs.share[rows]
+        accepted[rows] = reachability > ROBUST.building.connect_reachability
+    return accepted
+
+
+def _acceptance(
+    pairs: OwnPairs,
+    accepted: NDArray[np.bool_],
+    logistics: Mapping[str, Logistic],
+    shipped: Mapping[str, Comparisons],
+) -> Acceptance:
+    return Acceptance(
+        near_recall=float(accepted[pairs.near].mean()) if pairs.near.any() else 0.0,
+        far_fpr=np.count_nonzero(accepted & pairs.far) / max(pairs.far_pairs, 1),
+        shipped_fpr=_shipped_fpr(logistics, shipped),
+    )
+
+
+def _shipped_fpr(logistics: Mapping[str, Logistic], shipped: Mapping[str, Comparisons]) -> float:
+    accepted, total = 0.0, 0.0
+    for name, part in shipped.items():
+        wrong = ~part.right
+        sure = probabilities(logistics[name], part.evidence[wrong]) > ROBUST.building.connect_reachability
+        accepted += float(part.weight[wrong] @ sure)
+        total += float(part.weight[wrong].sum())
+    return accepted / max(total, 1e-9)

@@ -71,6 +71,7 @@ def test_only_wanted_images_of_a_bag_are_decoded_and_their_moment_is_known_befor
     assert [frame.stamp for frame in frames] == [moments[0].stamp, moments[3].stamp]
     for frame, moment in zip(frames, moments[::3], strict=True):
         assert frame.odometry is not None
+        assert moment.odometry is not None
         assert np.array_equal(frame.odometry, moment.odometry)
     assert not reader.dropped
 

@@ -14,10 +14,10 @@ from ltvn_core.geometry import distance
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
-from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
-_NEAR_IN_TIME = 30
+_REACH = 30
 """Images that were taken so few images before or after are asked about first, and joined by odometry."""
 _BESIDE = 4
 """An image that is joined by odometry must be recognised from one of so many left-over ones before or after it."""
@@ -54,7 +54,7 @@ class BridgeSearch:
 
         One near in time is preferred, because two such are hardly perceptual aliases.
         """
-        beside = [other for other in self._beside(frame, _NEAR_IN_TIME) if other in merged]
+        beside = [other for other in self._beside(frame, _REACH) if other in merged]
         return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
 
     def by_odometry(self, left: Collection[FrameId], placed: Container[FrameId]) -> Bridge | None:
@@ -80,17 +80,14 @@ class BridgeSearch:
         asked.update(fresh)
         found = self._matcher.match(self._matcher.keyframes.features([frame]), fresh)
         found = found.take(self._odometry_gate.plausible(frame, found))
-        found = found.take(connectable(found, self._thresholds))
-        found = self._matcher.with_mutual_support(found, frame)
-        found = self._loop_closures.verified(frame, found, connectable(found, self._thresholds))
-        found = found.take(connectable(found, self._thresholds))
+        found = self._loop_closures.connections(frame, found, self._thresholds)
         return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None
 
     def _ways(self, frame: FrameId, placed: Container[FrameId]) -> Iterator[Bridge]:
         """Yield the ways to the next images before and after a frame that have a place in the map."""
         row = self._row[frame]
-        before = self._frames[max(row - _NEAR_IN_TIME, 0) : row][::-1]
-        for beside in (before, self._frames[row + 1 : row + 1 + _NEAR_IN_TIME]):
+        before = self._frames[max(row - _REACH, 0) : row][::-1]
+        for beside in (before, self._frames[row + 1 : row + 1 + _REACH]):
             other = next((other for other in beside if other in placed), None)
             driven = None if other is None else self._odometry_gate.driven(frame, other)
             if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:

@@ -149,14 +149,14 @@ class _BuildRun:
         left = {seen.step for seen in self._left}
         return self._bridges.by_odometry(left, self.nodes.keys() | self._merged.keys())
 
-    def _grow(self, stage: "_Stage", rng: np.random.Generator, progress: ProgressCallback) -> None:
+    def _grow(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
         """Pass over the images until a pass adds nothing."""
         before = -1
         while len(self.nodes) > before:
             before = len(self.nodes)
             self._pass(stage, rng, progress)
 
-    def _pass(self, stage: "_Stage", rng: np.random.Generator, progress: ProgressCallback) -> None:
+    def _pass(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
         total = len(self._observations)
         order = [self._left[k] for k in rng.permutation(len(self._left))]
         order.sort(key=lambda seen: seen.step not in self._goals)
@@ -167,7 +167,7 @@ class _BuildRun:
             progress(total - len(order) + k + 1 - len(left), total)
         self._left = left
 
-    def _consumed(self, seen: Observation, stage: "_Stage") -> bool:
+    def _consumed(self, seen: Observation, stage: _Stage) -> bool:
         """Merge, connect or bridge an image; tell whether it is dealt with."""
         for fresh in self._not_met(seen.step):
             found = self._matcher.match(self._matcher.keyframes.features([seen.step]), fresh)
@@ -179,8 +179,7 @@ class _BuildRun:
         known = self._known[seen.step]
         thresholds = self._thresholds if stage is _Stage.FIRST else self._second_pass_thresholds
         near = connectable(known, thresholds)
-        trusted = self._matcher.with_mutual_support(known.take(near), seen.step)
-        trusted = self._loop_closures.verified(seen.step, trusted, connectable(trusted, thresholds))
+        trusted = self._loop_closures.supported(seen.step, known.take(near), thresholds)
         chosen = trusted.take(connectable(trusted, thresholds))
         if stage is not _Stage.FIRST:
             best = np.argsort(-chosen.reachability, kind="stable")

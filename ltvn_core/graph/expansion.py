@@ -115,9 +115,7 @@ def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Metho
         merges = mergeable(matches, thresholds).any()
         return matches.take(connectable(matches, thresholds) & ~merges)
     # Merged images are welcome here: they are in the reserve because they look like a node, and so bridge gaps.
-    chosen = matcher.with_mutual_support(matches.take(connectable(matches, thresholds)), frame)
-    chosen = LoopClosureVerifier(matcher).verified(frame, chosen, connectable(chosen, thresholds))
-    chosen = chosen.take(connectable(chosen, thresholds))
+    chosen = LoopClosureVerifier(matcher).connections(frame, matches, thresholds)
     return chosen if len(chosen) >= 2 else chosen.take(np.zeros(len(chosen), bool))
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import compose, distance, relative, wrap_angle
 from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.types import Features, FrameId, Waypoint
 
 _PAIRS = 8
@@ -52,6 +53,20 @@ class LoopClosureVerifier:
         """Ask through `matcher`, whose views hold the drives."""
         self._matcher, self._keyframes = matcher, matcher.keyframes
         self._edges = AgreementCriterion(matcher.config.closure_reach, matcher.config.closure_share, min_pairs=3)
+
+    def connections(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
+        """Return the matches of a held frame that become edges: connectable before and after `supported`."""
+        supported = self.supported(frame, matches.take(connectable(matches, thresholds)), thresholds)
+        return supported.take(connectable(supported, thresholds))
+
+    def supported(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
+        """Return the matches of a held frame, each r lowered by what speaks against it.
+
+        First images near in time are asked, see `Matcher.with_mutual_support`, then, about those that are still
+        connectable, the drive, see `verified`.
+        """
+        lowered = self._matcher.with_mutual_support(matches, frame)
+        return self.verified(frame, lowered, connectable(lowered, thresholds))
 
     def verified(self, frame: FrameId, matches: Matches, asked: NDArray[np.bool_]) -> Matches:
         """Return the matches of a held frame; those of `asked` (N,) that do not fit along the drive lose all trust.

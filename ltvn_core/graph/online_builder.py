@@ -73,7 +73,8 @@ class OnlineBuilder:
         if len(merging):
             self._remember_merged(frame, merging.take(np.array([merging.distances.argmin()])))
             return []
-        chosen = self._connected(found, frame)
+        chosen = self._loop_closures.verified(frame, found, connectable(found, self._thresholds))
+        chosen = chosen.take(connectable(chosen, self._thresholds))
         if not len(chosen):
             return self._bridged(frame)
         return node_with_edges(self._keyframes.observation(frame), chosen, self._method.believing, Cause.ONLINE)
@@ -89,8 +90,7 @@ class OnlineBuilder:
         known = [other for other, merging in self._merged.items() if merging.nodes[0] in graph.nodes]
         known = [other for other in known if other in graph.reserve and config.building.bridges]
         found = self._matcher.match(self._keyframes.features([frame]), known)
-        found = self._matcher.with_mutual_support(found.take(connectable(found, self._thresholds)), frame)
-        chosen = self._connected(found, frame)
+        chosen = self._loop_closures.connections(frame, found, self._thresholds)
         if not len(chosen):
             self._pending[frame] = None
             return []
@@ -104,11 +104,6 @@ class OnlineBuilder:
             *node_with_edges(self._keyframes.observation(frame), chosen, config.believing, Cause.ONLINE),
         ]
 
-    def _connected(self, found: Matches, frame: FrameId) -> Matches:
-        """Return the matches of a frame that become edges."""
-        verified = self._loop_closures.verified(frame, found, connectable(found, self._thresholds))
-        return verified.take(connectable(verified, self._thresholds))
-
     def _try_pending(self, fresh: FrameId) -> Iterator[GraphDelta]:
         """Tie the latest left-over images to the node that just came in, where they fit."""
         for frame in [*reversed(self._pending)][:MAX_RETRIES_PER_NODE]:
@@ -116,8 +111,7 @@ class OnlineBuilder:
                 del self._pending[frame]
                 continue
             found = self._matcher.match(self._keyframes.features([frame]), (fresh,))
-            found = self._matcher.with_mutual_support(found.take(connectable(found, self._thresholds)), frame)
-            chosen = self._connected(found, frame)
+            chosen = self._loop_closures.connections(frame, found, self._thresholds)
             if len(chosen):
                 del self._pending[frame]
                 yield FramesReleased((frame,), Cause.ONLINE)

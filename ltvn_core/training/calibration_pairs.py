@@ -20,7 +20,8 @@ from ltvn_core.predictors.geometric_fitting import is_right
 from ltvn_core.predictors.geometric_memory import SurePose
 from ltvn_core.predictors.geometric_reach import drivable_share
 from ltvn_core.predictors.geometric_verification import verify, waypoint
-from ltvn_core.training.drive_path import FAR_M, FAR_RAD, DrivePath
+from ltvn_core.training.drive_path import DrivePath
+from ltvn_core.training_data.truth_limits import LIMITS
 
 MOST_CLOSE = 1000
 """Pairs near each other that are compared at most,"""
@@ -122,7 +123,8 @@ class DrivePairs:
 
 
 def _is_far(pose: SurePose) -> bool:
-    return bool(np.hypot(*pose.waypoint[:2]) > FAR_M or max(abs(pose.waypoint[2]), pose.turned_rad) > FAR_RAD)
+    x, y, turn = pose.waypoint
+    return bool(LIMITS.far(np.array([x, y, max(abs(turn), pose.turned_rad)])))
 
 
 def _goes_the_same_way(pose: SurePose, truth: NDArray[np.float64]) -> bool:

@@ -4,7 +4,7 @@ Owns how far odometry may drift before it says nothing any more.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import radians
 
 import numpy as np
@@ -12,16 +12,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
-from ltvn_core.geometry import relative, rotation, wrap_angle
-from ltvn_core.training_data.trajectory import KeyframeSelection
+from ltvn_core.geometry import relative
+from ltvn_core.training_data.trajectory import KeyframeSelection, odometry_jumps, odometry_steps
 from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
+from ltvn_core.training_data.truth_limits import LIMITS, camera_rotations, tilted_camera
 from ltvn_core.types import Observation, Pose, Waypoint
 
 FEWEST_IMAGES = 20
-NEAR_M, NEAR_RAD = 0.6, radians(20)
-"""A target that lies nearer than this, in front, and is turned by less, should be found."""
-FAR_M, FAR_RAD = 1.5, radians(60)
-"""One that lies farther away than this, or is turned by more, should not be joined."""
 _EXACT_M, _EXACT_RAD = 0.06, radians(4)
 """Odometry that may have drifted by less than this tells whether a pose is right."""
 _RULE = OdometryLabelRule()
@@ -62,15 +59,14 @@ class DrivePath:
         # A camera in the hand that looks down instead of up has turned, although its yaw is the same.
         traces = (self.rotations[source] * self.rotations[target]).sum((1, 2))
         turned = np.arccos(np.clip((traces - 1) / 2, -1, 1))
-        near = (np.hypot(gap[:, 0], gap[:, 1]) < NEAR_M) & (turned < NEAR_RAD) & (gap[:, 0] > 0)
-        return near & self.known(source, target)
+        return LIMITS.near(np.column_stack([gap[:, :2], turned])) & self.known(source, target)
 
     def far(self, source: NDArray[np.intp], target: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Tell which targets are certainly far, (P,)."""
         gap = self.waypoints(source, target)
         drift_m, drift_rad = self._drift(source, target)
-        away = np.hypot(gap[:, 0], gap[:, 1]) - drift_m > FAR_M
-        return (self.piece[source] == self.piece[target]) & (away | (np.abs(gap[:, 2]) - drift_rad > FAR_RAD))
+        away = np.hypot(gap[:, 0], gap[:, 1]) - drift_m > LIMITS.far_m
+        return (self.piece[source] == self.piece[target]) & (away | (np.abs(gap[:, 2]) - drift_rad > LIMITS.far_rad))
 
     def _drift(
         self, source: NDArray[np.intp], target: NDArray[np.intp]
@@ -101,26 +97,13 @@ def drive_path(observations: Sequence[Observation], name: str, camera: CameraMod
             f"{name}: learning takes the poses of its {len(poses)} images from ground truth or odometry, and there is "
             "neither: all of them are the same, or some are missing. Import the drive with its odometry or its poses."
         )
-    moved = np.diff(poses, axis=0)
-    driven, turned = np.hypot(moved[:, 0], moved[:, 1]), np.abs(wrap_angle(moved[:, 2]))
-    jumped = np.zeros(len(moved), bool) if is_exact else (driven > _SELECTION.jump_m) | (turned > _SELECTION.jump_rad)
+    driven, turned = odometry_steps(poses)
+    jumped = np.zeros(len(driven), bool) if is_exact else odometry_jumps(poses, _SELECTION)
     return DrivePath(
         poses=poses,
         is_exact=is_exact,
         piece=np.concatenate([[0], np.cumsum(jumped)]).astype(np.intp),
         travelled_m=np.concatenate([[0], np.cumsum(driven * ~jumped)]),
         turned_rad=np.concatenate([[0], np.cumsum(turned * ~jumped)]),
-        rotations=_rotations(observations, poses, camera),
+        rotations=camera_rotations(poses, [tilted_camera(seen, camera) for seen in observations]),
     )
-
-
-def _rotations(observations: Sequence[Observation], poses: Pose, camera: CameraModel) -> NDArray[np.float64]:
-    """Return how the camera was turned (N, 3, 3) at poses (N, 3), tilted as each image says."""
-    tilted = [
-        camera if seen.tilt is None else replace(camera, pitch_rad=seen.tilt.pitch_rad, roll_rad=seen.tilt.roll_rad)
-        for seen in observations
-    ]
-    turned = np.zeros((len(poses), 3, 3))
-    turned[:, :2, :2] = [rotation(yaw) for yaw in poses[:, 2]]
-    turned[:, 2, 2] = 1
-    return turned @ np.array([replace(each, quarter_turns=0).rotation for each in tilted])

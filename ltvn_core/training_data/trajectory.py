@@ -82,7 +82,7 @@ def select_keyframes(
     """
     selection = selection or KeyframeSelection()
     odometry = _odometry(observations, name, selection)
-    jumped = _jumps(odometry, selection)
+    jumped = odometry_jumps(odometry, selection)
     piece = np.concatenate([[0], np.cumsum(jumped)])
     rows = _rows_with_depth(_keyframe_rows(odometry, piece, selection), observations, name)
     if len(rows) < selection.fewest:
@@ -91,7 +91,7 @@ def select_keyframes(
             f"{degrees(selection.keep_rad):.0f} degrees apart, so all show about one place; fine-tuning needs "
             f"{selection.fewest}. Drive on through the rooms and record that."
         )
-    driven, turned = _steps(odometry)
+    driven, turned = odometry_steps(odometry)
     kept = [observations[row] for row in rows]
     return Trajectory(
         name=name,
@@ -123,14 +123,15 @@ def _odometry(observations: Sequence[Observation], name: str, selection: Keyfram
     return odometry
 
 
-def _steps(odometry: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def odometry_steps(odometry: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return metres and radians (N - 1,) from each image to the next."""
     moved = np.diff(odometry, axis=0)
     return np.hypot(moved[:, 0], moved[:, 1]), np.abs(wrap_angle(moved[:, 2]))
 
 
-def _jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
-    driven, turned = _steps(odometry)
+def odometry_jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
+    """Tell between which images (N - 1,) the odometry jumped."""
+    driven, turned = odometry_steps(odometry)
     return (driven > selection.jump_m) | (turned > selection.jump_rad)
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import TrueViews, tilted_camera, true_views
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
 from ltvn_core.recording.reader import Recording
+from ltvn_core.training_data.truth_limits import TrueViews, tilted_camera, true_views
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 _ENCODED_AT_ONCE = 32

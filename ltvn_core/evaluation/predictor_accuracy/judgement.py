@@ -19,9 +19,9 @@ from ltvn_core.evaluation.predictor_accuracy.localisation_accuracy import Locali
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap, MapAccuracy, build_judged_map, map_accuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy, PairScores, pair_accuracy, score_pairs
 from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, PairSample, choose_evenly, sample_pairs
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import TrueViews
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.training_data.truth_limits import TrueViews
 from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8

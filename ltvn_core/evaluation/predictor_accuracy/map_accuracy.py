@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.analysis.perceptual_aliases import PerceptualAlias, find_perceptual_aliases
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, TrueViews
 from ltvn_core.geometry import distance
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.connectivity import strongly_connected_components
@@ -21,6 +20,7 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.training_data.truth_limits import LIMITS, TrueViews
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
 
 _MOST_RECOGNISED = 100

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, TrueViews
 from ltvn_core.geometry import relative
+from ltvn_core.training_data.truth_limits import LIMITS, TrueViews
 from ltvn_core.types import Waypoint
 
 _MOST_SOURCES = 2000

@@ -10,9 +10,9 @@ from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, Judgeme
 from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, sample_pairs
-from ltvn_core.evaluation.predictor_accuracy.truth_limits import LIMITS, true_views
 from ltvn_core.geometry import relative
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.training_data.truth_limits import LIMITS, true_views
 from ltvn_core.types import Pose, Predictor
 from tests.core.evaluation.judged_drive import (
     ConstantPredictor,

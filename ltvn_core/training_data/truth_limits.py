@@ -75,13 +75,18 @@ class TrueViews:
 def true_views(observations: Sequence[Observation], cameras: Sequence[CameraModel]) -> TrueViews:
     """Return the true views of images that have a true pose, each with the camera that took it, tilt included."""
     poses = np.array([seen.exact_pose for seen in observations], np.float64).reshape(-1, 3)
+    return TrueViews(poses, camera_rotations(poses, cameras))
+
+
+def camera_rotations(poses: Pose, cameras: Sequence[CameraModel]) -> NDArray[np.float64]:
+    """Return how cameras were turned in the world (N, 3, 3), tilt included, by robots at poses (N, 3)."""
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turned = np.zeros((len(poses), 3, 3))
     turned[:, 0, 0], turned[:, 0, 1] = cos, -sin
     turned[:, 1, 0], turned[:, 1, 1] = sin, cos
     turned[:, 2, 2] = 1
     tilted = np.array([replace(camera, quarter_turns=0).rotation for camera in cameras]).reshape(-1, 3, 3)
-    return TrueViews(poses, turned @ tilted)
+    return turned @ tilted
 
 
 def tilted_camera(seen: Observation, camera: CameraModel) -> CameraModel:

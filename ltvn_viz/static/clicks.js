@@ -8,5 +8,5 @@ function onClick(event) {
 }
 
 function listenToClicks() {
-  addEventListener("click", onClick, true);
+  document.addEventListener("click", onClick, true);
 }

@@ -11,10 +11,10 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectification
 from ltvn_core.errors import DriveError, ImageError
+from ltvn_core.image_validity import check_observation
 from ltvn_core.importing.raw_frame import RawFrame
 from ltvn_core.importing.recorded_camera import recorded_camera
 from ltvn_core.importing.source_camera import HOW_TO, camera_of_fov, fitted
-from ltvn_core.preprocessing import check_observation
 from ltvn_core.types import Depth, FrameId, Observation, Pose
 
 ASSUMED_FOV_DEG = 60.0

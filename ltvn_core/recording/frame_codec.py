@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ltvn_core import preprocessing
+from ltvn_core import image_validity
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.recording import image_codec
 from ltvn_core.types import FrameId, Observation, OriginalImage, Pose, Tilt
@@ -69,7 +69,7 @@ def camera_text(camera: CameraModel) -> str:
 def encode_frame(observation: Observation) -> EncodedFrame:
     """Compress an observation; nothing of it is shared with the result. Raises ImageError for an impossible instant."""
     exact = observation.exact_pose
-    odometry, stamp, step = preprocessing.check_instant(
+    odometry, stamp, step = image_validity.check_instant(
         observation.odometry, stamp=observation.stamp, step=observation.step, source="recording"
     )
     return EncodedFrame(
@@ -86,7 +86,7 @@ def encode_frame(observation: Observation) -> EncodedFrame:
 
 def decode_frame(frame: EncodedFrame, source: str) -> Observation:
     """Decompress a frame and pass it through the door for images; `source` names the file in errors."""
-    return preprocessing.check_observation(
+    return image_validity.check_observation(
         image_codec.decode_rgb(frame.rgb),
         None if frame.depth is None else image_codec.decode_depth(frame.depth),
         frame.odometry,

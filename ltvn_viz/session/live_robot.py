@@ -8,7 +8,7 @@ thinks. Knows no simulator.
 from collections.abc import Callable, Iterator
 from queue import SimpleQueue
 
-from ltvn_core.preprocessing import check_observation
+from ltvn_core.image_validity import check_observation
 from ltvn_core.robots.robot import Clock, Robot
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose, RobotState, Twist

@@ -30,6 +30,7 @@ FOUNDATION = (
     "config",
     "errors",
     "extras",
+    "image_validity",
     "atomic_files",
     "palette",
     "plugins",

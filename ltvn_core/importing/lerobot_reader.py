@@ -110,7 +110,10 @@ class LerobotReader:
         if self._state is None:
             return None
         numbers = row[self._state.key]
-        pose = np.array([numbers[place] for place in self._columns], np.float64)
+        try:
+            pose = np.array([numbers[place] for place in self._columns], np.float64)
+        except (TypeError, ValueError, IndexError):  # The table need not hold what the data set says of it.
+            return None
         return pose if np.isfinite(pose).all() else None
 
     def _video(self, feature: Feature | None) -> "_Video | None":

@@ -4,17 +4,20 @@ Owns reading it and finding the row of a picture: by its file's name, by its sta
 """
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.importing.stamp_matching import period_s
 from ltvn_core.types import Pose
 
 _COLUMNS = 4
-_MOST_BYTES = 200_000_000
+_MOST_BYTES = 100_000_000
+"""A million rows."""
 _LEAST_SLACK_S = 0.02
 _KEYS = ("file", "filename", "image", "stamp", "timestamp", "time", "t")
 _HOW_TO = "it needs the columns file (or stamp in seconds), x, y in metres, and yaw in radians"
@@ -39,10 +42,9 @@ class OdometryTable:
     def read(cls, path: Path) -> "OdometryTable":
         """Read a CSV file. Raises DriveError that names the first line that cannot be right."""
         try:
-            if path.stat().st_size > _MOST_BYTES:
-                raise DriveError(f"{path} has more than {_MOST_BYTES:,} bytes, which no table of odometry has.")
-            with path.open(encoding="utf-8-sig", newline="") as file:
-                rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+            text = read_foreign(path, most_bytes=_MOST_BYTES, what="table of odometry").decode("utf-8-sig")
+            lines = csv.reader(io.StringIO(text, newline=""))
+            rows = [row for row in lines if row and not row[0].startswith("#")]
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise DriveError(f"{path} cannot be read as a table ({error!s:.120}); {_HOW_TO}.") from error
         return cls(path.name, *_parsed(rows, path))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.importing.stamp_matching import period_s
 
@@ -27,7 +28,8 @@ _CLEARLY_UP = 0.8
 _UNIT_TOLERANCE = 0.1
 _BESIDE_S = 0.025
 """A sample so near in time is the pose, where there is none on the other side."""
-_MOST_BYTES = 500_000_000
+_MOST_BYTES = 100_000_000
+"""A million poses."""
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
 """What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
 
@@ -79,9 +81,7 @@ def stamped_lines(path: Path, *, least_columns: int) -> Sequence[tuple[float, li
     Lines that begin with # are comments. Raises DriveError that names the first line that cannot be right.
     """
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise DriveError(f"{path} has more than {_MOST_BYTES:,} bytes, which no list of images or poses has.")
-        text = path.read_text(encoding="utf-8")
+        text = read_foreign(path, most_bytes=_MOST_BYTES, what="list of images or poses").decode()
     except (OSError, UnicodeDecodeError) as error:
         raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
     lines: list[tuple[float, list[str]]] = []

@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.foreign_files import read_foreign
 
 MOST_BYTES = 50_000_000
 """A million poses; a longer file is no trajectory."""
@@ -25,9 +26,7 @@ _MOST_STEPS = 2_000_000
 def load_pickle(path: Path) -> Any:
     """Return what a pickle holds. Raises DriveError where it is damaged, or wants to do anything else."""
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise DriveError(f"{path} has more than {MOST_BYTES:,} bytes, which no trajectory has.")
-        data = path.read_bytes()
+        data = read_foreign(path, most_bytes=MOST_BYTES, what="trajectory")
         _check_steps(data)
         return _ArrayUnpickler(io.BytesIO(data)).load()
     except DriveError:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import CameraError, DriveError
+from ltvn_core.importing.foreign_files import read_foreign
 
 CAMERA_FILE = "camera.json"
 HOW_TO = (
@@ -64,9 +65,7 @@ def read_camera_file(path: Path) -> CameraFile:
     DriveError where the file cannot be right.
     """
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise ValueError("it is too long")
-        fields = json.loads(path.read_text(encoding="utf-8"))
+        fields = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
         if not isinstance(fields, dict):
             raise ValueError("it is no JSON object")
         return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), _depth_unit(fields))
@@ -80,7 +79,7 @@ def read_camera_file(path: Path) -> CameraFile:
 def read_calibration(path: Path, width: int, height: int) -> CameraModel:
     """Read a `calibration.txt` as ETH3D's SLAM benchmark has it: fx fy cx cy in pixels. Raises DriveError."""
     try:
-        fx, fy, cx, cy = map(float, path.read_text(encoding="utf-8").replace(",", " ").split()[:4])
+        fx, fy, cx, cy = map(float, _text(path).replace(",", " ").split()[:4])
         return CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
     except (OSError, ValueError, OverflowError, CameraError) as error:
         raise DriveError(f"{path} describes no camera ({error!s:.120}); it needs fx fy cx cy in pixels.") from error
@@ -104,6 +103,10 @@ def fitted(camera: CameraModel, width: int, height: int, source: str) -> CameraM
             f"which is of another aspect, so it is not the camera of these images; {HOW_TO}."
         )
     return camera.scaled(width, height)
+
+
+def _text(path: Path) -> str:
+    return read_foreign(path, most_bytes=_MOST_BYTES, what="calibration").decode()
 
 
 def _file_camera(fields: dict[str, Any]) -> CameraModel | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.encoded_images import decode_colour
-from ltvn_core.importing.image_folder import read_bytes_within
+from ltvn_core.importing.foreign_files import read_bytes_within, require_within
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.restricted_pickle import load_pickle
 from ltvn_core.importing.source_camera import fitted
@@ -26,6 +26,9 @@ DEFAULT_RATE_HZ = 4.0
 _SUFFIXES = (".jpg", ".jpeg", ".png")
 _LARGEST_M = 1e5
 _LISTED = 10
+_LONGEST_ROW = 16
+"""Numbers of one pose."""
+_NUMBERS = (int, float, np.number)
 
 DAMAGED = "damaged image"
 NO_POSE = "without a row of poses"
@@ -119,8 +122,7 @@ def _poses(folder: Path) -> Pose:
     path = folder / TRAJECTORY
     if not path.is_file():
         raise DriveError(f"{folder} has no {TRAJECTORY}, which holds position (T, 2) and yaw (T,).")
-    if not path.resolve().is_relative_to(folder.resolve()):
-        raise DriveError(f"{path} lies outside of {folder}, and is not read.")
+    require_within(path, folder)
     held = load_pickle(path)
     if not isinstance(held, Mapping) or not {"position", "yaw"} <= held.keys():
         raise DriveError(f"{path} holds no trajectory: expected a mapping with position (T, 2) and yaw (T,).")
@@ -134,8 +136,21 @@ def _poses(folder: Path) -> Pose:
 
 
 def _numbers(held: object) -> np.ndarray:
-    array = np.asarray(held) if isinstance(held, np.ndarray | list | tuple) else np.empty(0)
+    if isinstance(held, list | tuple):
+        # Lists may hold one another, and so stand for more numbers than there are bytes in the world.
+        array = np.asarray(held) if all(map(_is_short_row, held)) else np.empty(0)
+    else:
+        array = held if isinstance(held, np.ndarray) else np.empty(0)
     return array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
+
+
+def _is_short_row(row: object) -> bool:
+    """Tell whether an object is a number or a few of them."""
+    if isinstance(row, np.ndarray):
+        return row.size <= _LONGEST_ROW and row.dtype.kind in "fiu"
+    if isinstance(row, list | tuple):
+        return len(row) <= _LONGEST_ROW and all(isinstance(each, _NUMBERS) for each in row)
+    return isinstance(row, _NUMBERS)
 
 
 def _images(folder: Path) -> dict[int, str]:

@@ -14,7 +14,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.foreign_files import read_foreign, require_plain, require_within
 from ltvn_core.importing.lerobot.depth_codes import DepthCodes
+from ltvn_core.importing.lerobot.table_limits import rows_at_once
 
 INFO = "meta/info.json"
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -24,8 +26,8 @@ EPISODES = "meta/episodes"
 _MOST_BYTES = 20_000_000
 _MOST_EPISODES = 200_000
 _PLACE = re.compile(r"\{(chunk_index|file_index|video_key)(?::0?(\d)d)?\}")
-_ROWS = 32
-"""Rows that are in memory together; each may hold an image."""
+_MOST_CELLS = 20_000_000
+"""Of a table of episodes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +103,8 @@ class LerobotDataset:
                 missing = [name for name in wanted if name not in file.schema_arrow.names]
                 if missing:
                     raise DriveError(f"{path} lacks the columns {', '.join(missing)}.")
-                for batch in file.iter_batches(batch_size=_ROWS, columns=wanted):
+                at_once = rows_at_once(file.metadata, wanted)
+                for batch in file.iter_batches(batch_size=at_once, columns=wanted):
                     yield from (row for row in batch.to_pylist() if row["episode_index"] == episode.number)
         except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
             raise _unreadable(path, error) from error
@@ -113,9 +116,10 @@ class LerobotDataset:
             self._check_within(path)
             try:
                 with pq.ParquetFile(path) as file:
-                    names = [name for name in file.schema_arrow.names if not name.startswith("stats/")]
-                    if file.metadata.num_rows > _MOST_EPISODES:
-                        raise DriveError(f"{path} has {file.metadata.num_rows:,} episodes.")
+                    names = _numeric_columns(file.schema_arrow)
+                    rows = file.metadata.num_rows
+                    if rows > _MOST_EPISODES or rows * len(names) > _MOST_CELLS:
+                        raise DriveError(f"{path} has {rows:,} episodes with {len(names):,} numbers each.")
                     episodes += [_episode(row) for row in file.read(columns=names).to_pylist()]
             except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
                 raise _unreadable(path, error) from error
@@ -138,20 +142,17 @@ class LerobotDataset:
         return path
 
     def _check_within(self, path: Path) -> None:
+        require_within(path, self.folder)
         try:
-            if path.resolve().is_relative_to(self.folder.resolve()):
-                return
-        except (OSError, ValueError):
-            pass
-        raise DriveError(f"{path} lies outside of {self.folder}, and is not read.")
+            require_plain(path)
+        except OSError as error:
+            raise _unreadable(path, error) from error
 
 
 def _read_info(folder: Path) -> Mapping[str, Any]:
     path = folder / INFO
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise ValueError("it is too long")
-        info = json.loads(path.read_text(encoding="utf-8"))
+        info = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
     except (OSError, ValueError, RecursionError) as error:
         raise _unreadable(path, error) from error
     if not isinstance(info, dict) or not str(info.get("codebase_version", "")).startswith("v3"):
@@ -161,6 +162,15 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
             "lerobot.datasets.v30.convert_dataset_v21_to_v30."
         )
     return info
+
+
+def _numeric_columns(schema: pa.Schema) -> list[str]:
+    """Return the columns of single numbers; texts and lists say not where an episode is, and may be of any size."""
+    return [
+        each.name
+        for each in schema
+        if (pa.types.is_integer(each.type) or pa.types.is_floating(each.type)) and not each.name.startswith("stats/")
+    ]
 
 
 def _feature(key: str, said: Mapping[str, Any]) -> Feature:

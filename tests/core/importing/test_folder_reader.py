@@ -1,6 +1,7 @@
 """A plain folder of pictures is a drive too, with what lies beside them, and what is wrong with it is said."""
 
 import json
+import os
 from pathlib import Path
 
 import cv2
@@ -121,6 +122,24 @@ def test_a_cut_or_foreign_picture_is_left_out_and_counted(tmp_path: Path, blob: 
     assert [frame.name for frame in reader.frames()] == ["1.jpg", "3.jpg"]
     assert reader.dropped == {"damaged or missing image": 1}
     assert "2.jpg" in reader.doubts[0]
+
+
+def test_pipes_and_links_in_a_circle_are_left_out_and_never_waited_for(tmp_path: Path) -> None:
+    write_pictures(tmp_path, ["1.jpg", "4.jpg"])
+    os.mkfifo(tmp_path / "2.jpg")
+    (tmp_path / "3.jpg").symlink_to(tmp_path / "3.jpg")
+    os.mkfifo(tmp_path / "odometry.csv")
+    reader = FolderReader.open(tmp_path, ReadOptions())
+    assert [frame.name for frame in reader.frames()] == ["1.jpg", "4.jpg"]
+    assert reader.dropped == {"damaged or missing image": 2}
+    assert "2.jpg is a pipe or a device" in reader.doubts[0]
+
+
+@pytest.mark.parametrize("option", [{"odometry": "/dev/zero"}, {"odometry": "pipe.csv"}])
+def test_a_table_that_would_never_end_is_refused(tmp_path: Path, option: dict[str, str]) -> None:
+    os.mkfifo(write_pictures(tmp_path, ["1.jpg", "2.jpg"]) / "pipe.csv")
+    with pytest.raises(DriveError, match="a pipe or a device|no such file"):
+        FolderReader.open(tmp_path, ReadOptions(odometry=str(tmp_path / option["odometry"])))
 
 
 @pytest.mark.parametrize("extension", [".png", ".jpg", ".bmp", ".tiff"])

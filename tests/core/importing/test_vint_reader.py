@@ -58,6 +58,14 @@ def test_pickles_of_all_kinds_are_read(tmp_path: Path, protocol: int, dtype: str
     assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES, atol=1e-6)
 
 
+def test_poses_may_be_plain_lists(tmp_path: Path) -> None:
+    content = {"position": [list(row) for row in POSES[:, :2]], "yaw": POSES[:, 2].tolist()}
+
+    frames = list(VintReader.open(write_folder(tmp_path / "hall", content), ReadOptions()).frames())
+
+    assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES)
+
+
 def test_pickles_that_older_numpy_wrote_are_read(tmp_path: Path) -> None:
     older = pickle.dumps({"position": POSES[:, :2], "yaw": POSES[:, 2]}, 2).replace(b"numpy._core.", b"numpy.core.")
 
@@ -83,6 +91,10 @@ def test_a_pickle_that_runs_code_is_refused_and_nothing_runs(tmp_path: Path) -> 
 HUGE_MEMORY = b"\x80\x04Nr" + struct.pack("<I", 2**31) + b"."
 HUGE_ARRAY = b"\x80\x04cnumpy\nndarray\n(J\xff\xff\xff\x7ftR."
 HUGE_EMPTY = b"\x80\x04cnumpy._core.multiarray\n_reconstruct\n(cnumpy\nndarray\nJ\xff\xff\xff\x7f\x85C\x01dtR."
+NESTED = b"\x80\x04G\0\0\0\0\0\0\0\0" + b"".join(
+    b"q" + bytes([n]) + b"0](h" + bytes([n]) + b"h" + bytes([n]) + b"e" for n in range(60)
+)
+"""A list that holds a list twice, which holds a list twice, and so on: a few hundred bytes for 2^60 numbers."""
 LYING_LENGTH = b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"abc."
 
 
@@ -96,6 +108,8 @@ LYING_LENGTH = b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"abc."
         HUGE_ARRAY,
         HUGE_EMPTY,
         LYING_LENGTH,
+        b"\x80\x04}(\x8c\x08position" + NESTED[2:] + b"\x8c\x03yawK\0u.",
+        pickle.dumps({"position": [["x" * 1000] * 2] * 4, "yaw": [0.0] * 4}),
         pickle.dumps([1, 2]),
         pickle.dumps({"position": POSES, "yaw": np.zeros(9)}),
         pickle.dumps({"position": POSES * np.nan, "yaw": POSES[:, 2]}),

@@ -1,12 +1,16 @@
 """Data sets in LeRobot's version 3 come out as frames; damaged, foreign and hostile ones end in one clear error."""
 
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.lerobot.table_limits import rows_at_once
 from ltvn_core.importing.lerobot_reader import LerobotReader
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
 from tests.core.importing.lerobot.dataset_examples import (
@@ -155,6 +159,45 @@ def test_what_is_said_of_an_episode_is_not_believed(tmp_path: Path, changed: dic
 
     with pytest.raises(DriveError):
         read(folder)
+
+
+def with_states(folder: Path, states: pa.Array) -> Path:
+    """Write a data set whose table holds something else in place of x, y and yaw."""
+    file = write_dataset(folder, (6,), as_video=False) / "data/chunk-000/file-000.parquet"
+    table = pq.read_table(file).drop_columns([STATE]).append_column(STATE, states)
+    pq.write_table(table, file, compression="zstd")
+    return folder
+
+
+def test_a_kilobyte_that_stands_for_millions_of_numbers_is_refused(tmp_path: Path) -> None:
+    numbers = pa.ListArray.from_arrays(np.arange(7) * 200_000, np.zeros(1_200_000, np.float32))
+
+    with pytest.raises(DriveError, match="1,200,000 values in 6 rows"):
+        read(with_states(tmp_path / "set", numbers))
+
+
+def test_rows_whose_images_could_be_large_are_read_a_few_at_a_time(tmp_path: Path) -> None:
+    image = pa.array([bytes(20_000_000)], pa.binary())
+    pq.write_table(pa.table({FRONT: pa.DictionaryArray.from_arrays([0] * 500, image)}), tmp_path / "bomb.parquet")
+
+    assert (tmp_path / "bomb.parquet").stat().st_size < 2_000_000
+    assert rows_at_once(pq.read_metadata(tmp_path / "bomb.parquet"), [FRONT]) == 13
+
+
+@pytest.mark.parametrize("cell", [None, [], [0.0], ["north", "south", "west"]])
+def test_states_that_are_no_numbers_leave_odometry_open(tmp_path: Path, cell: Any) -> None:
+    frames, _ = read(with_states(tmp_path / "set", pa.array([cell] * 6)))
+
+    assert [frame.odometry for frame in frames] == [None] * 6
+
+
+def test_a_pipe_in_place_of_a_table_is_never_waited_for(tmp_path: Path) -> None:
+    file = write_dataset(tmp_path / "set") / "data/chunk-000/file-000.parquet"
+    file.unlink()
+    os.mkfifo(file)
+
+    with pytest.raises(DriveError, match="a pipe or a device"):
+        read(tmp_path / "set")
 
 
 def test_a_video_that_ends_too_early_gives_what_it_has(tmp_path: Path) -> None:

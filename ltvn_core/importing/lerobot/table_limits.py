@@ -11,8 +11,8 @@ from ltvn_core.errors import DriveError
 
 _MOST_ROWS = 32
 _BYTES_AT_ONCE = 2**28
-_MOST_PART_BYTES = 2**30
-"""Of a column in one group of rows; a whole file of a LeRobotDataset has a tenth of it."""
+_MOST_PART_BYTES = 2**29
+"""Of a column in one group of rows; a whole file of a LeRobotDataset has a fifth of it."""
 _MOST_NUMBERS = 1024
 """In a row of a column, as the joints of a robot."""
 

@@ -135,11 +135,11 @@ def test_pipes_and_links_in_a_circle_are_left_out_and_never_waited_for(tmp_path:
     assert "2.jpg is a pipe or a device" in reader.doubts[0]
 
 
-@pytest.mark.parametrize("option", [{"odometry": "/dev/zero"}, {"odometry": "pipe.csv"}])
-def test_a_table_that_would_never_end_is_refused(tmp_path: Path, option: dict[str, str]) -> None:
+@pytest.mark.parametrize("table", ["/dev/zero", "pipe.csv"])
+def test_a_table_that_would_never_end_is_refused(tmp_path: Path, table: str) -> None:
     os.mkfifo(write_pictures(tmp_path, ["1.jpg", "2.jpg"]) / "pipe.csv")
-    with pytest.raises(DriveError, match="a pipe or a device|no such file"):
-        FolderReader.open(tmp_path, ReadOptions(odometry=str(tmp_path / option["odometry"])))
+    with pytest.raises(DriveError, match="is a pipe or a device"):
+        FolderReader.open(tmp_path, ReadOptions(odometry=str(tmp_path / table)))
 
 
 @pytest.mark.parametrize("extension", [".png", ".jpg", ".bmp", ".tiff"])

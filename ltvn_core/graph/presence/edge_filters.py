@@ -1,0 +1,51 @@
+"""The filters of presence by name, with constants for edges that a robot drives now and then.
+
+The values are ours: a stay or an absence of an edge may be that of a person, of a piece of furniture or of a door, and
+what is true of this one it must learn from a handful of observations.
+"""
+
+import numpy as np
+
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.presence.durations import DurationMixture
+from ltvn_core.graph.presence.forgetting import ForgettingFilter
+from ltvn_core.graph.presence.fremen import FremenFilter
+from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
+from ltvn_core.graph.presence.presence_filter import AlwaysPresent, PresenceFilter
+
+_MINUTE_S, _HOUR_S, _DAY_S = 60.0, 3600.0, 86400.0
+
+EDGE_ERRORS = SightErrors(miss=0.005, false_alarm=0.005)
+"""An obstruction is believed only where it lies across the way, and a success only at its end, so both rarely err."""
+
+USUALLY_PRESENT = 0.9
+"""Share of the time that an edge, of which nothing is known, can be driven."""
+
+PERSISTENT = PersistentFilter(
+    present=DurationMixture.exponential([20 * _MINUTE_S, 6 * _HOUR_S, 7 * _DAY_S], [0.2, 0.3, 0.5]),
+    # Somebody passes, a door is closed for a while, something is put down for long.
+    absent=DurationMixture.exponential([15.0, 10 * _MINUTE_S, 5 * _HOUR_S], [0.4, 0.3, 0.3]),
+    errors=EDGE_ERRORS,
+    present_at_first=USUALLY_PRESENT,
+)
+FORGETTING = ForgettingFilter(
+    usual=np.array(USUALLY_PRESENT),
+    memory_s=np.array(_HOUR_S),
+    errors=EDGE_ERRORS,
+)
+FREMEN = FremenFilter(periods_s=7 * _DAY_S / np.arange(1, 7 * 12 + 1), present_at_first=USUALLY_PRESENT)
+
+EDGE_FILTERS: dict[str, PresenceFilter] = {
+    "always": AlwaysPresent(),
+    "persistent": PERSISTENT,
+    "forgetting": FORGETTING,
+    "fremen": FREMEN,
+}
+"""All filters of presence by name."""
+
+
+def edge_filter(name: str) -> PresenceFilter:
+    """Return the filter of presence of that name. Raises OptionError where there is none."""
+    if name not in EDGE_FILTERS:
+        raise OptionError(f"No filter of presence is called {name!r}; choose one of: {', '.join(EDGE_FILTERS)}.")
+    return EDGE_FILTERS[name]

@@ -1,0 +1,189 @@
+"""The filter of things that stay for a while, go for a while and come back.
+
+A persistence filter (Rosen, Mason, Leonard, ICRA 2016) while a thing is there, its mirror image, an emergence filter,
+while it is away, both over mixtures of durations, and switching between them, as in Perpetua (Saavedra-Ruiz, Nashed,
+Gauthier, Paull, IROS 2025, arXiv 2507.18808). Four departures, ours: all kinds of stays count with their weight and
+not the likeliest alone; the weights of the next stay are learned from all stays that are over and not mostly from the
+last; a switch keeps the doubt there was; and the future is that of the renewal process of both states
+(`graph.presence.renewal`) rather than one sequence of switches.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.graph.presence.durations import DurationMixture, FloatArray, log_ended_between, log_survival
+from ltvn_core.graph.presence.presence_filter import Rows
+from ltvn_core.graph.presence.renewal import return_probabilities
+
+_STEPS_AHEAD = 32
+"""Steps of the grid on which the future is computed."""
+
+
+@dataclass(frozen=True, slots=True)
+class SightErrors:
+    """How often looking is wrong."""
+
+    miss: float
+    """P_M: share of looks at a thing that is there which do not find it; between 0 and 1."""
+    false_alarm: float
+    """P_F: share of looks where nothing is which find it; between 0 and 1."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PersistentFilter:
+    """A persistence filter that switches to an emergence filter and back."""
+
+    present: DurationMixture
+    """How long a thing stays."""
+    absent: DurationMixture
+    """How long it stays away."""
+    errors: SightErrors
+    present_at_first: float = 0.9
+    """How probably a thing is there before it was ever looked for."""
+    switch_below: float = 0.05
+    """A state that is less probable than this is over."""
+    prior_stays: float = 2.0
+    """The weights of the kinds of stays count as much as so many stays that were watched."""
+
+    def follow(self, count: int) -> "PersistentTracks":
+        """Begin to follow things."""
+        return PersistentTracks(self, count)
+
+
+class PersistentTracks:
+    """What the filter knows of N things, of K kinds of stays, in logarithms.
+
+    Of the state each thing is in: `stay`, ln of the likelihood of all observations since `since` if it lasts still, and
+    `left` (N, K), ln of their probability if it ended before the last of them. State 1 is present, 0 absent.
+    """
+
+    def __init__(self, config: PersistentFilter, count: int) -> None:
+        """Know nothing of `count` things."""
+        kinds = max(config.present.scales_s.shape[-1], config.absent.scales_s.shape[-1])
+        mixtures = [_padded(each.for_things(count), kinds) for each in (config.absent, config.present)]
+        self._config = config
+        self._scales = np.stack([each.scales_s for each in mixtures])
+        self._shapes = np.stack([each.shapes for each in mixtures])
+        self._prior = np.stack([each.weights for each in mixtures])
+        self._counts = np.zeros_like(self._prior)
+        """(2, N, K) stays of each kind that are over, by state."""
+        self._weights = self._prior.copy()
+        """(2, N, K) of the kinds of stays, by state, for a stay that begins."""
+        self._state = np.ones(count, np.intp)
+        self._since = np.full(count, np.nan)
+        self._last = np.full(count, np.nan)
+        self._stay = np.full(count, np.log(config.present_at_first))
+        self._left = np.full((count, kinds), np.log1p(-config.present_at_first))
+
+    def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
+        """Take in one observation of each of M different things, see `PresenceTracks`."""
+        self._begin(rows, stamps_s)
+        self._cross_silence(rows, present, stamps_s)
+        state, errors = self._state[rows], self._config.errors
+        before = self._log_survival(rows, self._last[rows])
+        ended = log_ended_between(before, self._log_survival(rows, stamps_s))
+        agrees = present == (state == 1)
+        missed = np.where(state == 1, errors.miss, errors.false_alarm)
+        mistaken = np.where(state == 1, errors.false_alarm, errors.miss)
+        left = np.logaddexp(self._left[rows], self._stay[rows, None] + ended)
+        self._left[rows] = left + np.where(agrees, np.log(mistaken), np.log1p(-mistaken))[:, None]
+        self._stay[rows] += np.where(agrees, np.log1p(-missed), np.log(missed))
+        self._last[rows] = np.maximum(stamps_s, self._last[rows])
+        self._switch(rows)
+
+    def probability(self, at_s: float) -> FloatArray:
+        """Return (N,) how probably each thing is there at a moment; of what was never looked for, as before."""
+        everything = np.arange(len(self._state))
+        same = np.full(len(everything), self._config.present_at_first)
+        looked_for = everything[~np.isnan(self._last)]
+        same[looked_for] = self._same_state(looked_for, np.maximum(at_s, self._last[looked_for]))
+        return np.where(self._state == 1, same, 1 - same)
+
+    def _begin(self, rows: Rows, stamps_s: FloatArray) -> None:
+        fresh = np.isnan(self._since[rows])
+        self._since[rows[fresh]] = self._last[rows[fresh]] = stamps_s[fresh]
+
+    def _cross_silence(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
+        """Begin a new stay of those things that have most probably gone and come back since they were looked for."""
+        lasting = self._still(rows, stamps_s)
+        silent = lasting < self._still(rows, self._last[rows]) - self._config.switch_below
+        if not silent.any():
+            return
+        rows, present, stamps_s, lasting = rows[silent], present[silent], stamps_s[silent], lasting[silent]
+        same = np.clip(self._same_state(rows, stamps_s), 1e-6, 1 - 1e-6)
+        agrees = present == (self._state[rows] == 1)
+        again = agrees & (same - lasting > lasting)
+        self._learn(rows[again], stamps_s[again])
+        self._restart(rows[again], stamps_s[again], same[again])
+
+    def _switch(self, rows: Rows) -> None:
+        """Go over to the other state where this one is hardly possible any more."""
+        still = self._still(rows, self._last[rows])
+        over = still <= self._config.switch_below
+        if not over.any():
+            return
+        rows, still = rows[over], still[over]
+        self._learn(rows, self._last[rows])
+        self._state[rows] = 1 - self._state[rows]
+        self._restart(rows, self._last[rows], 1 - still)
+
+    def _learn(self, rows: Rows, stamps_s: FloatArray) -> None:
+        """Weigh the kinds of stays by one that has ended before a moment (M,)."""
+        state, prior_stays = self._state[rows], self._config.prior_stays
+        survival = self._log_survival(rows, self._last[rows])
+        ended = self._stay[rows, None] + log_ended_between(survival, self._log_survival(rows, stamps_s))
+        learned = np.log(np.maximum(self._weights[state, rows], 1e-300)) + np.logaddexp(self._left[rows], ended)
+        learned = np.exp(learned - np.logaddexp.reduce(learned, axis=1, keepdims=True))
+        self._counts[state, rows] += learned
+        total = prior_stays + self._counts[state, rows].sum(axis=-1, keepdims=True)
+        self._weights[state, rows] = (prior_stays * self._prior[state, rows] + self._counts[state, rows]) / total
+
+    def _restart(self, rows: Rows, stamps_s: FloatArray, probability: FloatArray) -> None:
+        """Let the state begin at a moment, with the probability that it is this one."""
+        self._since[rows] = self._last[rows] = stamps_s
+        self._stay[rows] = np.log(probability)
+        self._left[rows] = np.log(np.maximum(1 - probability, 1e-12))[:, None]
+
+    def _log_survival(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
+        state, ages = self._state[rows], stamps_s - self._since[rows]
+        return log_survival(ages[..., None], self._scales[state, rows], self._shapes[state, rows])
+
+    def _still(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
+        """Return the probability that the state has lasted up to moments (..., M) from the last observation on."""
+        weights = self._weights[self._state[rows], rows]
+        stay = self._stay[rows, None]
+        at_last = np.logaddexp(self._left[rows], stay + self._log_survival(rows, self._last[rows]))
+        highest = at_last.max(axis=-1, keepdims=True)
+        evidence = (weights * np.exp(at_last - highest)).sum(axis=-1)
+        lasting = np.exp(stay + self._log_survival(rows, stamps_s) - highest)
+        return (weights * lasting).sum(axis=-1) / evidence
+
+    def _same_state(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
+        """Return (M,) the probability that things are in the same state at moments (M,), with all goings between."""
+        last = self._last[rows]
+        ahead = np.maximum(stamps_s - last, 0.0)
+        shares = np.linspace(0.0, 1.0, 2 * _STEPS_AHEAD + 1)[:, None]
+        state = self._state[rows]
+        own, other = (self._fresh_survival(each, rows, shares * ahead) for each in (state, 1 - state))
+        back = return_probabilities(own, other)
+        still = self._still(rows, last + shares[::2] * ahead)
+        in_step = (back[:-1] + back[1:])[::-1] / 2
+        returned = (1 - still[0]) * back[-1] + ((still[:-1] - still[1:]) * in_step).sum(axis=0)
+        return np.clip(still[-1] + returned, 0.0, 1.0)
+
+    def _fresh_survival(self, state: Rows, rows: Rows, ages_s: FloatArray) -> FloatArray:
+        """Return (..., M) the probability that a stay that has just begun is longer than ages (..., M)."""
+        lasting = np.exp(log_survival(ages_s[..., None], self._scales[state, rows], self._shapes[state, rows]))
+        return (self._weights[state, rows] * lasting).sum(axis=-1)
+
+
+def _padded(durations: DurationMixture, kinds: int) -> DurationMixture:
+    """Return the same mixture with kinds of no weight, so that there are `kinds`."""
+    missing = ((0, 0), (0, kinds - durations.scales_s.shape[-1]))
+    return DurationMixture(
+        scales_s=np.pad(durations.scales_s, missing, constant_values=1.0),
+        shapes=np.pad(durations.shapes, missing, constant_values=1.0),
+        weights=np.pad(durations.weights, missing),
+    )

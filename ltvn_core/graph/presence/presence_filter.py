@@ -1,0 +1,89 @@
+"""What a filter of presence is: a fold over observations that tells how probably a thing is there at a later moment.
+
+Owns the interface, the simplest filter, and folding whole histories. Filters are in the modules beside.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.graph.presence.durations import FloatArray
+from ltvn_core.graph.presence.observation import PresenceObservation
+
+Rows = NDArray[np.intp]
+"""(M,) numbers of different things."""
+
+
+class PresenceTracks(Protocol):
+    """What a filter knows of N things so far."""
+
+    def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
+        """Take in one observation of each of M different things, (M,) each; those of one thing come in order of time.
+
+        Args:
+            rows: Which things.
+            present: Whether they were seen to be there.
+            stamps_s: When.
+        """
+        ...
+
+    def probability(self, at_s: float) -> FloatArray:
+        """Return (N,) how probably each thing is there at a moment, not before its last observation."""
+        ...
+
+
+class PresenceFilter(Protocol):
+    """How observations become a probability."""
+
+    def follow(self, count: int) -> PresenceTracks:
+        """Begin to follow a number of things of which nothing is known yet."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class AlwaysPresent:
+    """The filter of a static map: whatever was seen, everything is there."""
+
+    def follow(self, count: int) -> "_NoTracks":
+        """Follow nothing."""
+        return _NoTracks(count)
+
+
+@dataclass(frozen=True, slots=True)
+class _NoTracks:
+    count: int
+
+    def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
+        """Learn nothing."""
+
+    def probability(self, at_s: float) -> FloatArray:
+        """Return (N,) ones."""
+        return np.ones(self.count)
+
+
+def presence_probability(
+    presence_filter: PresenceFilter, observations: Sequence[PresenceObservation], now_s: float
+) -> float:
+    """Return how probably a thing is there at a moment, by what was seen of it up to then."""
+    return float(presence_probabilities(presence_filter, [observations], now_s)[0])
+
+
+def presence_probabilities(
+    presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]], now_s: float
+) -> FloatArray:
+    """Return (N,) how probably N things are there at a moment, by what was seen of each up to then, in order of time.
+
+    Linear in the longest history, with vectors over the things.
+    """
+    tracks = presence_filter.follow(len(histories))
+    known = [[each for each in history if each.stamp_s <= now_s] for history in histories]
+    for seen in zip_longest(*known):
+        rows = np.array([row for row, each in enumerate(seen) if each is not None], np.intp)
+        present = np.array([each.present for each in seen if each is not None], np.bool_)
+        stamps = np.array([each.stamp_s for each in seen if each is not None], np.float64)
+        tracks.observe(rows, present, stamps)
+    return tracks.probability(now_s)

@@ -23,6 +23,7 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PoseRow,
+    PresenceObserved,
 )
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import AttemptEnd, Localised
@@ -221,7 +222,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
             last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=delta.node, attempt=None)
         case EdgeAdded() | BeliefUpdated() | EdgePruned() | NodeDropped():
             return  # It does not fit: the recording is damaged, or its beginning is missing.
-        case NodeAdded() | EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
+        case NodeAdded() | EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
             return
 
 

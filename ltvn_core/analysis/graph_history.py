@@ -98,7 +98,7 @@ class GraphHistory:
                 self._cut((source, target), cause, stamp)
             case d.NodeAdded():
                 pass  # It is there already.
-            case d.EdgeProtected() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
+            case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It is not drawn.
 
     def clear(self) -> None:

@@ -13,7 +13,7 @@ from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph, presence_deltas
 from ltvn_core.types import NodeId, Waypoint
 
 MAX_NAME_LENGTH = 60
@@ -118,12 +118,16 @@ def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple
         case d.EdgeAdded(edge):
             return (d.EdgePruned(edge.source, edge.target, d.Cause.HAND),)
         case d.EdgePruned(source, target):
-            return (d.EdgeAdded(_edge(graph_before, (source, target)), d.Cause.HAND),)
+            return _edges_back(graph_before, [(source, target)])
         case d.BeliefUpdated(source, target):
             return (_belief_of(_edge(graph_before, (source, target))),)
         case d.EdgeProtected(source, target):
             held = _edge(graph_before, (source, target)).protected
             return (d.EdgeProtected(source, target, held, d.Cause.HAND),)
+        case d.PresenceObserved(source, target):
+            # What was observed cannot be taken back alone, so the edge goes and comes back with what was known before.
+            back = _edges_back(graph_before, [(source, target)])
+            return (d.EdgePruned(source, target, d.Cause.HAND), *back)
         case d.NodeNamed(node):
             _require_nodes(graph_before, node)
             before = graph_before.nodes[node]
@@ -139,8 +143,14 @@ def _node_with_edges(graph: TopologicalGraph, node: NodeId) -> tuple[d.GraphDelt
     _require_nodes(graph, node)
     keys = [(node, other) for other in graph.successors(node)]
     keys += [(other, node) for other in graph.predecessors(node)]
-    edges = (d.EdgeAdded(graph.edges[key], d.Cause.HAND) for key in keys)
-    return (d.NodeAdded(graph.nodes[node], d.Cause.HAND), *edges)
+    return (d.NodeAdded(graph.nodes[node], d.Cause.HAND), *_edges_back(graph, keys))
+
+
+def _edges_back(graph: TopologicalGraph, keys: Sequence[EdgeKey]) -> tuple[d.GraphDelta, ...]:
+    """Return the deltas that bring edges in with what was observed of their presence."""
+    edges = [d.EdgeAdded(_edge(graph, key), d.Cause.HAND) for key in keys]
+    presence = {key: graph.presence[key] for key in keys if key in graph.presence}
+    return (*edges, *presence_deltas(presence, d.Cause.HAND))
 
 
 def _belief_of(edge: d.Edge) -> d.BeliefUpdated:

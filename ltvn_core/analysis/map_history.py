@@ -22,6 +22,7 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
+    PresenceObserved,
 )
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
@@ -144,7 +145,11 @@ class MapHistory:
         match change.delta:
             case EdgeAdded(edge=edge):
                 self._by_edge.setdefault((edge.source, edge.target), []).append(change)
-            case BeliefUpdated(source=source, target=target) | EdgePruned(source=source, target=target):
+            case (
+                BeliefUpdated(source=source, target=target)
+                | EdgePruned(source=source, target=target)
+                | PresenceObserved(source=source, target=target)
+            ):
                 self._by_edge.setdefault((source, target), []).append(change)
             case NodeAdded(node=node):
                 self._by_node.setdefault(node.id, []).append(change)

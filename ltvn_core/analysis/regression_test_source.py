@@ -18,6 +18,7 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
+    PresenceObserved,
 )
 from ltvn_core.navigation.events import AttemptEnded, GraphChanged, Planned, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId
@@ -156,6 +157,6 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
                 now = f"graph.edges[{source}, {target}].belief.p"
                 p = f"{belief.p:.6g}" if math.isfinite(belief.p) else f'float("{float(belief.p)}")'
                 rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
-            case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
+            case EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
                 pass  # It neither leads the robot nor tells what it believes.
     return list(rows.values())

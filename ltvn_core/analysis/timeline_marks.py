@@ -69,6 +69,7 @@ def _change_kind_and_nodes(delta: d.GraphDelta) -> tuple[MarkKind, tuple[NodeId,
             d.EdgeAdded()
             | d.BeliefUpdated()
             | d.EdgeProtected()
+            | d.PresenceObserved()
             | d.NodeNamed()
             | d.FramesReserved()
             | d.FramesReleased()

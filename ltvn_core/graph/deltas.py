@@ -28,6 +28,8 @@ class Cause(StrEnum):
     """A goal image was connected to the map."""
     LOAD = "load"
     """The map came out of a file."""
+    SIGHT = "sight"
+    """What stands in the way of one edge was seen to stand in the way of others, or to be gone."""
     HAND = "hand"
     """A person did it."""
 
@@ -142,6 +144,18 @@ class EdgeProtected:
 
 
 @dataclass(frozen=True, slots=True)
+class PresenceObserved:
+    """An edge was seen to be open, or blocked, at a moment: that says nothing of whether it exists."""
+
+    source: NodeId
+    target: NodeId
+    present: bool
+    stamp: float
+    """Seconds on the clock of the world."""
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
 class NodeNamed:
     """A node got this name, which may be empty, and is a goal or not."""
 
@@ -174,6 +188,7 @@ GraphDelta: TypeAlias = (
     | BeliefUpdated
     | EdgePruned
     | EdgeProtected
+    | PresenceObserved
     | NodeNamed
     | FramesReserved
     | FramesReleased

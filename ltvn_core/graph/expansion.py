@@ -23,6 +23,7 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
+    PresenceObserved,
 )
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
@@ -136,5 +137,7 @@ def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
         case EdgeAdded():
             return {delta.edge.source, delta.edge.target} <= staying
         case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
+            return True
+        case PresenceObserved():
             return True
     assert_never(delta)

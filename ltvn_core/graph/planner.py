@@ -25,6 +25,7 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
+    PresenceObserved,
 )
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
@@ -110,6 +111,8 @@ class Planner:
                 self._mirror.add_edge(*ends, self._weight(delta.edge.belief))
             case EdgePruned():
                 self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
+            case PresenceObserved():
+                pass  # What is present at the moment comes with the plan.
             case NodeAdded() | NodeDropped():
                 return False  # It moves the rows, so the mirror is built anew.
             case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():

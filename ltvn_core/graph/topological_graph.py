@@ -27,11 +27,16 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
+    PresenceObserved,
 )
+from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.types import FrameId, NodeId
 
 EdgeKey: TypeAlias = tuple[NodeId, NodeId]
 """An edge is named by its source and its target."""
+
+MOST_PRESENCE_OBSERVATIONS = 256
+"""So many observations of its presence are kept of an edge, the newest."""
 
 
 class TopologicalGraph:
@@ -41,6 +46,7 @@ class TopologicalGraph:
         """Fold `deltas`, in order, into a graph; raise MapError at the first that does not fit."""
         self._nodes: dict[NodeId, Node] = {}
         self._edges: dict[EdgeKey, Edge] = {}
+        self._presence: dict[EdgeKey, tuple[PresenceObservation, ...]] = {}
         self._reserve: dict[FrameId, None] = {}
         self._names: dict[str, NodeId] = {}
         self._successors: dict[NodeId, dict[NodeId, None]] = {}
@@ -58,6 +64,11 @@ class TopologicalGraph:
     def edges(self) -> Mapping[EdgeKey, Edge]:
         """All edges by (source, target), oldest first; read only."""
         return MappingProxyType(self._edges)
+
+    @property
+    def presence(self) -> Mapping[EdgeKey, tuple[PresenceObservation, ...]]:
+        """What was observed of edges that were blocked at some time, oldest first; read only."""
+        return MappingProxyType(self._presence)
 
     @property
     def reserve(self) -> KeysView[FrameId]:
@@ -97,6 +108,8 @@ class TopologicalGraph:
                 self._drop_node(delta)
             case EdgeProtected():
                 self._protect_edge(delta)
+            case PresenceObserved():
+                self._observe_presence(delta)
             case NodeNamed():
                 self._name_node(delta)
             case FramesReserved():
@@ -111,6 +124,7 @@ class TopologicalGraph:
         """Return the shortest history whose fold equals this graph."""
         history: list[GraphDelta] = [NodeAdded(node, cause) for node in self._nodes.values()]
         history += [EdgeAdded(edge, cause) for edge in self._edges.values()]
+        history += presence_deltas(self._presence, cause)
         if self._reserve:
             history.append(FramesReserved(tuple(self._reserve), cause))
         return tuple(history)
@@ -120,6 +134,7 @@ class TopologicalGraph:
         clone = type(self)()
         # Nodes and edges never change, so both graphs may hold the same ones.
         clone._nodes, clone._edges, clone._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
+        clone._presence = self._presence.copy()
         clone._names = self._names.copy()
         clone._successors = {node: targets.copy() for node, targets in self._successors.items()}
         clone._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
@@ -129,7 +144,8 @@ class TopologicalGraph:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TopologicalGraph):
             return NotImplemented
-        return (self._nodes, self._edges, self._reserve) == (other._nodes, other._edges, other._reserve)
+        content = self._nodes, self._edges, self._presence, self._reserve
+        return content == (other._nodes, other._edges, other._presence, other._reserve)
 
     __hash__ = None  # type: ignore[assignment]  # A graph changes, so it cannot be a key.
 
@@ -185,6 +201,13 @@ class TopologicalGraph:
         edge = self._existing(delta.source, delta.target)
         self._edges[delta.source, delta.target] = replace(edge, protected=delta.protected)
 
+    def _observe_presence(self, delta: PresenceObserved) -> None:
+        edge = self._existing(delta.source, delta.target)
+        _require(math.isfinite(delta.stamp), f"{_name(edge)} was observed at {delta.stamp} s; a moment must be finite.")
+        key = delta.source, delta.target
+        seen = (*self._presence.get(key, ()), PresenceObservation(delta.present, delta.stamp))
+        self._presence[key] = seen[-MOST_PRESENCE_OBSERVATIONS:]
+
     def _name_node(self, delta: NodeNamed) -> None:
         self._require_node(delta.node)
         node = self._nodes[delta.node]
@@ -201,6 +224,7 @@ class TopologicalGraph:
 
     def _remove_edge(self, source: NodeId, target: NodeId) -> None:
         del self._edges[source, target]
+        self._presence.pop((source, target), None)
         del self._successors[source][target]
         del self._predecessors[target][source]
 
@@ -224,6 +248,17 @@ class TopologicalGraph:
         if (source, target) not in self._edges:
             raise MapError(f"Edge {source} -> {target} is not in the map.")
         return self._edges[source, target]
+
+
+def presence_deltas(
+    presence: Mapping[EdgeKey, tuple[PresenceObservation, ...]], cause: Cause
+) -> list[PresenceObserved]:
+    """Return the deltas that bring in what was observed of edges."""
+    return [
+        PresenceObserved(source, target, present=each.present, stamp=each.stamp_s, cause=cause)
+        for (source, target), observations in presence.items()
+        for each in observations
+    ]
 
 
 def _check_edge(edge: Edge) -> None:

@@ -93,6 +93,11 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
         case d.EdgeProtected(source, target, protected, cause):
             ends, change = (source, target), "protected" if protected else "no longer protected"
             return EventDescription(f"{edge_text(ends)} {change} ({cause})", edge=ends)
+        case d.PresenceObserved(source, target, present, _, cause):
+            ends, severity = (source, target), e.Severity.INFO if present else e.Severity.WARN
+            return EventDescription(
+                f"{edge_text(ends)} seen {'open' if present else 'blocked'} ({cause})", severity, ends
+            )
         case d.NodeNamed(node, name, goal, cause):
             named = f"named {name!r}" if name else "without a name"
             return EventDescription(f"node {node} {named}{', a goal' if goal else ''} ({cause})", node=node)

@@ -1,5 +1,7 @@
 """A map is the fold of its deltas, and no delta can break its invariants."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,6 +24,7 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PoseRow,
+    PresenceObserved,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
 
@@ -54,7 +57,9 @@ def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta 
     frame = int(rng.integers(25))
     nodes, edges, reserve = list(graph.nodes), list(graph.edges), list(graph.reserve)
     free = frame not in graph.nodes and frame not in graph.reserve
-    kind = rng.choice(["node", "edge", "edge", "belief", "prune", "drop", "reserve", "release", "protect", "name"])
+    kind = rng.choice(
+        ["node", "edge", "edge", "belief", "presence", "prune", "drop", "reserve", "release", "protect", "name"]
+    )
     if kind == "node" and free:
         return node(frame)
     if kind == "edge" and len(nodes) > 1:
@@ -64,6 +69,9 @@ def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta 
         source, target = edges[rng.integers(len(edges))]
         belief = Belief(float(rng.random()), float(rng.random()), 0.01)
         return BeliefUpdated(source, target, belief, 3, int(rng.integers(4)), Cause.ATTEMPT)
+    if kind == "presence" and edges:
+        source, target = edges[rng.integers(len(edges))]
+        return PresenceObserved(source, target, bool(rng.random() < 0.5), float(rng.random()), Cause.ATTEMPT)
     if kind == "prune" and edges:
         return EdgePruned(*edges[rng.integers(len(edges))], Cause.HAND)
     if kind == "protect" and edges:
@@ -147,6 +155,8 @@ def test_a_dropped_node_takes_its_edges_along() -> None:
         (EdgePruned(2, 1, Cause.ATTEMPT), "Edge 2 -> 1 is not in the map"),
         (BeliefUpdated(1, 2, SURE, 1, 2, Cause.ATTEMPT), "counts 2 successes in 1 attempts"),
         (EdgeProtected(2, 1, True, Cause.HAND), "Edge 2 -> 1 is not in the map"),
+        (PresenceObserved(2, 1, False, 3.0, Cause.ATTEMPT), "Edge 2 -> 1 is not in the map"),
+        (PresenceObserved(1, 2, False, math.inf, Cause.ATTEMPT), "a moment must be finite"),
         (NodeNamed(5, "kitchen", False, Cause.HAND), "Node 5 is not in the map"),
         (NodeNamed(2, "door", False, Cause.HAND), "Node 1 is called 'door' already"),
         (FramesReserved((1,), Cause.BUILD), "Frame 1 is a node"),

@@ -26,6 +26,7 @@ DELTAS: tuple[d.GraphDelta, ...] = (
     d.BeliefUpdated(1, 2, BELIEF, 3, 1, d.Cause.ATTEMPT),
     d.EdgePruned(1, 2, d.Cause.ATTEMPT),
     d.EdgeProtected(1, 2, False, d.Cause.HAND),
+    d.PresenceObserved(1, 2, False, 3.0, d.Cause.ATTEMPT),
     d.NodeNamed(4, "kitchen", True, d.Cause.HAND),
     d.FramesReserved((5, 6), d.Cause.ONLINE),
     d.FramesReleased((5,), d.Cause.EXPAND),

@@ -27,6 +27,7 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PoseRow,
+    PresenceObserved,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import Event, GraphChanged
@@ -53,6 +54,7 @@ def path(tmp_path: Path) -> Path:
 
 
 numbers = st.floats(allow_nan=False, width=64)
+finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 poses = st.builds(PoseRow, numbers, numbers, numbers)
 causes = st.sampled_from(Cause)
 ids = st.integers(0, 10**9)
@@ -65,6 +67,7 @@ deltas: st.SearchStrategy[GraphDelta] = st.one_of(
     st.builds(BeliefUpdated, ids, ids, beliefs, ids, ids, causes),
     st.builds(EdgePruned, ids, ids, causes),
     st.builds(EdgeProtected, ids, ids, st.booleans(), causes),
+    st.builds(PresenceObserved, ids, ids, st.booleans(), finite, causes),
     st.builds(NodeNamed, ids, st.text(max_size=8), st.booleans(), causes),
     st.builds(FramesReserved, frames, causes),
     st.builds(FramesReleased, frames, causes),

@@ -24,6 +24,8 @@ from ltvn_core.systems.registry import system_entry
 from ltvn_core.types import FrameId, Pose, Predictor
 
 if TYPE_CHECKING:
+    from ltvn_core.simulation.changes.world import World
+    from ltvn_core.simulation.changes.world_script import WorldScript
     from ltvn_core.simulation.scene import Scene
     from ltvn_core.simulation.simulated_robot import SimulatedRobot
     from ltvn_core.simulation.wheel_odometry import OdometryNoise
@@ -40,6 +42,8 @@ class Simulation:
 
     scene: "Scene"
     robot: "SimulatedRobot"
+    world: "World"
+    """The scene over time; nothing changes by itself unless a script says so."""
 
 
 def open_simulation(
@@ -50,8 +54,11 @@ def open_simulation(
     start: Pose | None = None,
     odometry_noise: "OdometryNoise | None" = None,
     spec: RobotSpec = LOCOBOT,
+    script: "WorldScript | None" = None,
 ) -> Simulation:
     """Load a scene and put a robot of `spec` into it, at `start` (3,) or at a free place drawn with `seed`.
+
+    `script` says what changes in the scene over time; without one nothing does by itself.
 
     Raises SceneError for an unknown scene and where the simulator cannot run at all.
     """
@@ -59,12 +66,15 @@ def open_simulation(
         from ltvn_core.simulation.simulated_robot import SimulatedRobot
     except ModuleNotFoundError as missing:
         raise SceneError(f"There is no simulator here. {missing_text(missing.name or 'pybullet')}") from missing
+    from ltvn_core.simulation.changes.world import World
+    from ltvn_core.simulation.changes.world_script import STATIC
     from ltvn_core.simulation.rendering.renderer_selection import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
     scene = load_scene(scene_name)
+    world = World(scene, script or STATIC)
     rng = np.random.default_rng(seed)
-    place = scene.clearance.sample_poses(rng, 1, min_clearance_m=START_CLEARANCE_M)[0] if start is None else start
+    place = world.scene.clearance.sample_poses(rng, 1, min_clearance_m=START_CLEARANCE_M)[0] if start is None else start
     robot = SimulatedRobot(
         scene,
         open_renderer(scene, spec.camera),
@@ -73,8 +83,9 @@ def open_simulation(
         odometry_noise=odometry_noise,
         first_step=first_step,
         spec=spec,
+        world=world,
     )
-    return Simulation(scene, robot)
+    return Simulation(scene, robot, world)
 
 
 def simulated_robot(predictor: str) -> RobotSpec:

@@ -33,6 +33,10 @@ class SceneError(LtvnError):
     """A scene is unknown or cannot be loaded."""
 
 
+class WorldError(LtvnError):
+    """A world cannot change in this way, or its script cannot be read."""
+
+
 class DatasetError(LtvnError):
     """Training data are missing, cut, of another format, or cannot be written."""
 

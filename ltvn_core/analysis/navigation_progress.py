@@ -13,6 +13,7 @@ from ltvn_core.graph import deltas
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
+from ltvn_core.worlds.world_state import AS_MADE, WorldState
 
 
 class NavigationProgress(NamedTuple):
@@ -42,6 +43,8 @@ class NavigationProgress(NamedTuple):
     pruned: int = 0
     added: int = 0
     """Edges that navigation added."""
+    world: WorldState = AS_MADE
+    """In simulation, what the world is like."""
 
 
 NO_PROGRESS = NavigationProgress()
@@ -73,6 +76,8 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
             return progress._replace(note=event)
         case e.GraphChanged():
             return _after_change(progress, event)
+        case e.WorldChanged(change):
+            return progress._replace(world=progress.world.after(change))
     assert_never(event)
 
 

@@ -52,6 +52,7 @@ def _kind_and_nodes(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> tup
             | e.AttemptEnded()
             | e.Judged()
             | e.Note()
+            | e.WorldChanged()
         ):
             return None
     assert_never(event)

@@ -25,6 +25,7 @@ from ltvn_core.navigation.events import (
     QueryEnded,
     QueryStarted,
     StateChanged,
+    WorldChanged,
 )
 from ltvn_core.types import NodeId
 
@@ -120,7 +121,7 @@ class TimelineRows:
                 self._attempt = replace(self._attempt, collisions=self._attempt.collisions + 1)
             case AttemptEnded():
                 self._attempt_ended(instant, event)
-            case Localised() | Collided() | StateChanged() | Note():
+            case Localised() | Collided() | StateChanged() | Note() | WorldChanged():
                 pass  # No row begins or ends with it.
 
     def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:

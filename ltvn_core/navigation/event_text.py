@@ -14,6 +14,7 @@ from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
+from ltvn_core.worlds.world_change import change_text
 
 _MAX_NODES = 8
 """A longer path is described by its first and last nodes."""
@@ -70,6 +71,8 @@ def describe_event(event: e.Event) -> EventDescription:
             return EventDescription(text, severity)
         case e.Note(text, severity):
             return EventDescription(text, severity)
+        case e.WorldChanged(change):
+            return EventDescription(f"world: {change_text(change)}")
     assert_never(event)
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 
 from ltvn_core.graph.deltas import GraphDelta, PoseRow
 from ltvn_core.types import FrameId, NodeId
+from ltvn_core.worlds.world_change import Outline, WorldChange
 
 
 class NavigatorState(StrEnum):
@@ -193,6 +194,25 @@ class Note:
     severity: Severity = Severity.INFO
 
 
+class ChangedBy(StrEnum):
+    """Who changed the world."""
+
+    SCRIPT = "script"
+    HAND = "hand"
+
+
+@dataclass(frozen=True, slots=True)
+class WorldChanged:
+    """In simulation, the world is another one from now on. The method never reads it."""
+
+    change: WorldChange
+    by: ChangedBy = ChangedBy.SCRIPT
+    at_s: float = 0.0
+    """Time of the world in seconds from midnight of its first day; the robot's clock may stand still meanwhile."""
+    outline: Outline | None = None
+    """Where the door, thing or person stands now, for those who have no model of the scene; None where nothing does."""
+
+
 Event: TypeAlias = (
     StateChanged
     | QueryStarted
@@ -205,6 +225,7 @@ Event: TypeAlias = (
     | QueryEnded
     | Judged
     | Note
+    | WorldChanged
 )
 
 

@@ -18,6 +18,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import Event, StampedEvent
 from ltvn_core.types import FrameId
+from ltvn_core.worlds.world_change import WorldChange
 
 
 def _plain_float(value: float) -> float | str:
@@ -32,6 +33,7 @@ def _converter() -> cattrs.Converter:
     converter.register_unstructure_hook(int, int)
     converter.register_unstructure_hook(bool, bool)
     configure_tagged_union(GraphDelta, converter, tag_name="kind")
+    configure_tagged_union(WorldChange, converter, tag_name="kind")
     configure_tagged_union(Event, converter, tag_name="kind")
     return converter
 

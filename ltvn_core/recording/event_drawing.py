@@ -19,7 +19,9 @@ from ltvn_core.palette import Rgb8
 from ltvn_core.recording import schema
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.map_drawing import GRAPH_HEIGHT_M, DrawnEntity
+from ltvn_core.recording.world_drawing import draw_world_change
 from ltvn_core.types import FrameId, NodeId
+from ltvn_core.worlds.world_change import PersonMoved
 
 _PLAN_HEIGHT_M = 0.10
 MAX_BELIEF_CURVES = 24
@@ -73,6 +75,8 @@ def _curve(edge: tuple[NodeId, NodeId]) -> str:
 
 
 def _log_line(event: ev.Event) -> list[DrawnEntity]:
+    if isinstance(event, ev.WorldChanged) and isinstance(event.change, PersonMoved):
+        return []  # Somebody who walks would fill the log.
     if isinstance(event, ev.StateChanged) or (
         isinstance(event, ev.GraphChanged) and event.delta.cause in _QUIET_CAUSES
     ):
@@ -104,6 +108,8 @@ def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
             return [DrawnEntity(schema.WAYPOINT, [rr.Arrows3D(origins=[], vectors=[])])]
         case ev.GraphChanged(delta=EdgePruned(source=source, target=target)):
             return [_strip(schema.PRUNED, [source, target], drawn_poses, palette.EDGE_REMOVED)]
+        case ev.WorldChanged():
+            return draw_world_change(event)
         case ev.GraphChanged() | ev.Collided() | ev.QueryEnded() | ev.Judged() | ev.Note():
             return []
     assert_never(event)

@@ -40,6 +40,9 @@ class ClearanceMap:
     """(2,) x and y of the grid's lower corner in metres."""
     resolution_m: float = 0.05
     """Side of a cell."""
+    floor: NDArray[np.bool_] | None = None
+    """Cells (rows, columns) that were navigable before the world changed; None where it never did. Closed doors divide
+    them into several pieces, and the robot may be in any of these."""
 
     @cached_property
     def grid(self) -> NDArray[np.float64]:
@@ -51,10 +54,14 @@ class ClearanceMap:
 
     @cached_property
     def navigable(self) -> NDArray[np.bool_]:
-        """Cells (rows, columns) of the largest connected piece of floor with the planning clearance."""
+        """Cells (rows, columns) with the planning clearance in the largest connected piece of floor, or in any piece
+        that reaches the former `floor`."""
         components, count = connected_components(self.grid > PLANNING_CLEARANCE_M)
         if count == 0:
             return np.zeros_like(self.blocked)
+        if self.floor is not None:
+            former = np.unique(components[self.floor])
+            return np.isin(components, former[former > 0])
         sizes = np.bincount(components.ravel())
         sizes[0] = 0  # Number 0 is everything that is not free.
         return components == int(sizes.argmax())

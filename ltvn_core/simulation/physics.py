@@ -8,6 +8,7 @@ Motors, drive lease and time are elsewhere.
 
 import importlib
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,11 @@ from ltvn_core.types import Pose
 
 TICKS_PER_SECOND = 240
 TICK_S = 1 / TICKS_PER_SECOND
+
+SCENE_OBSTACLES = "scene"
+"""The group of obstacles with which a physics world begins."""
+PERSON_RADIUS_M = 0.25
+PERSON_HEIGHT_M = 1.7
 
 _FRICTION = 0.3
 """Between body and walls: the robot slides along a wall that it meets at a flat angle, and stops at one that it meets
@@ -49,8 +55,9 @@ class PhysicsWorld:
         self._client = self._bullet.connect(self._bullet.DIRECT)
         self._bullet.setTimeStep(TICK_S, physicsClientId=self._client)
         self._bullet.setGravity(0, 0, 0, physicsClientId=self._client)
-        for part in _parts(faces[_within_reach(vertices, faces, spec)]):
-            self._add_obstacle(vertices, part)
+        self._people: dict[str, int] = {}
+        self._obstacles: dict[str, list[int]] = {}
+        self.set_obstacles(SCENE_OBSTACLES, vertices, faces)
         self._body = self._add_body()
         self.place(start)
 
@@ -65,6 +72,24 @@ class PhysicsWorld:
         # Bullet also lists pairs that are merely close, with a positive distance.
         contacts = self._bullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
         return any(contact[8] < _CONTACT_GAP_M for contact in contacts)
+
+    def set_obstacles(self, group: str, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+        """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); none takes them away."""
+        for body in self._obstacles.pop(group, ()):
+            self._bullet.removeBody(body, physicsClientId=self._client)
+        reached = faces[_within_reach(vertices, faces, self._spec)] if len(faces) else faces
+        self._obstacles[group] = [self._add_obstacle(vertices, part) for part in _parts(reached)]
+
+    def set_people(self, people: Mapping[str, tuple[float, float]]) -> None:
+        """Say who stands where, x and y in metres; each is a post that the robot cannot push, as nobody pushes it."""
+        for person in self._people.keys() - people.keys():
+            self._bullet.removeBody(self._people.pop(person), physicsClientId=self._client)
+        for person, (x_m, y_m) in people.items():
+            if person not in self._people:
+                self._people[person] = self._add_person()
+            self._bullet.resetBasePositionAndOrientation(
+                self._people[person], (x_m, y_m, PERSON_HEIGHT_M / 2), (0, 0, 0, 1), physicsClientId=self._client
+            )
 
     def place(self, pose: Pose) -> None:
         """Set the body to `pose` (3,), at rest."""
@@ -99,7 +124,13 @@ class PhysicsWorld:
             self._body, (self.x_m, self.y_m, self._middle_m), (0, 0, 0, 1), physicsClientId=self._client
         )
 
-    def _add_obstacle(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+    def _add_person(self) -> int:
+        shape = self._bullet.createCollisionShape(
+            self._bullet.GEOM_CYLINDER, radius=PERSON_RADIUS_M, height=PERSON_HEIGHT_M, physicsClientId=self._client
+        )
+        return self._bullet.createMultiBody(0, shape, physicsClientId=self._client)
+
+    def _add_obstacle(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> int:
         used, local = np.unique(faces, return_inverse=True)
         shape = self._bullet.createCollisionShape(
             self._bullet.GEOM_MESH,
@@ -110,6 +141,7 @@ class PhysicsWorld:
         )
         body = self._bullet.createMultiBody(0, shape, physicsClientId=self._client)
         self._bullet.changeDynamics(body, -1, lateralFriction=_FRICTION, physicsClientId=self._client)
+        return body
 
     def _add_body(self) -> int:
         shape = self._bullet.createCollisionShape(

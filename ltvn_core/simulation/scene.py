@@ -1,6 +1,6 @@
 """The type of a scene, whether generated or read from a mesh. `scene_registry` finds scenes by name or by path."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
 from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
 from ltvn_core.simulation.gltf_export import to_glb
+from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rooms import Room
-from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.scene_parts import SceneParts
+from ltvn_core.simulation.surfaces import Surfaces, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,11 @@ class Scene:
     surfaces: Surfaces
     source: Path | None = None
     """Absolute path of the mesh file or folder it was read from; None for a generated scene."""
+    parts: SceneParts = field(default_factory=SceneParts)
+    """What of it can be moved or exchanged."""
+    added: tuple[Surfaces, ...] = ()
+    """What stands in it for now beside its own surfaces: leaves of closed doors, things, people."""
+    light: Light = PLAIN_LIGHT
 
     @property
     def address(self) -> str:
@@ -37,4 +44,5 @@ class Scene:
 
     def glb(self, *, with_ceiling: bool) -> bytes:
         """Return the visible surfaces as a binary glTF, z up."""
-        return to_glb(self.surfaces if with_ceiling else self.surfaces.without_overhead())
+        whole = joined([self.surfaces, *self.added]) if self.added else self.surfaces
+        return to_glb(whole if with_ceiling else whole.without_overhead())

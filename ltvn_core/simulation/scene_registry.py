@@ -24,12 +24,15 @@ from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene
 from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.scene_parts import SceneParts
 from ltvn_core.simulation.surfaces import Surfaces
 
 log = logging.getLogger(__name__)
 
 GENERATOR_VERSION = 2
 """Part of the cache's file names. Increase it whenever a seed gives another apartment than before."""
+CACHE_VERSION = 2
+"""Part of the cache's file names, too. Increase it whenever other things are kept of the same apartment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +135,7 @@ def _mesh_path(name: str) -> Path:
 def _cache_path(name: str) -> Path:
     """Return a file name with everything that determines a scene, so that a changed recipe never reads an old file."""
     recipe = _RECIPES[name]
-    file = f"{name}-seed{recipe.seed}-{recipe.area_m2:g}m2-v{GENERATOR_VERSION}.npz"
+    file = f"{name}-seed{recipe.seed}-{recipe.area_m2:g}m2-v{GENERATOR_VERSION}.{CACHE_VERSION}.npz"
     return user_cache_path("ltvn") / "scenes" / file
 
 
@@ -147,6 +150,7 @@ def _generate(name: str) -> Scene:
         rooms=plan.rooms,
         clearance=ClearanceMap(grown.blocked, grown.origin),
         surfaces=grown.surfaces,
+        parts=grown.parts,
     )
 
 
@@ -169,6 +173,7 @@ def _write_cache(scene: Scene, path: Path) -> None:
         "face_texture": surfaces.face_texture,
         "overhead": surfaces.overhead,
     }
+    arrays |= scene.parts.arrays()
     try:
         _write_whole(path, arrays)
     except OSError as error:
@@ -207,6 +212,7 @@ def _read_cache(name: str, path: Path) -> Scene | None:
                     overhead=cached["overhead"],
                     textures=textures,
                 ),
+                parts=SceneParts.from_arrays(cached),
             )
     except FileNotFoundError:
         return None

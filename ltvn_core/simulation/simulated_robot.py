@@ -5,14 +5,17 @@ its program hangs. `drive` and `stop` may be called from any thread, everything 
 """
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.errors import SceneError
+from ltvn_core.errors import SceneError, WorldError
+from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.simulation.changes.world_follower import WorldFollower
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.drivetrain import Drivetrain
 from ltvn_core.simulation.physics import TICK_S, TICKS_PER_SECOND, PhysicsWorld
@@ -28,8 +31,10 @@ from ltvn_core.types import (
     RobotState,
     Twist,
 )
+from ltvn_core.worlds.world_change import WorldChange
 
 if TYPE_CHECKING:
+    from ltvn_core.simulation.changes.world import World
     from ltvn_core.simulation.scene import Scene
 
 _TICKS_PER_STEP = round(CONTROL_STEP_S * TICKS_PER_SECOND)
@@ -52,6 +57,7 @@ class SimulatedRobot:
         first_step: FrameId = 0,
         lease_s: float = LEASE_S,
         spec: RobotSpec = LOCOBOT,
+        world: "World | None" = None,
     ) -> None:
         """Create a robot at `start` (3,), where its odometry is exact.
 
@@ -64,16 +70,20 @@ class SimulatedRobot:
             first_step: Number of the first control step, to continue the count of another run.
             lease_s: Seconds for which a drive command is valid.
             spec: The size, speeds and camera of the robot.
+            world: The changing world whose scene it is; the robot, its camera and its bumper follow it.
 
         Raises:
             SceneError: `start` lies inside an obstacle.
         """
+        self.world = world
+        """The world that it drives in; None where nothing ever changes."""
+        scene = scene if world is None else world.scene
         self._clearance = scene.clearance
         self._renderer = renderer
         self._spec = spec
         self._clock = SimulatorClock(self)
         start = _checked_free_pose(start, self._clearance, spec.radius_m)
-        self._world = PhysicsWorld(*scene.collision_triangles(), start, spec)
+        self._physics = PhysicsWorld(*scene.collision_triangles(), start, spec)
         self._odometer = Odometer(start, odometry_noise or OdometryNoise(), rng)
         self._drivetrain = Drivetrain(spec.accelerations)
         self._lease = DriveLease(lambda: self.stamp, valid_s=lease_s, limits=spec.speeds)
@@ -83,6 +93,10 @@ class SimulatedRobot:
         self._step = first_step
         self._ticks_in_step = 0
         self._observation: Observation | None = None
+        self._follower = None if world is None else WorldFollower(world, self._physics, renderer)
+        if world is not None:
+            world.enter(self, spec.radius_m)
+            world.follow(self._follow)
 
     @property
     def spec(self) -> RobotSpec:
@@ -107,7 +121,7 @@ class SimulatedRobot:
     @property
     def exact_pose(self) -> Pose:
         """The true pose (3,) in the world frame; only oracle, evaluation, recording and display may read it."""
-        return self._world.pose
+        return self._physics.pose
 
     @property
     def speeds(self) -> Twist:
@@ -160,6 +174,8 @@ class SimulatedRobot:
 
     def render(self, camera: CameraModel) -> tuple[Rgb, Depth]:
         """Render another camera at the robot's pose, for display; neither recorded nor used by the method."""
+        if self._follower is not None:
+            self._follower.show()
         return self._renderer.render(self.exact_pose, camera)
 
     def advance(self, duration_s: float) -> None:
@@ -177,6 +193,16 @@ class SimulatedRobot:
         for _ in range(whole):
             self._tick()
 
+    def apply(self, change: WorldChange) -> None:
+        """Change the world by hand, see `World.apply`.
+
+        Raises:
+            WorldError: The change cannot be, or the robot has no world.
+        """
+        if self.world is None:
+            raise WorldError("This robot's scene does not change. Give the robot a world when it is made.")
+        self.world.apply(change)
+
     def teleport(self, pose: Pose) -> None:
         """Put the robot at `pose` (3,), at rest; odometry restarts there, and a new control step begins.
 
@@ -186,24 +212,35 @@ class SimulatedRobot:
         pose = _checked_free_pose(pose, self._clearance, self._spec.radius_m)
         self._lease.cancel()
         self._drivetrain.halt()
-        self._world.place(pose)
+        self._physics.place(pose)
         self._odometer.restart(pose)
         self._collision_counter.reset()
         self._step += 1
         self._ticks_in_step = 0
 
     def close(self) -> None:
-        """Free the physics engine; closing twice is allowed."""
-        self._world.close()
+        """Leave the world and free the physics engine; closing twice is allowed."""
+        if self.world is not None:
+            self.world.unfollow(self._follow)
+            self.world.leave(self)
+        self._physics.close()
+
+    def _follow(self, events: Sequence[WorldChanged]) -> None:
+        """Let body and camera meet the world as it is now. A picture of this step shows it as it was: a new begins."""
+        assert self._follower is not None
+        self._clearance = self._follower.follow()
+        if self._observation is not None and self._observation.step == self._step:
+            self._step += 1
+            self._ticks_in_step = 0
 
     def _tick(self) -> None:
-        world = self._world
-        x_m, y_m, yaw_rad = world.x_m, world.y_m, world.yaw_rad
-        world.tick(*self._drivetrain.follow(self._lease.command(), TICK_S))
-        dx, dy = world.x_m - x_m, world.y_m - y_m
+        body = self._physics
+        x_m, y_m, yaw_rad = body.x_m, body.y_m, body.yaw_rad
+        body.tick(*self._drivetrain.follow(self._lease.command(), TICK_S))
+        dx, dy = body.x_m - x_m, body.y_m - y_m
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        self._odometer.move(cos * dx + sin * dy, cos * dy - sin * dx, world.yaw_rad - yaw_rad)
-        self._collision_counter.update(world.in_contact)
+        self._odometer.move(cos * dx + sin * dy, cos * dy - sin * dx, body.yaw_rad - yaw_rad)
+        self._collision_counter.update(body.in_contact)
         self._count_tick()
 
     def _count_tick(self) -> None:
@@ -212,6 +249,8 @@ class SimulatedRobot:
         if self._ticks_in_step == _TICKS_PER_STEP:
             self._step += 1
             self._ticks_in_step = 0
+            if self.world is not None:
+                self.world.advance_to(self.stamp)
 
 
 class SimulatorClock:

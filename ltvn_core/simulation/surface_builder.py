@@ -31,6 +31,11 @@ class SurfaceBuilder:
         self.overhead = False
         """Whether what is added now is part of the ceiling or hangs from it."""
 
+    @property
+    def face_count(self) -> int:
+        """How many triangles were added so far."""
+        return sum(len(triangles) for triangles in self._triangles)
+
     def texture(self, image: Rgb) -> TextureIndex:
         """Add an image (H, W, 3) as a texture and return its index."""
         self._textures.append(image)

@@ -1,5 +1,6 @@
 """The visible surfaces of a scene: textured triangles in flat arrays, for ray casting and display."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,3 +40,21 @@ class Surfaces:
             overhead=self.overhead[keep],
             textures=self.textures,
         )
+
+
+def joined(parts: Sequence[Surfaces]) -> Surfaces:
+    """Return several surfaces as one."""
+    vertices = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    textures = np.cumsum([0, *(len(part.textures) for part in parts)])
+    return Surfaces(
+        vertices=np.concatenate([part.vertices for part in parts]),
+        faces=np.concatenate([part.faces + first for part, first in zip(parts, vertices, strict=False)]).astype(
+            np.int32
+        ),
+        corner_uv=np.concatenate([part.corner_uv for part in parts]),
+        face_texture=np.concatenate(
+            [part.face_texture + first for part, first in zip(parts, textures, strict=False)]
+        ).astype(np.int32),
+        overhead=np.concatenate([part.overhead for part in parts]),
+        textures=tuple(texture for part in parts for texture in part.textures),
+    )

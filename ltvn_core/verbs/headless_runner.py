@@ -18,7 +18,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
-from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent
+from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent, WorldChanged
 from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
@@ -61,6 +61,8 @@ class HeadlessRunner:
         self.writer, self.keyframes, self.graph = writer, keyframes, graph
         self.predictor = predictor
         self.system = system
+        self._record_world(simulation.world.events())
+        simulation.world.follow(self._record_world)
 
     def collect(self, rng: np.random.Generator, loops: int) -> list[Observation]:
         """Drive a mapping tour, record it, and return its keyframes."""
@@ -137,6 +139,10 @@ class HeadlessRunner:
     def _record(self, event: Event) -> None:
         state = self.robot.state()
         self.writer.write_event(StampedEvent(state.step, state.stamp, event))
+
+    def _record_world(self, events: Sequence[WorldChanged]) -> None:
+        for event in events:
+            self._record(event)
 
     def _change(self, deltas: Sequence[GraphDelta]) -> None:
         for delta in deltas:

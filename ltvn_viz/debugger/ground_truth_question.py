@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Never
 
 from ltvn_core import palette
@@ -14,8 +14,10 @@ from ltvn_core.evaluation.ground_truth import GroundTruth, calibration_bins
 from ltvn_core.evaluation.results import EdgeCalibrationBin
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import AttemptEnded, QueryEnded, StampedEvent
+from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import FrameId, Observation, Pose
+from ltvn_core.worlds.world_state import WorldState
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question
@@ -65,8 +67,11 @@ class GroundTruthQuestion(Question[Never]):
             self._latest.forget()
         events = context.timeline.events[: context.timeline.count_until(context.instant)]
         poses, near, scene = _poses(context, events), context.method.building.connect_distance, context.scene
-        question = ("truth", context.name, scene, context.revision(AttemptEnded, QueryEnded))
-        judged = self._latest(context.in_background, question, lambda: _judged_map(scene, graph, poses, events, near))
+        world = context.timeline.progress_before(len(events)).world
+        question = ("truth", context.name, scene, world, context.revision(AttemptEnded, QueryEnded))
+        judged = self._latest(
+            context.in_background, question, lambda: _judged_map(scene, world, graph, poses, events, near)
+        )
         if judged is None:
             builder.add_pending("Asking the simulator")
             return builder.build()
@@ -94,9 +99,16 @@ def _poses(context: DebugContext, events: Sequence[StampedEvent]) -> dict[FrameI
 
 
 def _judged_map(
-    scene: str, graph: TopologicalGraph, poses: Mapping[FrameId, Pose], events: Sequence[StampedEvent], near: float
+    scene: str,
+    world: WorldState,
+    graph: TopologicalGraph,
+    poses: Mapping[FrameId, Pose],
+    events: Sequence[StampedEvent],
+    near: float,
 ) -> JudgedMap:
-    truth = GroundTruth(load_scene(scene).clearance, _nobody, poses=poses)
+    # An edge through a door that is closed now cannot be driven now.
+    clearance = ChangedScenes(load_scene(scene)).at(replace(world, people=())).clearance
+    truth = GroundTruth(clearance, _nobody, poses=poses)
     points = calibration_over_queries(events, truth)
     verdicts = edge_accuracy(graph, truth, near=near)
     return JudgedMap(graph, poses, verdicts, calibration_bins(graph, truth), points[-1] if points else None)

@@ -37,6 +37,7 @@ FOUNDATION = (
     "preprocessing",
     "cameras",
     "robots",
+    "worlds",
 )
 
 TRUTH_READERS = (

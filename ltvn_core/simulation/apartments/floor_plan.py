@@ -10,27 +10,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
-from ltvn_core.simulation.rooms import Room, RoomKind
+from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
 
 GRID_STEP_M = 0.05
 """Everything that blocks the floor has its edges on multiples of this, so that the clearance map is exact."""
 
 MIN_DOORWAY_M = 0.9
-
-
-@dataclass(frozen=True, slots=True)
-class Doorway:
-    """A gap in the wall between two rooms."""
-
-    rooms: tuple[int, int]
-    axis: int
-    """0 for a wall along y (x is constant), 1 for a wall along x."""
-    wall: float
-    """Coordinate of the wall's centre line on that axis."""
-    low: float
-    """Coordinate along the wall where the gap begins."""
-    high: float
-    """Coordinate along the wall where the gap ends."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,8 +75,9 @@ DrawFurniture = Callable[[FurnitureBuilder], None]
 
 @dataclass(frozen=True, slots=True)
 class FurnitureKind:
-    """A kind of furniture: the ranges of its size in metres, and the function that builds it."""
+    """A kind of furniture: its name, the ranges of its size in metres, and the function that builds it."""
 
+    name: str
     width: tuple[float, float]
     depth: tuple[float, float]
     draw: DrawFurniture
@@ -240,21 +241,21 @@ def _basin(c: FurnitureBuilder) -> None:
     c.box(c.materials.metal, (0, -d / 2 + 0.02, 1.1), (w * 0.9, 0.02, 0.7))
 
 
-SOFA = FurnitureKind((1.6, 2.3), (0.85, 0.95), _sofa)
-ARMCHAIR = FurnitureKind(width=(0.75, 0.9), depth=(0.75, 0.85), draw=_armchair, against_wall=False)
-LOW_TABLE = FurnitureKind(width=(0.8, 1.2), depth=(0.55, 0.7), draw=_low_table, against_wall=False)
-HIGH_TABLE = FurnitureKind(width=(1.2, 1.7), depth=(0.8, 0.9), draw=_high_table, against_wall=False)
-SHELF = FurnitureKind(width=(0.8, 1.5), depth=(0.35, 0.4), draw=_shelf, tall=True)
-WARDROBE = FurnitureKind(width=(1.0, 1.9), depth=(0.6, 0.6), draw=_wardrobe, tall=True)
-CHEST = FurnitureKind((0.8, 1.3), (0.45, 0.5), _chest)
-BED = FurnitureKind((1.1, 1.7), (2.0, 2.1), _bed)
-DESK = FurnitureKind((1.2, 1.6), (0.65, 0.75), _desk)
-COUNTER = FurnitureKind(width=(1.6, 2.8), depth=(0.6, 0.6), draw=_counter, tall=True)
-FRIDGE = FurnitureKind(width=(0.65, 0.7), depth=(0.65, 0.7), draw=_fridge, tall=True)
-TELEVISION = FurnitureKind(width=(1.2, 1.8), depth=(0.45, 0.45), draw=_television, tall=True)
-PLANT = FurnitureKind((0.45, 0.45), (0.45, 0.45), _plant)
-LAMP = FurnitureKind((0.4, 0.4), (0.4, 0.4), _lamp)
-TOY_CHEST = FurnitureKind((0.8, 1.2), (0.4, 0.45), _toy_chest)
-BATHTUB = FurnitureKind((1.5, 1.7), (0.75, 0.8), _bathtub)
-TOILET = FurnitureKind((0.45, 0.45), (0.7, 0.7), _toilet)
-BASIN = FurnitureKind(width=(0.6, 0.9), depth=(0.45, 0.5), draw=_basin, tall=True)
+SOFA = FurnitureKind(name="sofa", width=(1.6, 2.3), depth=(0.85, 0.95), draw=_sofa)
+ARMCHAIR = FurnitureKind(name="armchair", width=(0.75, 0.9), depth=(0.75, 0.85), draw=_armchair, against_wall=False)
+LOW_TABLE = FurnitureKind(name="low-table", width=(0.8, 1.2), depth=(0.55, 0.7), draw=_low_table, against_wall=False)
+HIGH_TABLE = FurnitureKind(name="high-table", width=(1.2, 1.7), depth=(0.8, 0.9), draw=_high_table, against_wall=False)
+SHELF = FurnitureKind(name="shelf", width=(0.8, 1.5), depth=(0.35, 0.4), draw=_shelf, tall=True)
+WARDROBE = FurnitureKind(name="wardrobe", width=(1.0, 1.9), depth=(0.6, 0.6), draw=_wardrobe, tall=True)
+CHEST = FurnitureKind(name="chest", width=(0.8, 1.3), depth=(0.45, 0.5), draw=_chest)
+BED = FurnitureKind(name="bed", width=(1.1, 1.7), depth=(2.0, 2.1), draw=_bed)
+DESK = FurnitureKind(name="desk", width=(1.2, 1.6), depth=(0.65, 0.75), draw=_desk)
+COUNTER = FurnitureKind(name="counter", width=(1.6, 2.8), depth=(0.6, 0.6), draw=_counter, tall=True)
+FRIDGE = FurnitureKind(name="fridge", width=(0.65, 0.7), depth=(0.65, 0.7), draw=_fridge, tall=True)
+TELEVISION = FurnitureKind(name="television", width=(1.2, 1.8), depth=(0.45, 0.45), draw=_television, tall=True)
+PLANT = FurnitureKind(name="plant", width=(0.45, 0.45), depth=(0.45, 0.45), draw=_plant)
+LAMP = FurnitureKind(name="lamp", width=(0.4, 0.4), depth=(0.4, 0.4), draw=_lamp)
+TOY_CHEST = FurnitureKind(name="toy-chest", width=(0.8, 1.2), depth=(0.4, 0.45), draw=_toy_chest)
+BATHTUB = FurnitureKind(name="bathtub", width=(1.5, 1.7), depth=(0.75, 0.8), draw=_bathtub)
+TOILET = FurnitureKind(name="toilet", width=(0.45, 0.45), depth=(0.7, 0.7), draw=_toilet)
+BASIN = FurnitureKind(name="basin", width=(0.6, 0.9), depth=(0.45, 0.5), draw=_basin, tall=True)

@@ -13,6 +13,7 @@ from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, Occup
 from ltvn_core.simulation.apartments.room_shell import WallSide
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.rooms import Room, RoomKind
+from ltvn_core.simulation.scene_parts import FurniturePiece
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 
 _TRIES = 14
@@ -38,6 +39,8 @@ class FurniturePlacer:
         self._builder = builder
         self._occupancy = occupancy
         self._materials = materials
+        self.placed: list[FurniturePiece] = []
+        """What was placed so far, in all rooms."""
 
     def place_furniture(self, rng: SeededRng, room: Room, sides: Sequence[WallSide]) -> list[list[tuple[float, float]]]:
         """Place the furniture of a room's kind as far as it fits.
@@ -54,6 +57,7 @@ class FurniturePlacer:
             placement, wall, wall_interval = self._place(rng, room, sides, piece, width, depth)
             if placement is None:
                 continue
+            first_face = self._builder.face_count
             piece.draw(
                 FurnitureBuilder(
                     builder=self._builder,
@@ -64,9 +68,25 @@ class FurniturePlacer:
                     cloth=cloth,
                 )
             )
+            self._note(piece, placement, first_face)
             if piece.tall and wall is not None:
                 hidden[wall].append(wall_interval)
         return hidden
+
+    def _note(self, kind: FurnitureKind, placement: FurniturePlacement, first_face: int) -> None:
+        number = sum(piece.name.startswith(f"{kind.name}-") for piece in self.placed)
+        self.placed.append(
+            FurniturePiece(
+                name=f"{kind.name}-{number}",
+                x=placement.x,
+                y=placement.y,
+                turn=placement.turn,
+                width=placement.width,
+                depth=placement.depth,
+                first_face=first_face,
+                end_face=self._builder.face_count,
+            )
+        )
 
     def _place(
         self, rng: SeededRng, room: Room, sides: Sequence[WallSide], piece: FurnitureKind, width: float, depth: float

@@ -19,7 +19,8 @@ from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.boolean_grid import Mask, connected_components
 from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M
 from ltvn_core.simulation.rooms import Room, RoomKind
-from ltvn_core.simulation.surface_builder import SurfaceBuilder
+from ltvn_core.simulation.scene_parts import SceneParts
+from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
 from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_core.simulation.triangle_rasterization import RasterGrid, Triangles, clip_to_heights
 
@@ -50,6 +51,8 @@ class Apartment:
     """(rows, columns) cells of 5 cm with an obstacle."""
     origin: NDArray[np.float64]
     """(2,) x and y in metres of the lower corner of that grid."""
+    parts: SceneParts
+    """What of it can be moved or exchanged."""
 
 
 def generate_apartment(seed: int, area_m2: float) -> Apartment:
@@ -72,16 +75,23 @@ def generate_apartment(seed: int, area_m2: float) -> Apartment:
         if occupancy.is_connected():
             break
     furniture_placer = FurniturePlacer(builder, occupancy, materials)
+    rugs: list[TextureIndex] = []
     for room, room_sides in zip(plan.rooms, sides, strict=True):
         room_rng = rng.spawn()
         if room.kind in _ROOMS_WITH_RUG and room_rng.chance(0.85):
-            _lay_rug(builder, room_rng, room)
+            rugs.append(_lay_rug(builder, room_rng, room))
         hidden = furniture_placer.place_furniture(room_rng, room, room_sides)
         for side, covered in zip(room_sides, hidden, strict=True):
             shell.add_decoration(room, side, covered)
     surfaces = builder.build()
     blocked = _occupied_cells(occupancy.blocked, occupancy.origin, surfaces.vertices[surfaces.faces])
-    return Apartment(plan=plan, surfaces=surfaces, blocked=blocked, origin=occupancy.origin)
+    parts = SceneParts(
+        doorways=plan.doorways,
+        furniture=tuple(furniture_placer.placed),
+        paintings=tuple(shell.paintings),
+        rugs=tuple(rugs),
+    )
+    return Apartment(plan=plan, surfaces=surfaces, blocked=blocked, origin=occupancy.origin, parts=parts)
 
 
 def _hues(rng: SeededRng, count: int) -> list[float]:
@@ -90,12 +100,14 @@ def _hues(rng: SeededRng, count: int) -> list[float]:
     return [first + order / count for order in rng.shuffled(range(count))]
 
 
-def _lay_rug(builder: SurfaceBuilder, rng: SeededRng, room: Room) -> None:
+def _lay_rug(builder: SurfaceBuilder, rng: SeededRng, room: Room) -> TextureIndex:
     width = min(room.x1 - room.x0 - 0.8, rng.uniform(1.4, 2.6))
     depth = min(room.y1 - room.y0 - 0.8, rng.uniform(1.2, 2.2))
     x = rng.uniform(room.x0 + 0.3 + width / 2, room.x1 - 0.3 - width / 2)
     y = rng.uniform(room.y0 + 0.3 + depth / 2, room.y1 - 0.3 - depth / 2)
-    builder.box(builder.texture(decals.rug(rng)), (x, y, 0.003), (width, depth, 0.006), tile_m=None)
+    texture = builder.texture(decals.rug(rng))
+    builder.box(texture, (x, y, 0.003), (width, depth, 0.006), tile_m=None)
+    return texture
 
 
 def _occupied_cells(blocked: Mask, origin: NDArray[np.float64], triangles: Triangles) -> Mask:

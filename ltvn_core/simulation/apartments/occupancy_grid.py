@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, Doorway, FloorPlan
+from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, FloorPlan
 from ltvn_core.simulation.boolean_grid import connected_components, distance_transform
+from ltvn_core.simulation.rooms import Doorway
 
 MARGIN_CELLS = 4
 """Blocked cells around the floor: the outer walls."""

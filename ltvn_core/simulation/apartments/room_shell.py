@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ltvn_core.simulation.apartments import decals
-from ltvn_core.simulation.apartments.floor_plan import Doorway, FloorPlan
+from ltvn_core.simulation.apartments.floor_plan import FloorPlan
 from ltvn_core.simulation.apartments.materials import ApartmentMaterials, RoomMaterials
 from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, OccupancyGrid
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
-from ltvn_core.simulation.rooms import Room, RoomKind
+from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
 from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
 
 _HALF_WALL_M = 0.05
@@ -91,6 +91,8 @@ class RoomShell:
         self._rng = rng
         self._materials = materials
         self._height = height_m
+        self.paintings: list[TextureIndex] = []
+        """The textures of the paintings that were hung so far."""
 
     def draw(self, room: Room, sides: tuple[WallSide, ...], style: RoomMaterials) -> None:
         """Add floor, ceiling, lamp and walls of a room, and block the walls."""
@@ -202,6 +204,7 @@ class RoomShell:
         height = min(width * self._rng.uniform(0.6, 1.2), 1.0)
         middle = self._rng.uniform(1.15, 1.5)
         painting = self._builder.texture(decals.painting(self._rng))
+        self.paintings.append(painting)
         self._mount(side, place, middle - height / 2, middle + height / 2, painting)
 
     def _free_interval(

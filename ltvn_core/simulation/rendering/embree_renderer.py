@@ -5,12 +5,13 @@ Knows surfaces, but neither rooms nor robots.
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rendering.ray_casting import RayCaster, RayHits
 from ltvn_core.simulation.rendering.shading import Shader
 from ltvn_core.simulation.surfaces import Surfaces
@@ -18,6 +19,8 @@ from ltvn_core.types import Depth, Pose, Rgb
 
 MAX_DEPTH_M = 10.0
 """Range of the depth camera; depth is 0 beyond it."""
+_SURFACES_PER_LAYER = 1 << 26
+"""Numbers of surfaces of different layers differ by this much."""
 
 
 class _Rays(NamedTuple):
@@ -25,6 +28,44 @@ class _Rays(NamedTuple):
 
     left: NDArray[np.float32]
     up: NDArray[np.float32]
+
+
+class VisibleScene(Protocol):
+    """What a camera sees of a scene at one moment."""
+
+    @property
+    def surfaces(self) -> Surfaces:
+        """What belongs to the scene."""
+        ...
+
+    @property
+    def added(self) -> tuple[Surfaces, ...]:
+        """What stands in it for now."""
+        ...
+
+    @property
+    def light(self) -> Light:
+        """How it is lit."""
+        ...
+
+
+class _Layer(NamedTuple):
+    """Surfaces, ready for rays. A scene has one; what is added to it for now has its own, because these are few."""
+
+    surfaces: Surfaces
+    caster: RayCaster
+    shader: Shader
+
+
+class _Seen(NamedTuple):
+    """What N rays meet."""
+
+    depth: NDArray[np.float32]
+    """(N,) metres along the optical axis, 0 where they meet nothing."""
+    surface: NDArray[np.int32]
+    """(N,) number of the surface."""
+    colours: NDArray[np.float32]
+    """(N, 3) in [0, 255]."""
 
 
 class EmbreeRenderer:
@@ -42,22 +83,35 @@ class EmbreeRenderer:
         Raises:
             ImportError: Embree is not installed.
         """
-        self._caster = RayCaster(surfaces.vertices, surfaces.faces)
-        self._shader = Shader(surfaces)
+        self._look = _Look((_layer(surfaces, ()),), PLAIN_LIGHT)
         self._supersampling = supersampling
+
+    def show(self, scene: VisibleScene) -> None:
+        """Render another state of the scene from now on; only what differs is indexed anew. Any thread may call it."""
+        known = self._look.layers
+        layers = tuple(_layer(surfaces, known) for surfaces in (scene.surfaces, *scene.added))
+        self._look = _Look(layers, scene.light)
 
     def render(self, pose: Pose, camera: CameraModel) -> tuple[Rgb, Depth]:
         """Return rgb (H, W, 3) and depth (H, W) in metres along the optical axis, 0 beyond 10 m."""
-        rays = _pixel_rays(camera)
-        hits, colours = self._trace(pose, camera, rays, 1 / camera.fx)
-        if self._supersampling > 1:
-            surface = self._shader.surface_of(hits.face).reshape(camera.height, camera.width)
-            self._antialias(colours, np.flatnonzero(_surface_boundaries(surface)), pose, camera)
+        look = self._look  # Another thread may show another state meanwhile.
         shape = (camera.height, camera.width)
-        rgb = np.rint(colours).astype(np.uint8).reshape(*shape, 3)
-        return rgb, np.where((hits.face >= 0) & (hits.t <= MAX_DEPTH_M), hits.t, np.float32(0)).reshape(shape)
+        seen = _trace(look.layers, pose, camera, _pixel_rays(camera), 1 / camera.fx)
+        colours = seen.colours
+        if self._supersampling > 1:
+            boundaries = _surface_boundaries(seen.surface.reshape(shape))
+            self._antialias(look.layers, colours, np.flatnonzero(boundaries), pose, camera)
+        rgb = np.rint(_lit(colours, look.light)).astype(np.uint8).reshape(*shape, 3)
+        return rgb, np.where(seen.depth <= MAX_DEPTH_M, seen.depth, np.float32(0)).reshape(shape)
 
-    def _antialias(self, colours: NDArray[np.float32], pixels: NDArray[np.intp], pose: Pose, lens: CameraModel) -> None:
+    def _antialias(
+        self,
+        layers: tuple[_Layer, ...],
+        colours: NDArray[np.float32],
+        pixels: NDArray[np.intp],
+        pose: Pose,
+        lens: CameraModel,
+    ) -> None:
         """Replace the colours of `pixels` by the mean over a regular grid of rays within each."""
         centre = _pixel_rays(lens)
         n = self._supersampling
@@ -66,17 +120,54 @@ class EmbreeRenderer:
         left = (centre.left[pixels] + across[:, None, None] + np.zeros((1, n, 1), np.float32)).reshape(-1)
         up = (centre.up[pixels] + down[None, :, None] + np.zeros((n, 1, 1), np.float32)).reshape(-1)
         rays = _Rays(left.astype(np.float32, copy=False), up.astype(np.float32, copy=False))
-        _, fine = self._trace(pose, lens, rays, 1 / (n * lens.fx))
+        fine = _trace(layers, pose, lens, rays, 1 / (n * lens.fx)).colours
         colours[pixels] = fine.reshape(n * n, -1, 3).mean(0)
 
-    def _trace(self, pose: Pose, lens: CameraModel, rays: _Rays, spread: float) -> tuple[RayHits, NDArray[np.float32]]:
-        if lens.roll_rad or lens.quarter_turns:
-            rays = _rolled(rays, replace(lens, pitch_rad=0.0).rotation)
-        directions = _turned(rays, float(pose[2]), lens.pitch_rad)
-        origins = np.empty_like(directions)
-        origins[:] = (pose[0], pose[1], lens.height_m)
-        hits = self._caster.cast(origins, directions)
-        return hits, self._shader.colours(hits, directions, spread)
+
+class _Look(NamedTuple):
+    layers: tuple[_Layer, ...]
+    light: Light
+
+
+def _layer(surfaces: Surfaces, known: tuple[_Layer, ...]) -> _Layer:
+    """Index surfaces, unless that was done before; textures that were prepared before are taken over."""
+    table = None
+    for layer in known:
+        if layer.surfaces is surfaces:
+            return layer
+        if layer.surfaces.textures is surfaces.textures:
+            table = layer.shader.table
+    return _Layer(surfaces, RayCaster(surfaces.vertices, surfaces.faces), Shader(surfaces, table))
+
+
+def _trace(layers: tuple[_Layer, ...], pose: Pose, lens: CameraModel, rays: _Rays, spread: float) -> _Seen:
+    """Return what rays meet first in any layer."""
+    if lens.roll_rad or lens.quarter_turns:
+        rays = _rolled(rays, replace(lens, pitch_rad=0.0).rotation)
+    directions = _turned(rays, float(pose[2]), lens.pitch_rad)
+    origins = np.empty_like(directions)
+    origins[:] = (pose[0], pose[1], lens.height_m)
+    first, *others = layers
+    hits = first.caster.cast(origins, directions)
+    depth = np.where(hits.face >= 0, hits.t, np.float32(0))
+    surface = first.shader.surface_of(hits.face)
+    colours = first.shader.colours(hits, directions, spread)
+    for number, layer in enumerate(others, 1):
+        hits = layer.caster.cast(origins, directions)
+        nearer = np.flatnonzero((hits.face >= 0) & ((depth == 0) | (hits.t < depth)))
+        if not len(nearer):
+            continue
+        met = RayHits(face=hits.face[nearer], t=hits.t[nearer], u=hits.u[nearer], v=hits.v[nearer])
+        depth[nearer] = met.t
+        surface[nearer] = layer.shader.surface_of(met.face) + number * _SURFACES_PER_LAYER
+        colours[nearer] = layer.shader.colours(met, directions[nearer], spread)
+    return _Seen(depth, surface, colours)
+
+
+def _lit(colours: NDArray[np.float32], light: Light) -> NDArray[np.float32]:
+    if light == PLAIN_LIGHT:
+        return colours
+    return np.minimum(colours * np.array(light, np.float32), np.float32(255))
 
 
 @lru_cache(maxsize=8)

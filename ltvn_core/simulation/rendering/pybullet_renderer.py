@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.rendering.embree_renderer import MAX_DEPTH_M
+from ltvn_core.simulation.light import PLAIN_LIGHT
+from ltvn_core.simulation.rendering.embree_renderer import MAX_DEPTH_M, VisibleScene
 from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_core.types import Depth, Pose, Rgb
 
@@ -27,6 +28,17 @@ class PyBulletRenderer:
 
     def __init__(self, surfaces: Surfaces) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
+        self._light = PLAIN_LIGHT
+        self._add_all(surfaces)
+
+    def show(self, scene: VisibleScene) -> None:
+        """Render another state of the scene from now on, which takes as long as opening it."""
+        pybullet.resetSimulation(physicsClientId=self._client)
+        self._light = scene.light
+        for surfaces in (scene.surfaces, *scene.added):
+            self._add_all(surfaces)
+
+    def _add_all(self, surfaces: Surfaces) -> None:
         for texture in np.unique(surfaces.face_texture):
             part = surfaces.only(surfaces.face_texture == texture)
             corners = part.vertices[part.faces].reshape(-1, 3)
@@ -68,12 +80,13 @@ class PyBulletRenderer:
     def _add(self, corners: NDArray[np.float32], texture: Rgb) -> None:
         """Add triangles with corners (3 N, 3), visible from both sides, in the mean colour of their texture."""
         order = np.arange(len(corners)).reshape(-1, 3)
+        colour = np.minimum(texture.reshape(-1, 3).mean(0) / 255 * self._light, 1.0)
         both_sides = np.concatenate([order, order[:, ::-1]]).ravel()
         shape = pybullet.createVisualShape(
             pybullet.GEOM_MESH,
             vertices=corners.tolist(),
             indices=both_sides.tolist(),
-            rgbaColor=(*(texture.reshape(-1, 3).mean(0) / 255), 1),
+            rgbaColor=(*colour, 1),
             physicsClientId=self._client,
         )
         pybullet.createMultiBody(baseVisualShapeIndex=shape, physicsClientId=self._client)

@@ -24,8 +24,9 @@ class Shader:
     All constants of a face are stored in one row of one table, because one gather is faster than twelve.
     """
 
-    def __init__(self, surfaces: Surfaces) -> None:
-        self._table = MipmapTable(surfaces.textures)
+    def __init__(self, surfaces: Surfaces, table: MipmapTable | None = None) -> None:
+        """Prepare the colours of the surfaces; `table` has their textures, where somebody made it before."""
+        self._table = MipmapTable(surfaces.textures) if table is None else table
         self._texture = surfaces.face_texture
         corners = surfaces.vertices[surfaces.faces].astype(np.float64)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -39,6 +40,11 @@ class Shader:
             [first, along_u, along_v, normal, texels_per_metre, _light(normal, surfaces.overhead)]
         ).astype(np.float32)
         self._surface = _surface_numbers(surfaces.face_texture, normal, corners[:, 0])
+
+    @property
+    def table(self) -> MipmapTable:
+        """The textures."""
+        return self._table
 
     def surface_of(self, face: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the surface (N,) of each hit face (N,); faces in one plane with one texture are one surface."""

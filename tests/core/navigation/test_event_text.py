@@ -15,6 +15,7 @@ from ltvn_core.navigation import events as e
 from ltvn_core.navigation.event_text import describe_delta, describe_event
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.event_drawing import draw_event
+from ltvn_core.worlds import world_change as w
 from tests.core.analysis import example_runs
 
 HERE = d.PoseRow(0.0, 0.0, 0.0)
@@ -43,6 +44,7 @@ EVENTS: tuple[e.Event, ...] = (
     e.QueryEnded(3, 9, e.Outcome.NO_PATH, 40, 1, 3.2),
     e.Judged(3, False, 2.0, 0.1),
     e.Note("The battery is low.", e.Severity.WARN),
+    e.WorldChanged(w.DoorMoved(2, is_open=False), e.ChangedBy.HAND, 36_000.0, w.Outline(1.0, 2.0, 0.0, 0.9, 0.1, 2.0)),
 )
 
 

@@ -1,0 +1,201 @@
+"""A scene that changes over time: applies what a script foretells and what a person does, and tells its followers.
+
+Holds the time of the world, its state, and the robot that must not be hit. Physics and camera belong to the robot,
+which follows; so do recordings and views.
+"""
+
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
+
+from ltvn_core.errors import WorldError
+from ltvn_core.navigation.events import ChangedBy, WorldChanged
+from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
+from ltvn_core.simulation.changes.outlines import distance_m, outline_of
+from ltvn_core.simulation.changes.world_check import check_change, check_floor
+from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, TimedChange, WorldScript
+from ltvn_core.simulation.scene import Scene
+from ltvn_core.types import Pose
+from ltvn_core.worlds import world_change as w
+from ltvn_core.worlds.world_state import AS_MADE, WorldState
+
+log = logging.getLogger(__name__)
+
+Follower = Callable[[Sequence[WorldChanged]], None]
+"""Is told what changed, in the thread that changed it; `World.scene` is the scene as it is now."""
+
+_ROOM_M = 0.05
+"""Nothing is put nearer than this to a robot or a person."""
+
+
+class Body(Protocol):
+    """The robot, as far as a world needs it."""
+
+    @property
+    def exact_pose(self) -> Pose:
+        """Where it is, (3,)."""
+        ...
+
+    @property
+    def stamp(self) -> float:
+        """Seconds on its clock."""
+        ...
+
+
+class World:
+    """One scene over time. All methods are for the thread that moves the robot."""
+
+    def __init__(self, scene: Scene, script: WorldScript = STATIC, *, start_s: float = MORNING_S) -> None:
+        """Begin at `start_s` seconds after midnight of the first day; what the script says of the time before is so.
+
+        Raises WorldError where the script has a change that the scene cannot carry out.
+        """
+        self.base = scene
+        """The scene as it was made."""
+        self.script = script
+        self.state: WorldState = AS_MADE
+        """What is changed now."""
+        self._scenes = ChangedScenes(scene)
+        self._followers: list[Follower] = []
+        self._body: Body | None = None
+        self._radius_m = 0.0
+        self._epoch_s, self._stamp = start_s, 0.0
+        self._next = 0
+        self._waiting: dict[str, w.WorldChange] = {}
+        """Changes of the script that somebody stands in the way of, by what they are about."""
+        for timed in self._due():
+            check_change(timed.change, scene, self.state)
+            self.state = self.state.after(timed.change)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as it is now."""
+        return self._scenes.at(self.state)
+
+    @property
+    def time_s(self) -> float:
+        """Seconds from midnight of the world's first day."""
+        return self._epoch_s + self._stamp
+
+    def follow(self, follower: Follower) -> None:
+        """Tell somebody about every change from now on."""
+        self._followers.append(follower)
+
+    def unfollow(self, follower: Follower) -> None:
+        """Tell somebody no more."""
+        self._followers = [each for each in self._followers if each != follower]
+
+    def enter(self, body: Body, radius_m: float) -> None:
+        """Let a robot in: nothing will be put onto it, and its clock moves the world's. It replaces one before."""
+        self._epoch_s, self._stamp = self.time_s - body.stamp, body.stamp
+        self._body, self._radius_m = body, radius_m
+
+    def leave(self, body: Body) -> None:
+        """Let a robot out; time stands still until another one comes."""
+        if self._body is body:
+            self._body = None
+
+    def apply(self, change: w.WorldChange, by: ChangedBy = ChangedBy.HAND) -> None:
+        """Change the world now, or let time pass.
+
+        Raises WorldError for what cannot be: no such door, nothing to take away, something on top of the robot.
+        """
+        check_change(change, self.base, self.state)
+        if isinstance(change, w.TimePassed):
+            self.skip(change.duration_s)
+            return
+        if isinstance(change, w.ThingPlaced):
+            check_floor(change, self._scenes.at(self.state.after(w.ThingRemoved(change.thing))))
+        self._change([change], by)
+
+    def undo_to(self, before: WorldState) -> None:
+        """Make the world what it was before, as by hand. Raises WorldError where somebody stands in the way."""
+        self._change(self.state.changes_to(before), ChangedBy.HAND)
+
+    def advance_to(self, stamp: float) -> None:
+        """Let time pass until `stamp` on the robot's clock, and carry out what the script says."""
+        self._stamp = stamp
+        self._tell(list(self._scripted()))
+
+    def skip(self, duration_s: float) -> None:
+        """Let time pass in which the robot's clock stands still; it costs no more than the changes that it brings."""
+        passed = w.TimePassed(duration_s)
+        check_change(passed, self.base, self.state)
+        self._epoch_s += duration_s
+        self._tell([self._carry_out(passed, ChangedBy.HAND, self.time_s), *self._scripted()])
+
+    def events(self) -> list[WorldChanged]:
+        """Return the events with which a recording begins: what time it is and what the world is like.
+
+        None for a scene as it was made in which nothing changes by itself.
+        """
+        if self.state == AS_MADE and self.script == STATIC:
+            return []
+        changes = w.TimePassed(0.0), *AS_MADE.changes_to(self.state)
+        return [WorldChanged(each, ChangedBy.SCRIPT, self.time_s, outline_of(each, self.base)) for each in changes]
+
+    def _change(self, changes: Sequence[w.WorldChange], by: ChangedBy) -> None:
+        for change in changes:
+            if (why := self._in_the_way(change)) is not None:
+                raise WorldError(why)
+        self._tell([self._carry_out(change, by, self.time_s) for change in changes])
+
+    def _due(self) -> Iterator[TimedChange]:
+        while self._next < len(self.script.changes) and self.script.changes[self._next].at_s <= self.time_s:
+            self._next += 1
+            yield self.script.changes[self._next - 1]
+
+    def _scripted(self) -> Iterator[WorldChanged]:
+        """Carry out what the script says, each change as soon as nobody stands in its way."""
+        waiting, self._waiting = self._waiting, {}
+        for about, change in waiting.items():
+            if (event := self._try(about, change, self.time_s)) is not None:
+                yield event
+        for timed in self._due():
+            self._waiting.pop(about := _subject(timed.change), None)
+            if (event := self._try(about, timed.change, timed.at_s)) is not None:
+                yield event
+
+    def _try(self, about: str, change: w.WorldChange, at_s: float) -> WorldChanged | None:
+        try:
+            check_change(change, self.base, self.state)
+        except WorldError as no_more:
+            log.debug("The script's change cannot be any more: %s", no_more)  # A person may have changed it before.
+            return None
+        if self._in_the_way(change) is not None:
+            self._waiting[about] = change
+            return None
+        return self._carry_out(change, ChangedBy.SCRIPT, at_s)
+
+    def _in_the_way(self, change: w.WorldChange) -> str | None:
+        """Return why a change cannot be while somebody stands where something would come; None where it can."""
+        outline = outline_of(change, self.base)
+        if outline is None:
+            return None
+        if self._body is not None:
+            x, y, _ = self._body.exact_pose
+            if distance_m(outline, x, y) < self._radius_m + _ROOM_M:
+                return f"This cannot be now ({w.change_text(change)}): the robot stands there. Drive it away first."
+        return None
+
+    def _carry_out(self, change: w.WorldChange, by: ChangedBy, at_s: float) -> WorldChanged:
+        self.state = self.state.after(change)
+        return WorldChanged(change, by, at_s, outline_of(change, self.base))
+
+    def _tell(self, events: Sequence[WorldChanged]) -> None:
+        if events:
+            for follower in tuple(self._followers):
+                follower(events)
+
+
+def _subject(change: w.WorldChange) -> str:
+    """Return what a change is about; a later one about the same replaces it."""
+    match change:
+        case w.DoorMoved(door):
+            return f"door {door}"
+        case w.ThingPlaced(thing) | w.ThingRemoved(thing) | w.ThingReturned(thing):
+            return f"thing {thing}"
+        case w.PersonMoved(person) | w.PersonLeft(person):
+            return f"person {person}"
+        case w.LightChanged() | w.PicturesExchanged() | w.TimePassed():
+            return type(change).__name__

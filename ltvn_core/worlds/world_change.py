@@ -1,0 +1,158 @@
+"""The changes of a world, as data: doors, things, light, pictures and people.
+
+A change says what is so from now on. Owns no geometry and no time; `simulation.changes` carries changes out, recordings
+store them as events.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeAlias
+
+PlaceRow: TypeAlias = tuple[float, float, float]
+"""x and y in metres and yaw in radians, in the world frame."""
+SizeRow: TypeAlias = tuple[float, float, float]
+"""Width, depth and height in metres: along x, y and z of the thing's own frame."""
+
+OWN_PREFIX = "own/"
+"""Names of the furniture that belongs to a scene begin with this, as in `own/sofa-0`; no other thing's name does."""
+
+
+class ThingKind(StrEnum):
+    """What a thing is, and so what it looks like."""
+
+    BOX = "box"
+    """A cardboard box."""
+    BASKET = "basket"
+    """A round basket."""
+    CHAIR = "chair"
+    FURNITURE = "furniture"
+    """A piece of the scene's own furniture, which was moved."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoorMoved:
+    """A door was closed or opened."""
+
+    door: int
+    """Its number among the scene's doors."""
+    is_open: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ThingPlaced:
+    """A thing was put down; one that stood elsewhere was moved."""
+
+    thing: str
+    """Its name."""
+    kind: ThingKind
+    pose: PlaceRow
+    size: SizeRow
+
+
+@dataclass(frozen=True, slots=True)
+class ThingRemoved:
+    """A thing, or a piece of the scene's own furniture, was taken away."""
+
+    thing: str
+
+
+@dataclass(frozen=True, slots=True)
+class ThingReturned:
+    """A piece of the scene's own furniture stands where it stood at first."""
+
+    thing: str
+
+
+@dataclass(frozen=True, slots=True)
+class LightChanged:
+    """The light became brighter or darker, warmer or colder."""
+
+    level: float
+    """Brightness as a factor; 1 is the scene as it was made."""
+    warmth: float = 0.0
+    """From -1, bluish daylight, to 1, reddish lamps; 0 is white."""
+
+
+@dataclass(frozen=True, slots=True)
+class PicturesExchanged:
+    """Other pictures hang on the walls and other rugs lie on the floors."""
+
+    seed: int | None
+    """Which ones; None for those of the scene as it was made."""
+
+
+@dataclass(frozen=True, slots=True)
+class PersonMoved:
+    """A person came into the world, or walked on; written down a few times a second."""
+
+    person: str
+    pose: PlaceRow
+    seed: int = 0
+    """Which clothes the person wears."""
+
+
+@dataclass(frozen=True, slots=True)
+class PersonLeft:
+    """A person left the world."""
+
+    person: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimePassed:
+    """Time went by in which the robot's clock stood still."""
+
+    duration_s: float
+
+
+WorldChange: TypeAlias = (
+    DoorMoved
+    | ThingPlaced
+    | ThingRemoved
+    | ThingReturned
+    | LightChanged
+    | PicturesExchanged
+    | PersonMoved
+    | PersonLeft
+    | TimePassed
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """Where something solid stands: an upright box, in metres and radians."""
+
+    x: float
+    y: float
+    yaw: float
+    width: float
+    """Along x of its own frame,"""
+    depth: float
+    """along y,"""
+    height: float
+    """and up from the floor."""
+
+
+def change_text(change: WorldChange) -> str:
+    """Return what changed in a few words, beginning with a small letter."""
+    match change:
+        case DoorMoved(door, is_open):
+            return f"door {door} {'opened' if is_open else 'closed'}"
+        case ThingPlaced(thing, kind, (x, y, _)):
+            name = thing if kind is ThingKind.FURNITURE else f"{kind} {thing}"
+            return f"{name} put at x {x:.2f} m, y {y:.2f} m"
+        case ThingRemoved(thing):
+            return f"{thing} taken away"
+        case ThingReturned(thing):
+            return f"{thing} put back"
+        case LightChanged(level, warmth):
+            tint = "" if abs(warmth) < 0.05 else ", warm" if warmth > 0 else ", cold"
+            return f"light at {level:.0%}{tint}"
+        case PicturesExchanged(seed):
+            return "the first pictures and rugs are back" if seed is None else "pictures and rugs exchanged"
+        case PersonMoved(person, (x, y, _)):
+            return f"{person} at x {x:.2f} m, y {y:.2f} m"
+        case PersonLeft(person):
+            return f"{person} left"
+        case TimePassed(duration_s):
+            return f"{duration_s / 60:.0f} minutes passed"

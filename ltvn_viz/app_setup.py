@@ -28,6 +28,7 @@ from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
@@ -179,8 +180,9 @@ def _as_the_robots(meta: RecordingMetadata) -> None:
 
 
 def _open_system(options: AppOptions, predictor: Predictor) -> NavigationSystem:
-    """Return the navigation system with the constants measured for the predictor. Raises OptionError, WeightsError."""
-    return open_system(options.system, open_method(options.preset, predictor))
+    """Return the navigation system of the options with the predictor's constants. Raises OptionError, WeightsError."""
+    system = open_system(options.system, open_method(options.preset, predictor))
+    return system if options.maintenance is None else with_maintenance(system, options.maintenance)
 
 
 def _reopen_with(options: AppOptions, weights: Path, camera: CameraModel) -> tuple[Predictor, NavigationSystem]:

@@ -109,6 +109,7 @@ def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str
         ),
         version=version("ltvn"),
         command=command,
+        maintenance=plan.maintenance,
     )
     save_results(_result_file(files, schedule), result)
 

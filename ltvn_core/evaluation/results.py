@@ -189,6 +189,8 @@ class LifelongResult:
     queries: tuple[LifelongQuery, ...]
     version: str
     command: str
+    maintenance: str | None = None
+    """None is what the system does."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.types import Predictor
 
@@ -47,6 +48,8 @@ class TrialPlan:
     """Weights to start from instead of the shipped ones of the system."""
     finetune_steps: int = 40
     """Steps of fine-tuning on the mapping drive."""
+    maintenance: str | None = None
+    """What driving teaches the map in lifelong tests, by name; None is what the system does."""
     protocol: EvaluationProtocol = field(default_factory=EvaluationProtocol)
 
     def __post_init__(self) -> None:
@@ -73,6 +76,7 @@ class TrialPlan:
         words = [self.system]
         words += [] if self.preset == "robust" else [self.preset]
         words += [] if self.predictor == NETWORK else [self.predictor]
+        words += [self.maintenance] if self.maintenance else []
         words += [f"no-{part}" for part in self.parts_off]
         return "-".join([*words, *(f"with-{name}" for name in self.perturbations)])
 
@@ -87,7 +91,8 @@ def open_planned_system(plan: TrialPlan, predictor: Predictor, scene: Scene, *, 
     method = open_method(plan.preset, predictor)
     limits = {"step_limit": plan.protocol.steps_in(scene), "collision_limit": plan.protocol.collision_limit}
     method = replace(method, maintain=maintain, recovering=replace(method.recovering, **limits))
-    return open_named_system(plan.system, without_parts(method, set(plan.parts_off) - {_FINE_TUNING}))
+    system = open_named_system(plan.system, without_parts(method, set(plan.parts_off) - {_FINE_TUNING}))
+    return with_maintenance(system, plan.maintenance) if maintain and plan.maintenance else system
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +191,8 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     made_by = {**asdict(plan), **learned, "protocol": protocol, "version": version("ltvn")}
     if not plan.perturbations:  # Folders that were made before there were any do not name them.
         del made_by["perturbations"]
+    if plan.maintenance is None:
+        del made_by["maintenance"]
     _claim(files.drive_truth.with_suffix(".plan.json"), drive)
     if plan.finetuned:
         _claim(files.weights.with_suffix(".plan.json"), learned)

@@ -13,6 +13,7 @@ from ltvn_core.graph.localiser import trail_fit_mask
 from ltvn_core.graph.loop_closures import ObservationSequence
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_with_edges
+from ltvn_core.graph.presence.obstruction import Obstruction
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, NodeId, Observation
 
@@ -31,6 +32,15 @@ class AttemptEvidence:
     hindered: bool = False
     """It failed because something stood in the way, the robot went in circles or the target was hard to recognise
     where odometry expected it: that says little of the edge."""
+    stamp: float = 0.0
+    """When it ended, in seconds on the clock of the world."""
+    obstruction: Obstruction | None = None
+    """What was seen to lie across its way and had not been there when the map was made."""
+
+    @property
+    def obstructed(self) -> bool:
+        """Whether something was seen to lie across the way."""
+        return self.obstruction is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,6 +28,7 @@ from ltvn_core.graph.localiser import Localisation, LocalisationPrior
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.planner import EdgeWeight
+from ltvn_core.graph.presence.edge_presence import EdgePresence
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
@@ -148,3 +149,5 @@ class NavigationSystem:
     maintenance: MaintenanceStrategy
     online: OnlineStrategyFactory | None = None
     """Lets a map grow image by image; None where a system only builds whole maps."""
+    presence: EdgePresence | None = None
+    """Tells which edges may not be open now; None where every edge that exists is."""

@@ -7,6 +7,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, relative
@@ -146,6 +147,11 @@ class AttemptDriver:
             self._obstacles.add(self._perception.observation)
         points = self._obstacles.nearby_points(self._motion.odometry, backwards=twist.linear_m_s < 0)
         return collision_free_command(twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m)
+
+    def solid_points(self) -> NDArray[np.float64]:
+        """Return (M, 2) what stands around now, in the robot's frame, as far as images of the last moments showed."""
+        self._obstacles.add(self._perception.observation)
+        return self._obstacles.nearby_points(self._motion.odometry)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
         length_m = self._config.back_off_m if backwards else -self._config.back_off_m

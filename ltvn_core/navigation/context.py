@@ -4,7 +4,7 @@ Owns the one way in which the map changes while the robot navigates. Decides not
 """
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,6 +36,8 @@ class NavigationContext:
     matcher: Matcher
     planner: Planner
     loop_closures: LoopClosureVerifier
+    world_time: Callable[[], float] | None = None
+    """Tells the time of the world in seconds where it is another one than that of the robot's clock."""
     attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
     """Numbers the attempts."""
 
@@ -43,6 +45,10 @@ class NavigationContext:
     def method(self) -> Method:
         """The system's thresholds."""
         return self.system.method
+
+    def world_time_s(self, stamp: float) -> float:
+        """Return the time of the world at `stamp` on the robot's clock, which is now."""
+        return stamp if self.world_time is None else self.world_time()
 
     @classmethod
     def create(
@@ -53,6 +59,8 @@ class NavigationContext:
         system: NavigationSystem,
         rng: np.random.Generator,
         spec: RobotSpec,
+        *,
+        world_time: Callable[[], float] | None = None,
     ) -> "NavigationContext":
         """Put the parts together."""
         matcher = Matcher(predictor, keyframes, system.method.matching)
@@ -64,6 +72,7 @@ class NavigationContext:
             system=system,
             rng=rng,
             spec=spec,
+            world_time=world_time,
             matcher=matcher,
             planner=planner,
             loop_closures=LoopClosureVerifier(matcher),

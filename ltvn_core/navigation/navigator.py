@@ -5,7 +5,7 @@ between is `navigation.query_runner`. A query is a generator: it yields events, 
 let one control step of 0.1 s pass.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -37,14 +37,16 @@ class Navigator:
         rng: np.random.Generator,
         *,
         system: NavigationSystem | None = None,
+        world_time: Callable[[], float] | None = None,
     ) -> None:
         """Navigate in `graph`, whose images `keyframes` holds; both change on the way if the system maintains.
 
         Without a `system` it is the paper's with `method`; with one, that system's own thresholds hold.
+        `world_time` tells the time in seconds where the world has another clock than the robot.
         """
         self._robot = robot
         self._context = NavigationContext.create(
-            graph, keyframes, predictor, system or ltvn_system(method), rng, robot.spec
+            graph, keyframes, predictor, system or ltvn_system(method), rng, robot.spec, world_time=world_time
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None

@@ -38,6 +38,8 @@ class QueryMemory:
         """How often a second observation of the goal disagreed with the first."""
         self.approached: NodeId | None = None
         """The node that was approached last instead of its successor."""
+        self.obstructions = 0
+        """How often something was seen to lie across the way."""
         self.doubted: set[NodeId] = set()
         """Nodes the robot does not believe to be at any more."""
 

@@ -31,8 +31,10 @@ from ltvn_core.navigation.events import (
 from ltvn_core.navigation.goal_check import GoalCheck
 from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
+from ltvn_core.navigation.obstruction_finder import ObstructionFinder
 from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.navigation.way_planner import WayPlanner
 from ltvn_core.types import NodeId, Twist
 
 _AT_NODE_DISTANCE = 0.3
@@ -54,6 +56,8 @@ class QueryRunner:
         self._memory = QueryMemory(context.method.planning, context.method.localising)
         self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.spec)
         self._goal_check = GoalCheck(context, motion, perception, goal, self._memory)
+        self._way_planner = WayPlanner(context, self._memory, goal)
+        self._obstruction_finder = ObstructionFinder(context, motion, perception, self._attempt_driver)
         self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
@@ -116,11 +120,12 @@ class QueryRunner:
         """Find the cheapest path; where there is none, the system may extend the map."""
         yield from self._enter(NavigatorState.PLANNING)
         context = self._context
-        path = context.planner.plan(start, self._goal, self._memory.penalties)
-        if not path.nodes and self._memory.should_expand_from(start):
+        stamp = self._perception.observation.stamp
+        path = self._way_planner.plan(start, stamp)
+        if not path.nodes and not self._way_planner.exists(start) and self._memory.should_expand_from(start):
             deltas = context.system.maintenance.no_path(context.graph, start, self._goal, context.matcher, context.rng)
             yield from context.apply_deltas(deltas, self._query)
-            path = context.planner.plan(start, self._goal, self._memory.penalties)
+            path = self._way_planner.plan(start, stamp)
         self._memory.plan = path.nodes
         yield Planned(self._query, path.nodes, path.cost)
         return path
@@ -134,6 +139,7 @@ class QueryRunner:
             node_match = self._perception.node_match(segment[0])
         source, target = _ends(segment)
         self._memory.approached = target if source is None else None
+        self._obstruction_finder.depart(localisation)
         result = yield from self._drive(segment, node_match)
         if result.steps:
             return False
@@ -222,6 +228,8 @@ class QueryRunner:
         if not verdict.succeeded:
             self._memory.record_failures(segment)
             self._memory.record_failure_from(segment[0])
+        obstruction = None if verdict.succeeded else self._obstruction_finder.find(segment)
+        self._memory.obstructions += obstruction is not None
         evidence = AttemptEvidence(
             source=segment[0],
             target=segment[-1],
@@ -229,6 +237,8 @@ class QueryRunner:
             succeeded=verdict.succeeded,
             failed_before=failed_before,
             hindered=verdict.hindered,
+            stamp=context.world_time_s(self._perception.observation.stamp),
+            obstruction=obstruction,
         )
         yield from context.apply_deltas(
             context.system.maintenance.after_attempt(context.graph, evidence), self._query, attempt

@@ -57,7 +57,7 @@ class HeadlessRunner:
         graph: TopologicalGraph,
     ) -> None:
         """Take hold of everything; an empty graph waits for `build`."""
-        self.robot, self.scene = simulation.robot, simulation.scene
+        self.robot, self.scene, self.world = simulation.robot, simulation.scene, simulation.world
         self.writer, self.keyframes, self.graph = writer, keyframes, graph
         self.predictor = predictor
         self.system = system
@@ -95,6 +95,7 @@ class HeadlessRunner:
             self.system.method,
             rng,
             system=self.system,
+            world_time=lambda: self.world.time_s,
         )
         lifelong = LifelongRun(self._record)
         before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))

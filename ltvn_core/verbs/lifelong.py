@@ -1,10 +1,11 @@
 """`ltvn lifelong`: the paper's lifelong test."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.evaluate import ProtocolOptions, command
 from ltvn_core.verbs.verb import Summary
@@ -23,6 +24,8 @@ class LifelongSummary:
     scenes: tuple[str, ...]
     preset: str
     without: tuple[str, ...]
+    maintenance: str | None
+    """None is what the system does."""
     seeds: tuple[int, ...]
     every: int
     """Queries between two static tests."""
@@ -46,6 +49,10 @@ class LifelongVerb(ProtocolOptions):
     episodes: int = 500
     """Random episodes of each static test, always the same."""
 
+    maintenance: MaintenanceName | None = None
+    """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
+    pruning as in that preset; persistent, forgetting, fremen: also what is open at which time."""
+
     def run(self) -> Summary:
         """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
         from tqdm import tqdm
@@ -55,7 +62,7 @@ class LifelongVerb(ProtocolOptions):
         from ltvn_core.verbs.evaluation_bar import progress_on_bar
 
         started, schedule = time.monotonic(), Schedule(self.queries, self.every, self.episodes)
-        plans = self.plans(DEFAULT_SYSTEM, self.episodes)
+        plans = [replace(plan, maintenance=self.maintenance) for plan in self.plans(DEFAULT_SYSTEM, self.episodes)]
         with (
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=schedule.work * len(plans), desc="lifelong", unit="query") as bar,
@@ -74,6 +81,7 @@ class LifelongVerb(ProtocolOptions):
             scenes=self.scene,
             preset=self.preset,
             without=self.without,
+            maintenance=self.maintenance,
             seeds=self.seed,
             every=self.every,
             episodes=self.episodes,

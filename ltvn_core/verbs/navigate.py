@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import MapError, OptionError
+from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
@@ -60,6 +61,10 @@ class NavigateVerb(Verb):
     """How many random goals to drive to, one after the other."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
+    maintenance: MaintenanceName | None = None
+    """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
+    pruning as in that preset; persistent, forgetting, fremen: also what is open at which time; truth: what the
+    simulator knows."""
     predictor: PredictorName = AUTO
     """What compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
@@ -98,6 +103,7 @@ class NavigateVerb(Verb):
         return {
             "verb": "navigate",
             "system": system.name,
+            "maintenance": self.maintenance,
             "predictor": predictor,
             "seed": self.seed,
             "method": asdict(system.method),
@@ -110,11 +116,13 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
 
     from ltvn_core.cameras.rectification import rectified_camera
     from ltvn_core.composition import open_method, open_predictor, open_simulation
+    from ltvn_core.evaluation.open_edges import true_presence
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.robots.robot_spec import LOCOBOT
+    from ltvn_core.systems.maintenance import with_maintenance
     from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -138,6 +146,9 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     )
     keyframes = KeyframeStore(predictor)
     keyframes.add(list(loaded.observations.values()))
+    if options.maintenance is not None:
+        truth = true_presence(simulation.world, keyframes.observation)
+        system = with_maintenance(system, options.maintenance, truth=truth)
     run = RunDescription(
         scene=meta.scene,
         config=options.settings(system, choice.name),

@@ -34,6 +34,8 @@ class AppOptions:
     """Navigation system; a map brings its own."""
     preset: str = "robust"
     """Name of the method's settings."""
+    maintenance: str | None = None
+    """What driving teaches the map, by name; None is what the system does."""
     seed: int = 0
     """Draws the robot's start and its odometry noise."""
     tuner: FineTuner = field(default_factory=FineTuner)

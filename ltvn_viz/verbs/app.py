@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
+from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
@@ -47,6 +48,9 @@ class AppVerb(Verb):
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
+    maintenance: MaintenanceName | None = None
+    """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
+    pruning as in that preset; persistent, forgetting, fremen: also what is open at which time."""
     seed: int = 0
     """Draws the robot's start and the odometry noise."""
     stream: int | None = None
@@ -110,6 +114,7 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummar
             predictor=options.predictor,
             weights=options.weights,
             preset=options.preset,
+            maintenance=options.maintenance,
             seed=options.seed,
             stream=announce_stream(options.stream),
             replay=replay,

@@ -79,11 +79,18 @@ def presence_probabilities(
 
     Linear in the longest history, with vectors over the things.
     """
-    tracks = presence_filter.follow(len(histories))
     known = [[each for each in history if each.stamp_s <= now_s] for history in histories]
-    for seen in zip_longest(*known):
+    return follow_histories(presence_filter, known).probability(now_s)
+
+
+def follow_histories(
+    presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]]
+) -> PresenceTracks:
+    """Return what a filter knows of N things after all that was seen of each, in order of time."""
+    tracks = presence_filter.follow(len(histories))
+    for seen in zip_longest(*histories):
         rows = np.array([row for row, each in enumerate(seen) if each is not None], np.intp)
         present = np.array([each.present for each in seen if each is not None], np.bool_)
         stamps = np.array([each.stamp_s for each in seen if each is not None], np.float64)
         tracks.observe(rows, present, stamps)
-    return tracks.probability(now_s)
+    return tracks

@@ -1,0 +1,39 @@
+"""The plans of one query: by what exists, and by what is open at the moment.
+
+Owns what a plan takes into account. Finds no path itself (`graph.planner`, `graph.presence.presence_plan`).
+"""
+
+from ltvn_core.graph.planner import GraphPath
+from ltvn_core.graph.presence.presence_plan import plan_by_presence
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.types import NodeId
+
+
+class WayPlanner:
+    """Plans for one query."""
+
+    def __init__(self, context: NavigationContext, memory: QueryMemory, goal: NodeId) -> None:
+        """Plan ways to `goal` in the map of `context`, by what `memory` knows of the query."""
+        self._context, self._memory, self._goal = context, memory, goal
+
+    def plan(self, start: NodeId, stamp: float) -> GraphPath:
+        """Return the way to take from a node at a moment on the robot's clock."""
+        context, penalties = self._context, self._memory.penalties
+        presence = context.system.presence
+        open_now = {} if presence is None else presence.probabilities(context.graph, context.world_time_s(stamp))
+        if not open_now:
+            return context.planner.plan(start, self._goal, penalties)
+        return plan_by_presence(
+            context.planner,
+            start,
+            self._goal,
+            penalties,
+            open_now,
+            belief_weight=context.method.planning.belief_weight,
+            tries=self._memory.obstructions,
+        )
+
+    def exists(self, start: NodeId) -> bool:
+        """Tell whether the map has a way at all, open or not."""
+        return bool(self._context.planner.plan(start, self._goal, self._memory.penalties).nodes)

@@ -1,0 +1,60 @@
+"""What driving teaches a map, by name: from nothing at all to the truth of the moment.
+
+Owns what the names stand for. Any navigation system can have any of them; without a name it has its own.
+"""
+
+from dataclasses import replace
+
+from ltvn_core.config import PAPER, ROBUST, BeliefConfig
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.ltvn import LifelongMaintenance
+from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
+from ltvn_core.graph.presence.edge_filters import edge_filter
+from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
+from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
+from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
+
+_FILTERED = ("persistent", "forgetting", "fremen")
+
+
+def with_maintenance(system: NavigationSystem, name: str, *, truth: EdgePresence | None = None) -> NavigationSystem:
+    """Return the same system with another maintenance.
+
+    Args:
+        system: What to change.
+        name: One of `MAINTENANCE_NAMES`.
+        truth: What is open now, for `truth` alone.
+
+    Raises:
+        OptionError: There is no such name, or nobody knows the truth.
+    """
+    if name == "static":
+        return replace(system, maintenance=NoMaintenance(), presence=None)
+    if name in ("paper", "robust"):
+        preset = PAPER if name == "paper" else ROBUST
+        method = replace(system.method, believing=_believing(preset.believing, system.method.believing))
+        return replace(system, maintenance=LifelongMaintenance(method), presence=None)
+    return replace(system, maintenance=PresenceMaintenance(system.method), presence=_presence(name, truth))
+
+
+def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:
+    if name in _FILTERED:
+        return FilteredPresence(edge_filter(name))
+    if name != "truth":
+        raise OptionError(f"No maintenance is called {name!r}; choose one of: {', '.join(MAINTENANCE_NAMES)}.")
+    if truth is None:
+        raise OptionError(
+            "The maintenance 'truth' asks the world which edges are open; it is for simulated worlds that change. "
+            "Choose another maintenance."
+        )
+    return truth
+
+
+def _believing(preset: BeliefConfig, measured: BeliefConfig) -> BeliefConfig:
+    """Return the rules of a preset with the constants that were measured for the predictor."""
+    return replace(
+        preset,
+        p_success_if_reachable=measured.p_success_if_reachable,
+        p_success_if_not=measured.p_success_if_not,
+        sigma2=measured.sigma2,
+    )

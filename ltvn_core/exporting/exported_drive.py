@@ -4,9 +4,11 @@ Owns the choice of frames and where the camera was in space, in the conventions 
 as they lie in the recording, because they lose a little each time they are compressed.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
+from ltvn_core.importing.source_camera import CAMERA_FILE
 from ltvn_core.importing.spatial_pose import BODY_FROM_OPTICAL
 from ltvn_core.recording.image_codec import decode_depth
 from ltvn_core.recording.reader import Recording
@@ -76,6 +79,11 @@ class ExportedDrive:
                 f"{recording.path} has {len(recording.frames)} frames, and none of them between these moments."
             )
         self._offset = min(0.0, float(stamps[inside].min()))
+
+    def write_camera(self, folder: Path, *, units_per_metre: float | None = None) -> None:
+        """Write the `camera.json` of a folder, with the units of a metre in its depth images. Raises OSError."""
+        camera = {**self.camera.to_json(), "depth_scale": units_per_metre}
+        (folder / CAMERA_FILE).write_text(json.dumps(camera, indent=2), encoding="utf-8")
 
     def __len__(self) -> int:
         """Count the frames."""

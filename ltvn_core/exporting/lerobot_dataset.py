@@ -1,7 +1,7 @@
 """Writes a drive as a LeRobotDataset of version 3 with one episode: images beside the rows, x, y, yaw, and speeds.
 
 LeRobot counts rows at one rate, so `timestamp` is the row's number over the rate; the robot's own clock is in
-`observation.time`.
+`observation.time`. `camera.json` says what the lens is, as our own reader takes it.
 """
 
 import json
@@ -37,6 +37,7 @@ def write_lerobot_dataset(drive: ExportedDrive, folder: Path) -> None:
     _write_episode(folder / "meta/episodes" / _PLACE, len(drive))
     _write_tasks(folder / "meta/tasks.parquet")
     _write_json(folder / "meta/info.json", _info(features, len(drive), rate))
+    drive.write_camera(folder)
     _write_json(folder / "meta/stats.json", {key: _statistics(column) for key, column in numbers.items()})
 
 

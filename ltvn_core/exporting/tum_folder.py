@@ -4,7 +4,6 @@
 depth has 5000 units a metre. `camera.json` says what the lens is, as our own reader takes it.
 """
 
-import json
 from pathlib import Path
 
 import cv2
@@ -38,8 +37,7 @@ def write_tum_folder(drive: ExportedDrive, folder: Path) -> None:
         if lines:
             head = "# stamp file\n" if name in ("rgb", "depth") else _POSE_HEAD
             (folder / f"{name}.txt").write_text(head + "".join(lines), encoding="utf-8")
-    camera = {**drive.camera.to_json(), "depth_scale": UNITS_PER_METRE}
-    (folder / "camera.json").write_text(json.dumps(camera, indent=2), encoding="utf-8")
+    drive.write_camera(folder, units_per_metre=UNITS_PER_METRE)
 
 
 def _pose_line(stamp: str, place: CameraPlace) -> str:

@@ -20,7 +20,7 @@ from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.odometry_table import OdometryTable
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
-from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_camera_file
+from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.importing.stamp_matching import rate_hz
 from ltvn_core.types import Depth
 
@@ -50,7 +50,7 @@ class FolderReader:
         self._depth = _depth_by_stem(folder, options.depth)
         self._table = _table(folder, options.odometry)
         self._stamps = self._known_stamps()
-        self._described = _described_camera(folder)
+        self._described = camera_beside(folder)
         self.dropped: Counter[str] = Counter()
         self.doubts: list[str] = []
         self.facts = DriveFacts(
@@ -171,11 +171,6 @@ def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
     if path is None and wanted is not None:
         path = Path(wanted)
     return None if path is None else OdometryTable.read(path)
-
-
-def _described_camera(folder: Path) -> CameraFile:
-    path = folder / CAMERA_FILE
-    return read_camera_file(path) if path.is_file() else CameraFile(None, None, None)
 
 
 def _stamp_in(stem: str) -> float | None:

@@ -14,7 +14,7 @@ from ltvn_core.extras import naming_the_extra
 from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.lerobot.dataset import INFO, Episode, Feature, LerobotDataset
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
-from ltvn_core.importing.source_camera import fitted
+from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.types import Depth, Pose, Rgb
 
 _NOTHING = "none"
@@ -33,7 +33,7 @@ class LerobotReader:
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """Look into the data set and choose its longest episode. Raises DriveError."""
         self._dataset = LerobotDataset(folder)
-        self._camera = options.camera
+        self._camera = options.camera or camera_beside(folder).camera
         self._rgb = self._image_feature(options.rgb, "--rgb", is_depth=False)
         self._depth = self._depth_feature(options.depth)
         self._state, self._columns = self._pose_feature(options.odometry)

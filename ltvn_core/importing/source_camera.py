@@ -76,6 +76,12 @@ def read_camera_file(path: Path) -> CameraFile:
         ) from error
 
 
+def camera_beside(folder: Path) -> CameraFile:
+    """Read the `camera.json` of a folder; nothing is known where there is none. Raises DriveError."""
+    path = folder / CAMERA_FILE
+    return read_camera_file(path) if path.is_file() else CameraFile(None, None, None)
+
+
 def read_calibration(path: Path, width: int, height: int) -> CameraModel:
     """Read a `calibration.txt` as ETH3D's SLAM benchmark has it: fx fy cx cy in pixels. Raises DriveError."""
     try:

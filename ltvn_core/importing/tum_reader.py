@@ -15,7 +15,7 @@ from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
-from ltvn_core.importing.source_camera import CAMERA_FILE, CameraFile, fitted, read_calibration, read_camera_file
+from ltvn_core.importing.source_camera import camera_beside, fitted, read_calibration
 from ltvn_core.importing.stamp_matching import nearest, rate_hz
 from ltvn_core.types import Depth
 
@@ -49,7 +49,7 @@ class TumReader:
         self._depth = _depth_list(folder, options.depth)
         self._truth = _track(folder / "groundtruth.txt")
         self._odometry = _track(folder / options.odometry) if options.odometry else None
-        self._described = _described_camera(folder)
+        self._described = camera_beside(folder)
         self._camera = options.camera or self._described.camera or _benchmark_camera(folder)
         self.dropped: Counter[str] = Counter()
         self.doubts = _axis_doubts(self._truth, self._odometry)
@@ -160,11 +160,6 @@ def _depth_list(folder: Path, wanted: str | None) -> list[tuple[float, str]]:
 
 def _track(path: Path) -> PoseTrack | None:
     return PoseTrack.read(path) if path.is_file() else None
-
-
-def _described_camera(folder: Path) -> CameraFile:
-    path = folder / CAMERA_FILE
-    return read_camera_file(path) if path.is_file() else CameraFile(None, None, None)
 
 
 def _benchmark_camera(folder: Path) -> CameraModel | None:

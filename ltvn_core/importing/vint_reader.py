@@ -1,7 +1,7 @@
 """Reads trajectories as GNM, ViNT and NoMaD are trained from: `0.jpg`, `1.jpg`, ... and `traj_data.pkl`.
 
 The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row and image have one number. There is no
-depth, no stamp and no camera.
+depth and no stamp; the lens is that of a `camera.json`, where there is one.
 """
 
 from collections import Counter
@@ -16,7 +16,7 @@ from ltvn_core.importing.encoded_images import decode_colour
 from ltvn_core.importing.foreign_files import read_bytes_within, require_within
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.restricted_pickle import load_pickle
-from ltvn_core.importing.source_camera import fitted
+from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.types import Pose
 
 TRAJECTORY = "traj_data.pkl"
@@ -40,7 +40,7 @@ class VintReader:
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """Read the poses and list the images. Raises DriveError."""
         self._folder = folder
-        self._camera = options.camera
+        self._camera = options.camera or camera_beside(folder).camera
         self._rate_hz = options.rate_hz or DEFAULT_RATE_HZ
         self._poses = _poses(folder)
         self._images = _images(folder)

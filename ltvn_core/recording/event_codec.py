@@ -1,7 +1,8 @@
 """Events and deltas to JSON and back, exactly: every float, tuple and enum returns equal.
 
 The text is strict JSON, so that any language can read it: a float that is not finite becomes the string "inf",
-"-inf" or "nan". Each union member carries its class name as "kind". Owns no file.
+"-inf" or "nan". Each union member carries its class name as "kind", a change of the world as
+"change". Owns no file.
 """
 
 import json
@@ -33,7 +34,7 @@ def _converter() -> cattrs.Converter:
     converter.register_unstructure_hook(int, int)
     converter.register_unstructure_hook(bool, bool)
     configure_tagged_union(GraphDelta, converter, tag_name="kind")
-    configure_tagged_union(WorldChange, converter, tag_name="kind")
+    configure_tagged_union(WorldChange, converter, tag_name="change")
     configure_tagged_union(Event, converter, tag_name="kind")
     return converter
 

@@ -41,7 +41,7 @@ class FineTuningPanel:
 
 def _about(fine_tuning: FineTuningStatus, weights: str) -> str:
     if not fine_tuning.is_possible:
-        return f"Images are compared by {weights}, which has no weights to teach; only the network learns from a drive."
+        return f"Images are compared by {weights}; here only the network learns. Others may learn by `ltvn finetune`."
     if fine_tuning.phase is FineTuningPhase.LEARNING:
         return f"The network learns from {fine_tuning.drive}; drive on meanwhile."
     if fine_tuning.phase is FineTuningPhase.LEARNED:

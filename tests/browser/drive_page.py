@@ -1,9 +1,10 @@
 """A door with pages on it and nothing behind it: what the server would tell the app is kept, with its time."""
 
 import itertools
+import math
 import queue
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
@@ -22,6 +23,10 @@ from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 FIELD = "input[value=here]"
 """A field to type in."""
+
+STOP_WITHIN_S = 0.3
+TRIES = 8
+"""On a machine that has other things to do, any single stop may be late: the quickest of a few counts."""
 
 
 @dataclass
@@ -94,6 +99,16 @@ def open_drive_page(server: GuardedServer, chromium: Browser) -> Iterator[DriveP
     window = chromium.new_context()
     yield DrivePage(server, told, window, field)
     window.close()
+
+
+def quickest(seconds_to_stop: Callable[[], float]) -> float:
+    """Return the shortest of a few times to stop; no more are taken once one is short enough."""
+    took = math.inf
+    for _ in range(TRIES):
+        took = min(took, seconds_to_stop())
+        if took <= STOP_WITHIN_S:
+            break
+    return took
 
 
 def renderers() -> list[psutil.Process]:

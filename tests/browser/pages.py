@@ -10,6 +10,10 @@ from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.waiting import PATIENCE_MS, PATIENCE_S
 
+_DRAW_SELDOM = """
+requestAnimationFrame = (callback) => setTimeout(() => callback(performance.now()), 200);
+cancelAnimationFrame = clearTimeout;
+"""
 _DRAW_NOTHING = """
 for (const call of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
   WebGL2RenderingContext.prototype[call] = () => {};
@@ -17,20 +21,26 @@ for (const call of ["drawElements", "drawArrays", "drawElementsInstanced", "draw
 """
 
 
-def draw_nothing(pages: BrowserContext | Page) -> None:
-    """Leave the canvas of pages that are opened from now on empty; all else works, clicks on the scene among it.
+def draw_seldom(pages: BrowserContext | Page) -> None:
+    """Let pages that are opened from now on draw five times a second.
 
     Without a graphics card the processor draws, which would leave little of it to the tests.
     """
+    pages.add_init_script(_DRAW_SELDOM)
+
+
+def draw_nothing(pages: BrowserContext | Page) -> None:
+    """Leave the canvas of pages that are opened from now on empty; all else works, clicks on the scene among it."""
+    draw_seldom(pages)
     pages.add_init_script(_DRAW_NOTHING)
 
 
 @contextmanager
 def open_page(browser: Browser, url: str, *, width: int, height: int, draws: bool = True) -> Iterator[Page]:
-    """Open an address in a window of so many pixels, and close it at the end; see `draw_nothing`."""
+    """Open an address in a window of so many pixels, and close it at the end; see `draw_seldom` and `draw_nothing`."""
     page = browser.new_page(viewport={"width": width, "height": height})
-    if not draws:
-        draw_nothing(page)
+    spare = draw_seldom if draws else draw_nothing
+    spare(page)
     page.set_default_timeout(PATIENCE_MS)
     try:
         page.goto(url)

@@ -21,6 +21,7 @@ from ltvn_core.recording.live_server import live_address
 from ltvn_core.recording.viewer_server import ServedViewer, serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_viz.session.rerun_viewers import RerunViewers
+from tests.browser.pages import draw_seldom
 from tests.core.recording import example_recording
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
@@ -37,7 +38,8 @@ def viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedViewer]:
 
 
 def test_the_recording_is_drawn_and_no_request_leaves_the_machine(chromium: Browser, viewer: ServedViewer) -> None:
-    page = chromium.new_page(viewport={"width": 900, "height": 600})
+    page = chromium.new_page(viewport={"width": 450, "height": 300})
+    draw_seldom(page)
     answered: list[str] = []
     sent: list[Request] = []
     page.on("response", lambda response: answered.append(response.url))
@@ -65,7 +67,8 @@ def test_a_recording_is_watched_while_it_is_written(chromium: Browser, tmp_path:
         serve_viewer(live_address(port)) as live,
     ):
         writer.write_frame(example_recording.observation(0))
-        page = chromium.new_page(viewport={"width": 900, "height": 600})
+        page = chromium.new_page(viewport={"width": 450, "height": 300})
+        draw_seldom(page)
         page.goto(live.url)
         _until(page, lambda: page.evaluate("document.body.dataset.open === 'yes'"), "the viewer opened the stream")
         for step in range(1, 10):

@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, Page, Request
 from ltvn_core.evaluation.map_layout import map_layout
 from ltvn_core.recording.reader import Recording
 from ltvn_viz.layers.scene_html import scene_html
+from tests.browser.pages import draw_seldom
 from tests.repository import DEMO_MAP
 from tests.waiting import PATIENCE_MS, until
 
@@ -36,7 +37,8 @@ def sent() -> list[Request]:
 
 @pytest.fixture(scope="module")
 def page(chromium: Browser, file: Path, sent: list[Request]) -> Iterator[Page]:
-    context = chromium.new_context(offline=True, viewport={"width": 800, "height": 560}, has_touch=True)
+    context = chromium.new_context(offline=True, viewport={"width": 500, "height": 360}, has_touch=True)
+    draw_seldom(context)
     page = context.new_page()
     page.set_default_timeout(PATIENCE_MS)
     page.on("request", lambda request: sent.append(request))
@@ -82,9 +84,9 @@ def test_walls_and_graph_are_drawn_without_any_request(page: Page, sent: list[Re
 
 def test_the_scene_turns_with_a_drag_and_grows_with_the_wheel(page: Page) -> None:
     before = drawn(page, is_full)
-    page.mouse.move(500, 300)
+    page.mouse.move(300, 200)
     page.mouse.down()
-    page.mouse.move(620, 330, steps=4)
+    page.mouse.move(420, 230, steps=4)
     page.mouse.up()
     turned = drawn(page, lambda shown: is_full(shown) and differs(shown, before))
     page.mouse.wheel(0, -600)
@@ -94,8 +96,8 @@ def test_the_scene_turns_with_a_drag_and_grows_with_the_wheel(page: Page) -> Non
 def test_the_scene_turns_under_a_finger(page: Page) -> None:
     before = drawn(page, is_full)
     touch = page.context.new_cdp_session(page)
-    for kind, x in (("touchStart", 450), ("touchMove", 490), ("touchMove", 560), ("touchMove", 600)):
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": 300}]})
+    for kind, x in (("touchStart", 250), ("touchMove", 290), ("touchMove", 360), ("touchMove", 400)):
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": 200}]})
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     drawn(page, lambda shown: is_full(shown) and differs(shown, before))
 

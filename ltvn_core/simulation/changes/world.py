@@ -8,6 +8,9 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ltvn_core.errors import WorldError
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
@@ -124,12 +127,16 @@ class World:
         self._epoch_s += duration_s
         self._tell([self._carry_out(passed, ChangedBy.HAND, self.time_s), *self._scripted()])
 
+    def reachable(self, start: Pose, goals: Pose) -> NDArray[np.bool_]:
+        """Return which of the goals (N, 3) a robot at a pose (3,) can get to as the world is now, (N,)."""
+        return np.isfinite(self.scene.clearance.path_lengths(start, np.asarray(goals)[:, :2]))
+
     def events(self) -> list[WorldChanged]:
         """Return the events with which a recording begins: what time it is and what the world is like.
 
         None for a scene as it was made in which nothing changes by itself.
         """
-        if self.state == AS_MADE and self.script == STATIC:
+        if self.state == AS_MADE and self.script.is_static:
             return []
         changes = w.TimePassed(0.0), *AS_MADE.changes_to(self.state)
         return [WorldChanged(each, ChangedBy.SCRIPT, self.time_s, outline_of(each, self.base)) for each in changes]

@@ -30,6 +30,11 @@ class WorldScript:
     people: int = 0
     """So many people walk about by day."""
 
+    @property
+    def is_static(self) -> bool:
+        """Whether nothing ever changes by itself."""
+        return not self.changes and not self.people
+
 
 STATIC = WorldScript("static")
 """Nothing ever changes by itself."""

@@ -121,13 +121,19 @@ def test_a_tum_folder_comes_back_and_is_read_by_numpy(tmp_path: Path, recording:
 def test_a_vint_folder_comes_back(tmp_path: Path, recording: Recording) -> None:
     export_recording(recording, tmp_path / "folder", ExportFormat.VINT)
 
-    check_frames(read_back(tmp_path / "folder", ReadOptions(rate_hz=2.0)), recording, depth_within_m=None)
+    frames = read_back(tmp_path / "folder", ReadOptions(rate_hz=2.0))
+
+    check_frames(frames, recording, depth_within_m=None)
+    check_camera(frames[0].camera)
 
 
 def test_a_lerobot_data_set_comes_back_and_is_read_by_pyarrow(tmp_path: Path, recording: Recording) -> None:
     export_recording(recording, tmp_path / "set", ExportFormat.LEROBOT)
 
-    check_frames(read_back(tmp_path / "set"), recording, depth_within_m=1e-6)
+    frames = read_back(tmp_path / "set")
+
+    check_frames(frames, recording, depth_within_m=1e-6)
+    check_camera(frames[0].camera)
     table = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")
     info = json.loads((tmp_path / "set/meta/info.json").read_text())
     assert info["total_frames"] == table.num_rows == COUNT

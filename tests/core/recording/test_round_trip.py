@@ -30,13 +30,14 @@ from ltvn_core.graph.deltas import (
     PresenceObserved,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import Event, GraphChanged
+from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, WorldChanged
 from ltvn_core.recording.event_codec import decode_event, encode_event
 from ltvn_core.recording.info import read_info
 from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.worlds import world_change as w
 from tests.core.recording import example_recording
 
 
@@ -73,9 +74,24 @@ deltas: st.SearchStrategy[GraphDelta] = st.one_of(
     st.builds(FramesReleased, frames, causes),
 )
 changes = st.builds(GraphChanged, deltas, st.none() | ids, st.none() | ids)
+names = st.text(max_size=8)
+rows = st.tuples(numbers, numbers, numbers)
+world_changes = st.one_of(
+    st.builds(w.DoorMoved, ids, st.booleans()),
+    st.builds(w.ThingPlaced, names, st.sampled_from(w.ThingKind), rows, rows),
+    st.builds(w.ThingRemoved, names),
+    st.builds(w.ThingReturned, names),
+    st.builds(w.LightChanged, numbers, numbers),
+    st.builds(w.PicturesExchanged, st.none() | ids),
+    st.builds(w.PersonMoved, names, rows, ids),
+    st.builds(w.PersonLeft, names),
+    st.builds(w.TimePassed, numbers),
+)
+outlines = st.builds(w.Outline, *[numbers] * 6)
+world_events = st.builds(WorldChanged, world_changes, st.sampled_from(ChangedBy), numbers, st.none() | outlines)
 
 
-@given(changes | st.sampled_from(example_recording.events()))
+@given(changes | world_events | st.sampled_from(example_recording.events()))
 def test_every_event_returns_equal(event: Event) -> None:
     assert decode_event(encode_event(event)) == event
 

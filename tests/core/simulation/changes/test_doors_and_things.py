@@ -177,6 +177,15 @@ def test_undoing_brings_back_exactly_what_was_there(scene: Scene, seed: int) -> 
     assert world.scene is scene
 
 
+def test_the_world_knows_which_goals_can_be_reached_now(world: World, scene: Scene) -> None:
+    here, beyond = (beside(scene.parts.doors[DOOR], side) for side in (-NEAR_M, NEAR_M))
+    goals = np.array([here + np.array((0.1, 0.1, 0.0)), beyond])
+    assert world.reachable(here, goals).tolist() == [True, True]
+    for door in range(len(scene.parts.doors)):
+        world.apply(DoorMoved(door, is_open=False))
+    assert world.reachable(here, goals).tolist() == [True, False]
+
+
 def test_a_box_is_seen_bumped_into_and_gone_round(world: World, scene: Scene, enter: Enter) -> None:
     robot, place = enter(world), beside(scene.parts.doors[DOOR], -0.4)
     robot.apply(box_at(place))

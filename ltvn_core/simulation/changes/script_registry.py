@@ -1,0 +1,94 @@
+"""Scripts of worlds by their names, or from a file. What each brings is in a module of its own."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ltvn_core.errors import WorldError
+from ltvn_core.simulation.changes.door_scripts import daily_doors, mixed_doors, telegraph_doors
+from ltvn_core.simulation.changes.light_script import daylight, exchanged_pictures
+from ltvn_core.simulation.changes.moving_script import moved_things
+from ltvn_core.simulation.changes.open_routes import OpenRoutes
+from ltvn_core.simulation.changes.script_file import read_script
+from ltvn_core.simulation.changes.world_script import DAY_S, STATIC, TimedChange, WorldScript
+from ltvn_core.simulation.scene import Scene
+
+WEEK_S = 7 * DAY_S
+PEOPLE = 3
+"""So many people walk about where a script has people."""
+
+_Process = Callable[[Scene, np.random.Generator, float], list[TimedChange]]
+
+
+def _daily(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    return daily_doors(OpenRoutes(scene), rng, duration_s)
+
+
+def _telegraph(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    return telegraph_doors(OpenRoutes(scene), rng, duration_s)
+
+
+def _mixed(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    return mixed_doors(OpenRoutes(scene), rng, duration_s)
+
+
+def _light(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    return [*daylight(rng, duration_s), *exchanged_pictures(rng, duration_s)]
+
+
+_PROCESSES: dict[str, tuple[_Process, ...]] = {
+    "static": (),
+    "doors": (_mixed,),
+    "daily": (_daily,),
+    "telegraph": (_telegraph,),
+    "moving": (moved_things,),
+    "light": (_light,),
+    "people": (),
+    "all": (_mixed, moved_things, _light),
+}
+SCRIPT_NAMES = tuple(_PROCESSES)
+"""All names that `make_script` knows."""
+_NEED_DOORS = ("doors", "daily", "telegraph")
+_WITH_PEOPLE = ("people", "all")
+
+
+def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = WEEK_S) -> WorldScript:
+    """Return the script of a name, or the one in a JSON file, for a scene.
+
+    The same name, scene, seed and duration give the same script.
+
+    Args:
+        name: One of `SCRIPT_NAMES`, or the path of a file, see `script_file`.
+        scene: Where it happens.
+        seed: Draws what happens and when; a file has its own.
+        duration_s: Seconds from midnight of the first day until which something happens.
+
+    Raises:
+        WorldError: There is no such script, its file cannot be read, or the scene cannot carry it out.
+    """
+    if name not in _PROCESSES:
+        return _from_file(name, scene)
+    if name in _NEED_DOORS and not scene.parts.doors:
+        raise WorldError(
+            f"The scene {scene.name} has no doors, so the script {name!r} would change nothing. Scenes from meshes can "
+            "have moving, light and people."
+        )
+    if name == STATIC.name:
+        return STATIC
+    changes: list[TimedChange] = []
+    for number, process in enumerate(_PROCESSES[name]):
+        if process is not _mixed or scene.parts.doors:
+            changes += process(scene, np.random.default_rng((seed, number)), duration_s)
+    changes.sort(key=lambda timed: timed.at_s)
+    return WorldScript(name, seed, tuple(changes), PEOPLE if name in _WITH_PEOPLE else 0)
+
+
+def _from_file(name: str, scene: Scene) -> WorldScript:
+    path = Path(name).expanduser()
+    if not path.suffix and not path.exists():
+        raise WorldError(
+            f"There is no world {name!r}. Choose one of: {', '.join(SCRIPT_NAMES)}; or give the path of a JSON file "
+            "with a script."
+        )
+    return read_script(path, scene)

@@ -210,6 +210,9 @@ class SimulatedRobot:
             SceneError: `pose` lies inside an obstacle.
         """
         pose = _checked_free_pose(pose, self._clearance, self._spec.radius_m)
+        if self.world is not None and self._follower is not None:
+            self.world.make_room(pose)
+            self._follower.follow_people()
         self._lease.cancel()
         self._drivetrain.halt()
         self._physics.place(pose)
@@ -249,8 +252,9 @@ class SimulatedRobot:
         if self._ticks_in_step == _TICKS_PER_STEP:
             self._step += 1
             self._ticks_in_step = 0
-            if self.world is not None:
+            if self.world is not None and self._follower is not None:
                 self.world.advance_to(self.stamp)
+                self._follower.follow_people()
 
 
 class SimulatorClock:

@@ -6,6 +6,7 @@ which follows; so do recordings and views.
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -15,8 +16,10 @@ from ltvn_core.errors import WorldError
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.changes.outlines import distance_m, outline_of
+from ltvn_core.simulation.changes.walking_people import People
 from ltvn_core.simulation.changes.world_check import check_change, check_floor
 from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, TimedChange, WorldScript
+from ltvn_core.simulation.physics import PERSON_RADIUS_M
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.types import Pose
 from ltvn_core.worlds import world_change as w
@@ -29,6 +32,8 @@ Follower = Callable[[Sequence[WorldChanged]], None]
 
 _ROOM_M = 0.05
 """Nothing is put nearer than this to a robot or a person."""
+_TELL_PEOPLE_S = 0.5
+"""Where people walk is told this often."""
 
 
 class Body(Protocol):
@@ -66,6 +71,10 @@ class World:
         self._next = 0
         self._waiting: dict[str, w.WorldChange] = {}
         """Changes of the script that somebody stands in the way of, by what they are about."""
+        self._people = People(script.people, script.seed)
+        self._tell_people_s = start_s
+        self._told = AS_MADE
+        """Where people were when their places were last told."""
         for timed in self._due():
             check_change(timed.change, scene, self.state)
             self.state = self.state.after(timed.change)
@@ -92,6 +101,12 @@ class World:
         """Let a robot in: nothing will be put onto it, and its clock moves the world's. It replaces one before."""
         self._epoch_s, self._stamp = self.time_s - body.stamp, body.stamp
         self._body, self._radius_m = body, radius_m
+        self.make_room(body.exact_pose)
+
+    def make_room(self, pose: Pose) -> None:
+        """Let people who stand where the robot is put, at a pose (3,), be somewhere else."""
+        self._people.send_away_from(pose)
+        self._move_people()
 
     def leave(self, body: Body) -> None:
         """Let a robot out; time stands still until another one comes."""
@@ -117,15 +132,17 @@ class World:
 
     def advance_to(self, stamp: float) -> None:
         """Let time pass until `stamp` on the robot's clock, and carry out what the script says."""
-        self._stamp = stamp
-        self._tell(list(self._scripted()))
+        duration_s, self._stamp = stamp - self._stamp, stamp
+        self._tell([*self._scripted(), *self._walked(duration_s)])
 
     def skip(self, duration_s: float) -> None:
         """Let time pass in which the robot's clock stands still; it costs no more than the changes that it brings."""
         passed = w.TimePassed(duration_s)
         check_change(passed, self.base, self.state)
         self._epoch_s += duration_s
-        self._tell([self._carry_out(passed, ChangedBy.HAND, self.time_s), *self._scripted()])
+        self._people.scatter()
+        events = [self._carry_out(passed, ChangedBy.HAND, self.time_s), *self._scripted()]
+        self._tell([*events, *self._walked(0.0)])
 
     def reachable(self, start: Pose, goals: Pose) -> NDArray[np.bool_]:
         """Return which of the goals (N, 3) a robot at a pose (3,) can get to as the world is now, (N,)."""
@@ -163,6 +180,29 @@ class World:
             if (event := self._try(about, timed.change, timed.at_s)) is not None:
                 yield event
 
+    def _walked(self, duration_s: float) -> list[WorldChanged]:
+        """Let people walk. Their state changes at each step, but only a few times a second anybody is told."""
+        if not self.script.people:
+            return []
+        clearance, pose = self.scene.clearance, None if self._body is None else self._body.exact_pose
+        self._people.come_and_go(self.time_s, clearance, pose)
+        self._people.walk(duration_s, clearance, None if pose is None else (pose[0], pose[1], self._radius_m))
+        self._move_people()
+        if self.time_s < self._tell_people_s:
+            return []
+        self._tell_people_s = self.time_s + _TELL_PEOPLE_S
+        before, self._told = self._told, replace(self._told, people=self.state.people)
+        changes = before.changes_to(self._told)
+        return [WorldChanged(each, ChangedBy.SCRIPT, self.time_s, outline_of(each, self.base)) for each in changes]
+
+    def _move_people(self) -> None:
+        """Take over who is where; whoever a person put there by hand stays."""
+        moved = {each.person: each for each in self._people.moved}
+        others = [each for each in self.state.people if each.person not in self._people.names]
+        people = tuple(sorted((*others, *moved.values()), key=lambda each: each.person))
+        if people != self.state.people:
+            self.state = replace(self.state, people=people)
+
     def _try(self, about: str, change: w.WorldChange, at_s: float) -> WorldChanged | None:
         try:
             check_change(change, self.base, self.state)
@@ -183,6 +223,10 @@ class World:
             x, y, _ = self._body.exact_pose
             if distance_m(outline, x, y) < self._radius_m + _ROOM_M:
                 return f"This cannot be now ({w.change_text(change)}): the robot stands there. Drive it away first."
+        for person in self.state.people:
+            x, y, _ = person.pose
+            if not isinstance(change, w.PersonMoved) and distance_m(outline, x, y) < PERSON_RADIUS_M + _ROOM_M:
+                return f"This cannot be now ({w.change_text(change)}): {person.person} stands there. Wait a little."
         return None
 
     def _carry_out(self, change: w.WorldChange, by: ChangedBy, at_s: float) -> WorldChanged:

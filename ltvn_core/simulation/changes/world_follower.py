@@ -9,6 +9,7 @@ from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
 from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
 from ltvn_core.simulation.physics import SCENE_OBSTACLES, PhysicsWorld
 from ltvn_core.types import Renderer
+from ltvn_core.worlds.world_change import PersonMoved
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.changes.world import World
@@ -44,7 +45,9 @@ class WorldFollower:
         self._own = world.scene.clearance.blocked
         self._blocked = self._own
         self._shown: object = None
+        self._people: tuple[PersonMoved, ...] = ()
         self.show()
+        self.follow_people()
 
     def show(self) -> None:
         """Show the camera the world as it is now."""
@@ -61,7 +64,15 @@ class WorldFollower:
                 self._own = self._own & self._blocked
                 self._set(SCENE_OBSTACLES, clearance, self._own)
             self._set(_ADDED_OBSTACLES, clearance, self._blocked & ~self._own)
+        self.follow_people()
         return clearance
+
+    def follow_people(self) -> None:
+        """Let the body meet people where they are now."""
+        people = self._world.state.people
+        if people is not self._people:
+            self._people = people
+            self._physics.set_people({each.person: each.pose[:2] for each in people})
 
     def _set(self, group: str, clearance: ClearanceMap, blocked: np.ndarray) -> None:
         part = ClearanceMap(blocked, clearance.origin, clearance.resolution_m)

@@ -1,0 +1,90 @@
+"""Encounters of the robot with people: how near they came, and whether an attentive driver would have touched anybody.
+
+A person never walks into the robot (`simulation.changes.walking_people`), so a touch is the robot's doing. It is held
+against the robot if it drove towards the person and its camera had the person in view, with nothing between them, in
+the last second before. Reads exact poses; needs no navigation.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core.geometry import relative
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.physics import PERSON_RADIUS_M
+from ltvn_core.types import Pose
+from ltvn_core.worlds.world_change import PersonMoved
+
+BEGINS_M, ENDS_M = 1.5, 2.0
+"""An encounter begins when a person is nearer than the first, and ends when farther than the second; from surface to
+surface, as all distances here."""
+_ATTENTION_S = 1.0
+_TOUCH_M = 0.003
+
+
+@dataclass(slots=True)
+class Encounter:
+    """The robot and one person, from when they came near until they parted."""
+
+    person: str
+    closest_m: float
+    """Least distance between the two surfaces."""
+    touched: bool = False
+    avoidable: bool = False
+    """Whether an attentive driver would not have touched the person."""
+    seen_s: float = -math.inf
+    """When the camera had the person in view last."""
+
+
+class EncounterLog:
+    """Watches robot and people at each control step."""
+
+    def __init__(self, spec: RobotSpec = LOCOBOT) -> None:
+        """Know nothing yet."""
+        self._spec = spec
+        self._under_way: dict[str, Encounter] = {}
+        self.over: list[Encounter] = []
+        """What has ended."""
+
+    def take(
+        self, stamp: float, robot: Pose, linear_m_s: float, people: Sequence[PersonMoved], clearance: ClearanceMap
+    ) -> None:
+        """Take in where everybody is at `stamp` seconds; `linear_m_s` is how fast the robot's wheels drive."""
+        for person in people:
+            gap = relative(robot, np.array(person.pose))
+            away_m = float(np.hypot(gap[0], gap[1])) - self._spec.radius_m - PERSON_RADIUS_M
+            encounter = self._under_way.get(person.person)
+            if encounter is None:
+                if away_m >= BEGINS_M:
+                    continue
+                encounter = self._under_way[person.person] = Encounter(person.person, away_m)
+            encounter.closest_m = min(encounter.closest_m, away_m)
+            if self._is_in_view(robot, np.array(person.pose), clearance):
+                encounter.seen_s = stamp
+            if away_m <= _TOUCH_M and not encounter.touched:
+                encounter.touched = True
+                towards = gap[0] * linear_m_s > 0
+                encounter.avoidable = bool(towards and stamp - encounter.seen_s <= _ATTENTION_S)
+            if away_m > ENDS_M:
+                self.over.append(self._under_way.pop(person.person))
+        self._part({each.person for each in people})
+
+    def finish(self) -> list[Encounter]:
+        """Return all encounters, those under way too."""
+        self._part(set())
+        return self.over
+
+    def _part(self, present: set[str]) -> None:
+        for name in self._under_way.keys() - present:
+            self.over.append(self._under_way.pop(name))
+
+    def _is_in_view(self, robot: Pose, person: Pose, clearance: ClearanceMap) -> bool:
+        gap = relative(robot, person)
+        half_width_rad = math.asin(min(1.0, PERSON_RADIUS_M / max(float(np.hypot(gap[0], gap[1])), PERSON_RADIUS_M)))
+        bearing = abs(math.atan2(float(gap[1]), float(gap[0])))
+        if bearing > self._spec.camera.horizontal_fov_rad / 2 + half_width_rad:
+            return False
+        return bool(clearance.along(robot[None, :2], person[None, :2])[0] > 0)

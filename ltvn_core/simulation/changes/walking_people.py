@@ -1,0 +1,161 @@
+"""People who walk through a world: each with ways of their own, and careful never to walk into the robot.
+
+A person goes from place to place, stands there for a while, and waits where the robot or somebody else is too near
+ahead. Who has waited in vain takes another way. Time is the robot's: while it stands still, so do people.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S
+from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.physics import PERSON_RADIUS_M
+from ltvn_core.types import Pose
+from ltvn_core.worlds.world_change import PersonMoved
+
+AWAKE_S = (7.5 * HOUR_S, 22.5 * HOUR_S)
+"""People are there between these times of the day."""
+SPEEDS_M_S = (0.5, 0.9)
+_KEEP_M = 0.3
+"""A person stops this far before touching somebody."""
+_APPEAR_M = 2.0
+"""A person comes into the world at least this far from the robot."""
+_PAUSE_S = (2.0, 20.0)
+_PATIENCE_S = 4.0
+"""After waiting so long a person goes somewhere else."""
+_TURN_RAD_S = 2.5
+_AHEAD_M = 0.3
+_ROOM_M = 0.3
+"""A person stops over only where there is this much room."""
+
+
+class WalkingPerson:
+    """One person in a world."""
+
+    def __init__(self, name: str, seed: int, pose: Pose, rng: np.random.Generator) -> None:
+        """Stand at a pose (3,), in the clothes of a seed."""
+        self.name = name
+        self.seed = seed
+        self.pose: Pose = pose
+        self._rng = rng
+        self._speed_m_s = float(rng.uniform(*SPEEDS_M_S))
+        self._way: NDArray[np.float64] = np.empty((0, 2))
+        self._pause_s = float(rng.uniform(0, _PAUSE_S[1]))
+        self._waited_s = 0.0
+
+    @property
+    def moved(self) -> PersonMoved:
+        """Where the person is now, as a change of the world."""
+        x, y, yaw = self.pose.tolist()
+        return PersonMoved(self.name, (x, y, yaw), self.seed)
+
+    def walk(self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64]) -> None:
+        """Walk on for a moment.
+
+        Args:
+            duration_s: How long.
+            clearance: What is in the way now.
+            others: (N, 3) x, y and radius in metres of the robot and other people.
+        """
+        if self._pause_s > 0:
+            self._pause_s -= duration_s
+            return
+        if not len(self._way):
+            self._choose_way(clearance)
+            return
+        step = self._step(duration_s)
+        if clearance.at(step[:2]) <= 0 or self._is_too_near(step[:2], others):
+            self._waited_s += duration_s
+            if self._waited_s > _PATIENCE_S:
+                self._way = np.empty((0, 2))
+            return
+        self._waited_s = 0.0
+        self.pose = step
+        passed = np.hypot(*(self._way - step[:2]).T) < _AHEAD_M
+        if passed.any():
+            self._way = self._way[int(np.flatnonzero(passed)[-1]) + 1 :]
+        if not len(self._way):
+            self._pause_s = float(self._rng.uniform(*_PAUSE_S))
+
+    def _choose_way(self, clearance: ClearanceMap) -> None:
+        goal = clearance.sample_poses(self._rng, 1, min_clearance_m=_ROOM_M)[0]
+        way = clearance.path(self.pose[:2], goal[:2])
+        self._waited_s = 0.0
+        if way is None:
+            self._pause_s = 1.0
+        else:
+            self._way = way[1:]
+
+    def _step(self, duration_s: float) -> Pose:
+        """Return where the person would be after a moment, (3,); who must turn first does so on the spot."""
+        x, y, yaw = self.pose
+        gap = self._way[0] - self.pose[:2]
+        turn = float(np.angle(np.exp(1j * (np.arctan2(gap[1], gap[0]) - yaw))))
+        yaw += float(np.clip(turn, -_TURN_RAD_S * duration_s, _TURN_RAD_S * duration_s))
+        length_m = 0.0 if abs(turn) > 1 else min(self._speed_m_s * duration_s, float(np.hypot(*gap)))
+        direction = gap / max(float(np.hypot(*gap)), 1e-6)
+        return np.array([x + length_m * direction[0], y + length_m * direction[1], yaw])
+
+    def _is_too_near(self, place: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+        """Tell whether a place is too near to somebody, and nearer than the person is already."""
+        if not len(others):
+            return False
+        then_m = np.hypot(*(others[:, :2] - place).T)
+        now_m = np.hypot(*(others[:, :2] - self.pose[:2]).T)
+        return bool(((then_m < others[:, 2] + PERSON_RADIUS_M + _KEEP_M) & (then_m < now_m)).any())
+
+
+class People:
+    """All people who walk through one world."""
+
+    def __init__(self, count: int, seed: int) -> None:
+        """Expect `count` people by day."""
+        self._count = count
+        self._rng = np.random.default_rng((seed, 17))
+        self._walking: list[WalkingPerson] = []
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all who may ever be there."""
+        return tuple(f"person-{number}" for number in range(self._count))
+
+    @property
+    def moved(self) -> list[PersonMoved]:
+        """Where everybody is now."""
+        return [person.moved for person in self._walking]
+
+    def come_and_go(self, time_s: float, clearance: ClearanceMap, robot: Pose | None) -> None:
+        """Let people come in the morning, and leave in the evening."""
+        if not AWAKE_S[0] <= time_s % DAY_S < AWAKE_S[1]:
+            self._walking = []
+            return
+        here = {person.name for person in self._walking}
+        for name in self.names:
+            if name not in here:
+                self._arrive(name, clearance, robot)
+
+    def send_away_from(self, pose: Pose) -> None:
+        """Send those away who stand near a pose (3,); they come in anew elsewhere."""
+        self._walking = [each for each in self._walking if np.hypot(*(each.pose - pose)[:2]) >= _APPEAR_M / 2]
+
+    def scatter(self) -> None:
+        """Forget where everybody is, after time in which nobody watched; all come in anew."""
+        self._walking = []
+
+    def walk(self, duration_s: float, clearance: ClearanceMap, robot: Sequence[float] | None) -> None:
+        """Let everybody walk on for a moment; `robot` is x, y and radius in metres."""
+        for person in self._walking:
+            others = [(*each.pose[:2], PERSON_RADIUS_M) for each in self._walking if each is not person]
+            if robot is not None:
+                others.append((robot[0], robot[1], robot[2]))
+            person.walk(duration_s, clearance, np.array(others, np.float64).reshape(-1, 3))
+
+    def _arrive(self, name: str, clearance: ClearanceMap, robot: Pose | None) -> None:
+        places = clearance.sample_poses(self._rng, 16, min_clearance_m=_ROOM_M)
+        if robot is not None:
+            places = places[np.hypot(*(places[:, :2] - robot[:2]).T) > _APPEAR_M]
+        if len(places):
+            clothes = int(self._rng.integers(1, 2**31))
+            self._walking.append(WalkingPerson(name, clothes, places[0], np.random.default_rng(clothes)))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.original_images import OriginalSize, compress_original, decompress_original
-from ltvn_core.cameras.rectification import Rectification, have_same_rays, rectification
+from ltvn_core.cameras.rectification import Rectification, have_same_lens, have_same_rays, rectification
 from ltvn_core.errors import ImageError
 from ltvn_core.image_validity import check_observation, check_rgb
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -112,10 +112,10 @@ def rectify_observation(
     """Return an observation of `camera` as `target` would have taken it; the very same where the two agree.
 
     An image with a tilt of its own is turned from that tilt to the target's, and has none then; where the two cameras
-    agree it is left as it was taken. With an `original_size` the picture itself is kept too, see
-    `Observation.original`.
+    have the same lens it is left as it was taken, for then neither's mounting says how it was held. With an
+    `original_size` the picture itself is kept too, see `Observation.original`.
     """
-    if have_same_rays(camera, target):
+    if have_same_rays(camera, target) or (observation.tilt is not None and have_same_lens(camera, target)):
         return observation
     way = _way_of(camera, observation.tilt, target)
     original = observation.original

@@ -32,6 +32,12 @@ def have_same_rays(source: CameraModel, target: CameraModel) -> bool:
     return replace(source, height_m=0.0, depth_scale=1.0) == replace(target, height_m=0.0, depth_scale=1.0)
 
 
+def have_same_lens(source: CameraModel, target: CameraModel) -> bool:
+    """Tell whether two cameras differ in nothing but how they are mounted."""
+    unmounted = {"pitch_rad": 0.0, "roll_rad": 0.0}
+    return have_same_rays(replace(source, **unmounted), replace(target, **unmounted))
+
+
 class Rectification:
     """Turns images of one camera into images of another. Make it with `rectification`, which remembers it."""
 

@@ -79,6 +79,14 @@ def test_an_image_for_the_camera_that_took_it_stays_as_it_is_and_keeps_its_tilt(
     assert recorded_observation(image, KINECT, KINECT) is image
 
 
+def test_an_image_that_was_held_by_hand_stays_as_it_is_for_another_drive_of_the_same_camera() -> None:
+    image = taken(Tilt(0.3, -0.2))
+    other_drive = replace(KINECT, pitch_rad=-0.5, roll_rad=0.1, height_m=1.2)
+    assert rectify_observation(image, KINECT, other_drive) is image
+    assert recorded_observation(image, KINECT, other_drive) is image
+    assert rectify_observation(image, KINECT, replace(other_drive, fx=140.0)).tilt is None
+
+
 @pytest.mark.parametrize("tilt", [Tilt(np.nan, 0.0), Tilt(0.0, np.inf), Tilt(1.6, 0.0)])
 def test_a_tilt_that_cannot_be_is_refused(tilt: Tilt) -> None:
     with pytest.raises(ImageError, match=r"drive 7.*tilt"):

@@ -32,7 +32,17 @@ class BenchVerb(Verb):
         """Measure one budget after the other."""
         from tqdm import tqdm
 
-        from benchmarks import camera, drive_latency, learning, long_replay, matching, planning, recorder, recording
+        from benchmarks import (
+            camera,
+            drive_latency,
+            learning,
+            long_replay,
+            matching,
+            planning,
+            recorder,
+            recording,
+            world_change,
+        )
 
         jobs = {
             "camera": camera.render_large_mesh,
@@ -43,6 +53,7 @@ class BenchVerb(Verb):
             "planning": planning.plan_large_map,
             "recorder": recorder.begin_and_fail,
             "recording": recording.write_and_read,
+            "world_change": world_change.change_worlds,
         }
         chosen = {name: job for name, job in jobs.items() if self.only in (None, name)}
         rows = [row for job in tqdm(chosen.values(), desc="bench") for row in job()]

@@ -58,7 +58,7 @@ class ChangedScenes:
     def _surfaces(self, away: frozenset[str], pictures: int | None) -> Surfaces:
         """Return the scene's own surfaces without the furniture that is elsewhere, with these pictures."""
         whole = self.base.surfaces
-        if pictures is not None:
+        if pictures is not None and (self.base.parts.paintings or self.base.parts.rugs):
             make = lambda: exchanged_textures(whole.textures, self.base.parts, pictures)  # noqa: E731
             whole = replace(whole, textures=self._once(("textures", pictures), make))
         if not away:

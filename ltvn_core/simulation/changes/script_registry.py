@@ -34,7 +34,8 @@ def _mixed(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[Ti
 
 
 def _light(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    return [*daylight(rng, duration_s), *exchanged_pictures(rng, duration_s)]
+    pictures = scene.parts.paintings or scene.parts.rugs
+    return [*daylight(rng, duration_s), *(exchanged_pictures(rng, duration_s) if pictures else ())]
 
 
 _PROCESSES: dict[str, tuple[_Process, ...]] = {

@@ -64,7 +64,7 @@ def test_a_query_goes_on_when_its_recording_fails(harness: SessionHarness) -> No
     assert ended.moment.progress.goal == int(harness.now.moment.graph.ids[-1])
     until(lambda: not harness.state.live.recorder.is_on)
     harness.session.close()
-    assert verify(path.with_name("elsewhere.rrd")).frames > 10
+    assert verify(path.with_name("elsewhere.rrd")).frames > 0
 
 
 def test_the_next_recording_begins_after_one_that_failed(harness: SessionHarness) -> None:

@@ -16,7 +16,7 @@ from ltvn_core.simulation.locobot_model import locobot_glb
 from ltvn_core.types import Pose
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.layers.lights_and_camera import set_initial_camera
-from ltvn_viz.layers.scene_assets import floor_bounds, scene_glb
+from ltvn_viz.layers.scene_assets import added_glb, floor_bounds, scene_glb
 from ltvn_viz.page_layout import PageAssets, build_layout
 from ltvn_viz.painter import Painter
 from ltvn_viz.server.driver_seat import DriverSeat
@@ -85,7 +85,7 @@ def open_app(options: AppOptions, *, seat: DriverSeat | None = None) -> Iterator
         parts = build_layout(
             server.viser,
             SessionPages(server, session),
-            PageAssets(scene_glb, locobot_glb() if robot.spec.name == LOCOBOT.name else None, robot.spec),
+            PageAssets(scene_glb, locobot_glb() if robot.spec.name == LOCOBOT.name else None, robot.spec, added_glb),
         )
         screen.painter = Painter(parts, server.viser.atomic)
         screen.painter.start()

@@ -38,6 +38,7 @@ from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.activities.teleop import AbsentTeleop, Teleop
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.backend import Backend, live_robot, open_backend, open_feed, predictor_for
+from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.live_map import LiveMap
@@ -79,7 +80,8 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         check_fingerprint(chosen.meta, predictor.fingerprint)
     known = chosen or _ready_made(options, predictor)
     backend = open_backend(options, known, stack) if own_robot is None else Backend(robot=own_robot)
-    live_map = LiveMap(predictor, system, np.random.default_rng(options.seed))
+    world_time = None if backend.world is None else lambda world=backend.world: world.time_s
+    live_map = LiveMap(predictor, system, np.random.default_rng(options.seed), world_time=world_time)
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
     robot = live_robot(backend, predictor, known)
     recorder = Recorder(
@@ -92,6 +94,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     if known is not None:
         logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
         _take_map(live, live_map, known)
+    world = None if backend.world is None else ChangeableWorld(backend.world, live)
     patient_worker = PatientWorker(worker)
     choose_method = ReplayMethods(options, predictor).of if asked.predictor == AUTO else _as_the_robots
     teleop = AbsentTeleop if backend.robot is None else Teleop
@@ -111,6 +114,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
         rerun=RerunViewers(stack).address,
+        world=world,
         build_options=BuildOptions(
             preset=options.preset,
             system=options.system,

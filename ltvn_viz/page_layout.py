@@ -12,13 +12,15 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.worlds.world_state import WorldState
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
+from ltvn_viz.layers.doors_layer import DoorsLayer
 from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
 from ltvn_viz.layers.lights_and_camera import add_lights
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layer import RobotLayer
-from ltvn_viz.layers.scene_layer import SceneLayer
+from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
 from ltvn_viz.layers.trajectory_layer import CourseLayer, TrajectoryLayer
 from ltvn_viz.painter import OwnParts, PagePart
 from ltvn_viz.panels.camera_panel import CameraPanel
@@ -31,9 +33,10 @@ from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import Notifications, OwnNotices
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import StatusPanel
+from ltvn_viz.panels.world_panel import WorldPanel
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.server.page_elements import shared_elements
-from ltvn_viz.session.commands import Command, PickNode
+from ltvn_viz.session.commands import Command, PickNode, ToggleDoor
 
 PANEL_PX = 380
 CAMERA_PX = 520
@@ -44,11 +47,13 @@ TITLE = "Lifelong Topological Visual Navigation"
 class PageAssets:
     """What is drawn from files."""
 
-    scene_glb: Callable[[str], bytes]
-    """Loads the scene of a name, ceiling cut away; raises SceneError."""
+    scene_glb: Callable[[str, WorldState], bytes]
+    """Loads the scene of a name as it is in a state of its world, ceiling cut away; raises SceneError."""
     robot_glb: bytes | None
     """The robot's body; None draws a plain one of its size."""
     robot: RobotSpec = LOCOBOT
+    added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
+    """Loads what stands in that scene for now; None where nothing does. Raises SceneError."""
 
 
 class Pages(Protocol):
@@ -90,6 +95,8 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
         drive, learn = DrivePanel(gui), FineTuningPanel(gui)
     with tabs.add_tab("Go", viser.Icon.MAP_PIN):
         go = NavigationPanel(gui, send)
+    with tabs.add_tab("World", viser.Icon.DOOR):
+        world = WorldPanel(gui)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui, send)
     why_tab = tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION)
@@ -107,7 +114,7 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
         return [follow, why, DebuggerLayer(client.scene), OwnNotices(client)]
 
     own = OwnParts(clients, own_parts, pages.number_of)
-    return [status, camera, drive, learn, go, replay, own, Notifications(clients)]
+    return [status, camera, drive, learn, go, world, replay, own, Notifications(clients)]
 
 
 def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:
@@ -115,6 +122,8 @@ def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[Pag
     return [
         RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb),
+        AddedLayer(scene, assets.added_glb),
+        DoorsLayer(scene, on_pick=lambda door, client: pages.send_from(client, ToggleDoor(door))),
         NodesLayer(scene, on_pick=lambda node, client: pages.send_from(client, PickNode(node))),
         PlanLayer(scene),
         GoalLayer(scene),

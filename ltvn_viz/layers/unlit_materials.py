@@ -9,12 +9,14 @@ import struct
 
 import numpy as np
 
+from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.surfaces import Surfaces
 
 FACE_BRIGHTNESS = (0.95, 0.8, 0.68)
 """How bright faces are: level ones, those that look along x, and those that look along y."""
 
 UNLIT_EXTENSION = "KHR_materials_unlit"
+_GAMMA = 2.2
 _JSON_CHUNK = 0x4E4F534A
 
 
@@ -28,12 +30,16 @@ def with_baked_shading(surfaces: Surfaces) -> Surfaces:
     return Surfaces(surfaces.vertices, surfaces.faces, surfaces.corner_uv, face_texture, surfaces.overhead, textures)
 
 
-def marked_unlit(glb: bytes) -> bytes:
-    """Mark all materials of a binary glTF as showing their textures as they are."""
+def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
+    """Mark all materials of a binary glTF as showing their textures as they are, in some light."""
     (length,) = struct.unpack_from("<I", glb, 12)
     described = json.loads(glb[20 : 20 + length])
     for material in described["materials"]:
         material.setdefault("extensions", {})[UNLIT_EXTENSION] = {}
+        if light != PLAIN_LIGHT:
+            # glTF counts light itself and textures count what the eye sees of it. More than all of it is not allowed.
+            factors = [min(share, 1.0) ** _GAMMA for share in light]
+            material.setdefault("pbrMetallicRoughness", {})["baseColorFactor"] = [*factors, 1.0]
     described["extensionsUsed"] = sorted({*described.get("extensionsUsed", ()), UNLIT_EXTENSION})
     text = json.dumps(described, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)  # glTF wants chunks in whole words.

@@ -21,6 +21,7 @@ from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.camera_feed import ImageFeed
+from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.commands import Command, QuestionRequest
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.goals import Goals
@@ -135,6 +136,8 @@ class AppState:
     """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
     viewpoint: Callable[[], Viewpoint | None] = lambda: None
     """From where the person looks at the scene; None where there is no page."""
+    world: ChangeableWorld | None = None
+    """The simulated world that a person may change; None for a robot in a real one."""
     shown_stamp: float | None = None
     """A stamp of the live run that the page shows instead of now."""
     own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)

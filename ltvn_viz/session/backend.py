@@ -7,6 +7,7 @@ watches a recording there may be no robot either.
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.options import AppOptions
 
+if TYPE_CHECKING:
+    from ltvn_core.simulation.changes.world import World
+
 DISPLAY_SIZE = (320, 240)
 START_CANDIDATES = 16
 
@@ -45,6 +49,8 @@ class Backend:
     """Where it drives, if anybody has a model of that."""
     ground_truth: Callable[[], Pose] | None = None
     """Where it really is, (3,), in simulation only."""
+    world: "World | None" = None
+    """That place as it changes, in simulation only."""
     missing: LtvnError | None = None
     """Why there is no robot."""
 
@@ -89,7 +95,9 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
         return Backend(robot=None, missing=missing)
     robot = simulation.robot
     stack.callback(robot.close)
-    return Backend(robot=robot, renderer=renderer, scene=scene, ground_truth=lambda: robot.exact_pose)
+    world = simulation.world
+    world.follow(lambda _: renderer.show(world.scene))
+    return Backend(robot=robot, renderer=renderer, scene=scene, ground_truth=lambda: robot.exact_pose, world=world)
 
 
 def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) -> LiveRobot:
@@ -119,7 +127,10 @@ def open_feed(backend: Backend, live: LiveRun, stack: ExitStack) -> ImageFeed:
     if renderer is None:
         return ObservationFeed(lambda: live.view, live.robot.clock)
     camera = backend.robot.spec.camera.scaled(*DISPLAY_SIZE)
-    feed = CameraFeed(lambda pose: renderer.render(pose, camera))
+    world = backend.world
+    feed = CameraFeed(
+        lambda pose: renderer.render(pose, camera), look=lambda: None if world is None else world.state
+    )
     stack.callback(feed.close)
     return feed
 

@@ -61,16 +61,26 @@ class _RenderRequest(NamedTuple):
 
     pose: Pose
     when: float
+    look: object = None
+    """What the world is like; another object means that the same pose sees something else."""
+
+    def sees_as(self, other: "_RenderRequest") -> bool:
+        """Tell whether both see the same."""
+        return self.look is other.look and np.array_equal(self.pose, other.pose)
 
 
 class CameraFeed:
     """Draws what is seen from the newest pose, some times a second."""
 
     def __init__(
-        self, render: Callable[[Pose], tuple[Rgb, Depth]], clock: Callable[[], float] = time.monotonic
+        self,
+        render: Callable[[Pose], tuple[Rgb, Depth]],
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        look: Callable[[], object] = lambda: None,
     ) -> None:
-        """Start the thread; `render` is called in it alone."""
-        self._render, self._clock = render, clock
+        """Start the thread; `render` is called in it alone. `look` returns another object once the world changed."""
+        self._render, self._clock, self._look = render, clock, look
         self._change = threading.Condition()
         self._wanted: _RenderRequest | None = None
         self._asked = _RenderRequest(np.full(3, np.nan), float("-inf"))
@@ -83,14 +93,15 @@ class CameraFeed:
     def latest_image(self, pose: Pose) -> FeedImage:
         """Ask for a picture from `pose` (3,) and return the newest one there is."""
         now = self._clock()
+        request = _RenderRequest(pose, now, self._look())
         with self._change:
-            if now - self._asked.when >= 1 / IMAGES_PER_S and not np.array_equal(pose, self._asked.pose):
+            if now - self._asked.when >= 1 / IMAGES_PER_S and not request.sees_as(self._asked):
                 self._dropped += self._wanted is not None
-                self._asked = self._wanted = _RenderRequest(pose, now)
+                self._asked = self._wanted = request
                 self._change.notify()
             image, wish = self._shown
             # A picture of a robot that stands is as good as new, however old it is.
-            age_s = 0.0 if image is None or np.array_equal(pose, wish.pose) else now - wish.when
+            age_s = 0.0 if image is None or request.sees_as(wish) else now - wish.when
             return FeedImage(image, age_s, self._dropped)
 
     def close(self) -> None:

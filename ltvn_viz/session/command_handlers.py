@@ -26,6 +26,7 @@ from ltvn_viz.session.recording_jobs import build_from_replay, import_source
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording
 from ltvn_viz.session.seeking import seek, seek_mark
 from ltvn_viz.session.snapshot import JobProgress
+from ltvn_viz.session.world_handlers import change_world
 
 
 def handle(state: AppState, command: c.Command) -> None:
@@ -76,6 +77,8 @@ def _carry_out(state: AppState, command: c.Command) -> None:
                 _find_place(state, state.activity, rgb if original is None else original)
             else:
                 _find_and_go(state, rgb)
+        case c.ToggleDoor() | c.PutBox() | c.TakeBox() | c.SetLight() | c.UndoWorldChange():
+            change_world(state, command)
         case c.ReportError(text):
             state.say(text, Severity.ERROR)
         case c.StartRecording() | c.KeepRecording() | c.DiscardRecording():
@@ -245,6 +248,8 @@ def _record(state: AppState, command: c.RecordingCommand) -> None:
     match command:
         case c.StartRecording():
             state.live.begin_recording()
+            if state.world is not None:
+                state.world.record()
         case c.KeepRecording():
             recorder.keep(kept)
         case c.DiscardRecording():

@@ -258,6 +258,47 @@ class EditMap(LabelledCommand):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ToggleDoor(LabelledCommand):
+    """Close an open door of the simulated world, open a closed one."""
+
+    label: ClassVar[str] = "change the world"
+    door: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PutBox(LabelledCommand):
+    """Put a box down in the simulated world."""
+
+    label: ClassVar[str] = "put down a box"
+    place: tuple[float, float] | None = None
+    """x and y in metres; None is in front of the robot."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TakeBox(LabelledCommand):
+    """Take a box away from the simulated world."""
+
+    label: ClassVar[str] = "take away a box"
+    number: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetLight(LabelledCommand):
+    """Make the simulated world's light brighter or darker."""
+
+    label: ClassVar[str] = "change the light"
+    percent: int
+    """100 is the scene as it was made."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UndoWorldChange(LabelledCommand):
+    """Take the last change of the simulated world by hand back."""
+
+    label: ClassVar[str] = "undo"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ReportError(LabelledCommand):
     """Show a message in the page; for errors met outside the session, such as a broken upload."""
 
@@ -268,8 +309,11 @@ RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
 PlaybackCommand: TypeAlias = Pause | StepOnce | Seek | SeekMark | SeekBy | OpenRecording | CloseRecording
 """What means something to a query or a replay under way."""
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
+WorldCommand: TypeAlias = ToggleDoor | PutBox | TakeBox | SetLight | UndoWorldChange
+"""What changes the simulated world."""
 Command: TypeAlias = (
     RecordingCommand
+    | WorldCommand
     | PlaybackCommand
     | DebuggerCommand
     | StopRobot

@@ -28,8 +28,16 @@ IMAGES_AT_ONCE = 64
 class LiveMap:
     """A map that grows, is rebuilt, and is navigated by."""
 
-    def __init__(self, predictor: Predictor, system: NavigationSystem, rng: np.random.Generator) -> None:
-        """Begin with an empty map."""
+    def __init__(
+        self,
+        predictor: Predictor,
+        system: NavigationSystem,
+        rng: np.random.Generator,
+        *,
+        world_time: Callable[[], float] | None = None,
+    ) -> None:
+        """Begin with an empty map; `world_time` tells the time in seconds where the world has a clock of its own."""
+        self._world_time = world_time
         self._predictor = predictor
         self.system = system
         self._rng = rng
@@ -144,6 +152,7 @@ class LiveMap:
                 self.system.method,
                 self._rng,
                 system=self.system,
+                world_time=self._world_time,
             )
         return self._judged(robot, self._navigator.query(goal, query), goal)
 

@@ -57,6 +57,11 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.EditMap: frozenset({Mode.TELEOP}),
     c.SeekMark: LIVE | {Mode.REPLAY},
     c.SeekBy: frozenset({Mode.REPLAY}),
+    c.ToggleDoor: LIVE,
+    c.PutBox: LIVE,
+    c.TakeBox: LIVE,
+    c.SetLight: LIVE,
+    c.UndoWorldChange: LIVE,
     c.ReportError: ANYWHERE,
 }
 

@@ -29,6 +29,7 @@ from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.own_views import handle_own, retain_own_views
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
+from ltvn_viz.session.world_handlers import carry_out_changes
 
 logger = logging.getLogger(__name__)
 
@@ -176,6 +177,7 @@ class Session:
         self._record()
         state.fine_tuning.collect()
         take_made_recording(state)
+        carry_out_changes(state)
         state.activity.tick()
         _handle_breakpoint(state)
         if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:

@@ -18,6 +18,7 @@ from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.world_view import WorldView
 from ltvn_viz.timeline.run_moment import RunMoment
 
 
@@ -159,6 +160,8 @@ class Snapshot:
     fine_tuning: FineTuningStatus = FineTuningStatus()
     weights: str = ""
     """Fingerprint of the weights in use."""
+    world: WorldView | None = None
+    """What can be changed in the simulated world; None in a replay, and for a robot in a real one."""
     inspection: Inspection = NO_INSPECTION
     """What the debugger shows."""
     own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)

@@ -122,6 +122,7 @@ def _live(state: AppState) -> Snapshot:
         selected=state.goals.selected,
         gallery=state.goals.gallery,
         similar_nodes=state.goals.similar_nodes,
+        world=None if state.world is None else state.world.view,
     )
 
 

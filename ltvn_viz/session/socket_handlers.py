@@ -31,11 +31,24 @@ PLAIN: dict[Action, Callable[[], c.Command]] = {
     Action.STEP: c.StepOnce,
     Action.SEEK_BACK: lambda: c.SeekBy(-SEEK_S),
     Action.SEEK_FORWARD: lambda: c.SeekBy(SEEK_S),
+    Action.PUT_BOX: c.PutBox,
+    Action.UNDO_CHANGE: c.UndoWorldChange,
     Action.EVENT_BEFORE: lambda: c.SeekMark(None, forwards=False),
     Action.EVENT_AFTER: lambda: c.SeekMark(None, forwards=True),
     Action.QUERY_BEFORE: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),
     Action.QUERY_AFTER: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=True),
 }
+
+
+ABOUT: dict[Action, Callable[[int], c.Command]] = {
+    Action.LEARN: c.FineTune,
+    Action.SELECT: c.SelectGoal,
+    Action.FOLLOW: c.FollowLink,
+    Action.DOOR: c.ToggleDoor,
+    Action.TAKE_BOX: c.TakeBox,
+    Action.LIGHT: c.SetLight,
+}
+"""Actions that carry what they are about."""
 
 
 def command_for(action: Action, target: int | None) -> c.Command | None:
@@ -44,12 +57,8 @@ def command_for(action: Action, target: int | None) -> c.Command | None:
         return c.NavigateTo(target)
     if action is Action.KEEP_GOING and target in (0, 1):
         return c.KeepGoing(target == 1)
-    if action is Action.LEARN and target is not None:
-        return c.FineTune(target)
-    if action is Action.SELECT and target is not None:
-        return c.SelectGoal(target)
-    if action is Action.FOLLOW and target is not None:
-        return c.FollowLink(target)
+    if action in ABOUT and target is not None:
+        return ABOUT[action](target)
     make = PLAIN.get(action)
     return make() if make is not None else None
 

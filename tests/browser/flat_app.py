@@ -59,7 +59,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
             absence=lambda: server.presence.absence,
             watchers=lambda: server.watchers,
         )
-        assets = PageAssets(lambda _: _glb(harness.world), locobot_glb())
+        assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
         painters.append(Painter(build_layout(server.viser, SessionPages(server, session), assets), server.viser.atomic))
         painters[0].start()
         server.listen(drive_listener(session))

@@ -41,6 +41,11 @@ class Navigation:
         """Navigating, or paused."""
         return Mode.PAUSED if self._steps_left == 0 and not self.is_stopping else Mode.NAVIGATING
 
+    @property
+    def is_thinking(self) -> bool:
+        """Whether the navigator computes, in the worker's thread."""
+        return self._thinking
+
     def hold(self, because: str) -> None:
         """Stand at once, until somebody says go on; `because` says why."""
         self.pause()

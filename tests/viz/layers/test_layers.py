@@ -14,6 +14,7 @@ from ltvn_core import palette
 from ltvn_core.analysis.graph_history import FadingEdges, GraphArrays
 from ltvn_core.errors import SceneError
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.worlds.world_state import WorldState
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, EdgesLayer, NodesLayer, offset_right
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
@@ -89,7 +90,7 @@ def test_layers_send_nothing_while_nothing_changes(server: viser.ViserServer, wi
     clock = Clock()
     layers = [
         RobotLayer(server.scene, LOCOBOT, b"glTF"),
-        SceneLayer(server.scene, lambda _: b"glTF"),
+        SceneLayer(server.scene, lambda _name, _state: b"glTF"),
         NodesLayer(server.scene, lambda *_: None),
         EdgesLayer(server.scene, clock),
         CourseLayer(server.scene),
@@ -232,7 +233,7 @@ def test_pruned_edges_rise_and_fade(server: viser.ViserServer) -> None:
 
 
 def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserServer) -> None:
-    def load(name: str) -> bytes:
+    def load(name: str, _state: WorldState) -> bytes:
         if name == "foreign":
             raise SceneError("no such scene")
         return b"glTF"

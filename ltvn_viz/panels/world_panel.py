@@ -1,0 +1,90 @@
+"""The “World” tab: doors, boxes and light of the simulated world, changed while the robot drives."""
+
+import viser
+
+from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.session.modes import LIVE
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.world_view import DoorView, WorldView
+
+LIGHTS = (("Plain", 100), ("Dim", 50), ("Dark", 20))
+"""Names of light, and how bright each is in per cent."""
+
+
+class WorldPanel:
+    """What a person may change in the world."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Add the controls to the tab that is open."""
+        self.about, self.doors = HtmlBlock(gui), HtmlBlock(gui)
+        self.boxes, self.light, self.undo = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show what there is to change."""
+        world, enabled = snapshot.world, snapshot.mode in LIVE
+        if world is None:
+            self.about.show(note("Only the simulated world of the live robot can be changed."))
+            for block in (self.doors, self.boxes, self.light, self.undo):
+                block.show("")
+            return
+        self.about.show(note(_about(world)))
+        self.doors.show(_doors(world.doors, is_enabled=enabled))
+        self.boxes.show(_boxes(world, is_enabled=enabled))
+        self.light.show(_light(world, is_enabled=enabled))
+        self.undo.show(_undo(world, is_enabled=enabled))
+
+
+def _about(world: WorldView) -> str:
+    if not world.doors:
+        return "Change the world while the robot drives. This scene has no doors that can be closed."
+    return "Change the world while the robot drives. Click a bar above a doorway in the scene, or a door here."
+
+
+def _doors(doors: tuple[DoorView, ...], *, is_enabled: bool) -> str:
+    if not doors:
+        return ""
+    return button_row(
+        *(
+            ActionButton(
+                Action.DOOR,
+                f"{each.label}: {'open' if each.is_open else 'closed'}",
+                hint=f"{'close' if each.is_open else 'open'} this door",
+                is_main=not each.is_open,
+                is_enabled=is_enabled,
+                target=each.door,
+            )
+            for each in doors
+        )
+    )
+
+
+def _boxes(world: WorldView, *, is_enabled: bool) -> str:
+    put = ActionButton(Action.PUT_BOX, "Put down a box", hint="in front of the robot", is_enabled=is_enabled)
+    taken = [
+        ActionButton(Action.TAKE_BOX, f"Take away box {number}", is_enabled=is_enabled, target=number)
+        for number in world.boxes
+    ]
+    return button_row(put, *taken)
+
+
+def _light(world: WorldView, *, is_enabled: bool) -> str:
+    now = round(100 * world.light)
+    return button_row(
+        *(
+            ActionButton(
+                Action.LIGHT,
+                name,
+                hint=f"light at {percent} %",
+                is_main=percent == now,
+                is_enabled=is_enabled,
+                target=percent,
+            )
+            for name, percent in LIGHTS
+        )
+    )
+
+
+def _undo(world: WorldView, *, is_enabled: bool) -> str:
+    label = f"Undo: {world.undo}" if world.undo else "Undo"
+    return button_row(ActionButton(Action.UNDO_CHANGE, label, is_enabled=is_enabled and bool(world.undo)))

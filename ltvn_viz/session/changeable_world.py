@@ -1,0 +1,140 @@
+"""The simulated world as a person changes it from the page: what was asked waits until the navigator does not think.
+
+Owns the undoing, and that every change of the world, whoever made it, gets into timeline and recording. What can be is
+decided by `ltvn_core.simulation.changes`. For the session's thread alone.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ltvn_core.errors import WorldError
+from ltvn_core.geometry import compose
+from ltvn_core.navigation.events import StampedEvent, WorldChanged
+from ltvn_core.worlds import world_change as w
+from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.session.world_view import WorldView, doors_of
+
+if TYPE_CHECKING:
+    from ltvn_core.simulation.changes.world import World
+
+BOX_SIZE_M = (0.4, 0.4, 0.5)
+"""Width, depth and height of a box that is put down."""
+BOX_AHEAD_M = 0.75
+"""From the robot's middle to that of a box in front of it."""
+_BOX_NAME = "box "
+_MOST_UNDONE = 100
+
+
+class _Undo(NamedTuple):
+    """How a change is taken back."""
+
+    text: str
+    changes: tuple[w.WorldChange, ...]
+
+
+class ChangeableWorld:
+    """The world of a simulated robot."""
+
+    def __init__(self, world: "World", live: LiveRun) -> None:
+        """Write every change into the run from now on."""
+        self.world, self._live = world, live
+        self._doors = doors_of(world.base)
+        self._asked: deque[Callable[[], str]] = deque()
+        self._undo: deque[_Undo] = deque(maxlen=_MOST_UNDONE)
+        self._view: WorldView | None = None
+        world.follow(self._changed)
+        self._changed(world.events())
+
+    @property
+    def view(self) -> WorldView:
+        """What can be changed now; the same object while nothing did."""
+        state = self.world.state
+        doors = tuple(replace(each, is_open=each.door not in state.closed_doors) for each in self._doors)
+        undo = self._undo[-1].text if self._undo else ""
+        view = WorldView(doors, tuple(sorted(self._boxes())), state.light.level, undo)
+        self._view = view if self._view != view else self._view
+        return self._view or view
+
+    def toggle_door(self, door: int) -> None:
+        """Close an open door, open a closed one."""
+        self._ask(lambda: w.DoorMoved(door, is_open=door in self.world.state.closed_doors))
+
+    def put_box(self, place: tuple[float, float] | None) -> None:
+        """Put a box down at x and y in metres, or in front of the robot."""
+        self._ask(lambda: self._box(place))
+
+    def take_box(self, number: int) -> None:
+        """Take a box away."""
+        self._ask(lambda: w.ThingRemoved(f"{_BOX_NAME}{number}"))
+
+    def set_light(self, level: float) -> None:
+        """Make the light so bright; 1 is the scene as it was made."""
+        self._ask(lambda: w.LightChanged(level))
+
+    def change(self, change: w.WorldChange) -> None:
+        """Change something, as by hand."""
+        self._ask(lambda: change)
+
+    def undo(self) -> None:
+        """Take the last change by hand back."""
+        self._asked.append(self._take_back)
+
+    def carry_out(self) -> Sequence[str]:
+        """Do what was asked since; returns what was done in words. Raises WorldError for what cannot be."""
+        done: list[str] = []
+        while self._asked:
+            done.append(self._asked.popleft()())
+        return done
+
+    def record(self) -> None:
+        """Tell a recording that has just begun what the world is like."""
+        now = self._live.robot.state()
+        for event in self.world.events():
+            self._live.recorder.write_event(StampedEvent(now.step, now.stamp, event))
+
+    def _ask(self, make: Callable[[], w.WorldChange]) -> None:
+        self._asked.append(lambda: self._do(make()))
+
+    def _do(self, change: w.WorldChange) -> str:
+        before = self.world.state
+        try:
+            self.world.apply(change)
+        except WorldError as error:
+            raise WorldError(self._named(str(error))) from error
+        text = self._named(w.change_text(change))
+        if back := before.after(change).changes_to(before):
+            self._undo.append(_Undo(text, back))
+        return text
+
+    def _take_back(self) -> str:
+        if not self._undo:
+            raise WorldError("There is nothing to undo; nothing was changed by hand yet.")
+        last = self._undo[-1]
+        for change in last.changes:
+            self.world.apply(change)
+        self._undo.pop()
+        return f"undone: {last.text}"
+
+    def _box(self, place: tuple[float, float] | None) -> w.ThingPlaced:
+        number = next(number for number in range(1, len(self._boxes()) + 2) if number not in self._boxes())
+        x, y, yaw = (float(value) for value in compose(self._live.robot.drawn_pose, np.array([BOX_AHEAD_M, 0.0, 0.0])))
+        pose = (x, y, yaw) if place is None else (*place, 0.0)
+        return w.ThingPlaced(f"{_BOX_NAME}{number}", w.ThingKind.BOX, pose, BOX_SIZE_M)
+
+    def _boxes(self) -> set[int]:
+        names = [each.thing.removeprefix(_BOX_NAME) for each in self.world.state.things]
+        return {int(name) for name in names if name.isdecimal()}
+
+    def _named(self, text: str) -> str:
+        """Call doors by the rooms that they join, as the page does, and boxes by their names alone."""
+        for door in reversed(self._doors):
+            text = text.replace(f"door {door.door} ", f"door {door.label} ")
+        return text.replace(f"box {_BOX_NAME}", _BOX_NAME)
+
+    def _changed(self, events: Sequence[WorldChanged]) -> None:
+        for event in events:
+            self._live.emit(event)

@@ -1,0 +1,41 @@
+"""Carries out what a person changes in the simulated world, and says what came of it. In the session's thread alone."""
+
+from typing import assert_never
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.navigation.events import Severity
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.app_state import AppState
+
+
+def change_world(state: AppState, command: c.WorldCommand) -> None:
+    """Ask for a change of the world. Raises OptionError where there is none to change."""
+    if state.world is None:
+        raise OptionError("Only a simulated world can be changed here; this robot drives in a real one.")
+    match command:
+        case c.ToggleDoor(door):
+            state.world.toggle_door(door)
+        case c.PutBox(place):
+            state.world.put_box(place)
+        case c.TakeBox(number):
+            state.world.take_box(number)
+        case c.SetLight(percent):
+            state.world.set_light(percent / 100)
+        case c.UndoWorldChange():
+            state.world.undo()
+        case _:
+            assert_never(command)
+
+
+def carry_out_changes(state: AppState) -> None:
+    """Do what was asked, unless the navigator looks at the world just now: then at a later tick."""
+    if state.world is None or (isinstance(state.activity, Navigation) and state.activity.is_thinking):
+        return
+    try:
+        done = state.world.carry_out()
+    except LtvnError as error:
+        state.say(str(error), Severity.ERROR)
+        return
+    if done:
+        state.say(f"{done[-1][:1].upper()}{done[-1][1:]}.")

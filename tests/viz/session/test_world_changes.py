@@ -1,0 +1,85 @@
+"""A person changes the simulated world from the page: what the robot meets, what is shown, and what is refused."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.navigation.events import ChangedBy, WorldChanged
+from ltvn_core.recording.reader import Recording
+from ltvn_core.simulation.changes.outlines import distance_m, outline_of
+from ltvn_core.worlds.world_change import DoorMoved
+from ltvn_viz.app_setup import open_app_state
+from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.options import AppOptions
+from ltvn_viz.session.session_loop import Session
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.world_view import WorldView
+from tests.viz.session_harness import FakeDriver, SessionHarness
+from tests.waiting import until
+
+pytest.importorskip("pybullet")
+
+
+@dataclass
+class ApartmentSession:
+    """A session in the demo apartment, and what its page shows."""
+
+    session: Session
+    shown: list[Snapshot] = field(default_factory=list)
+
+    def do(self, *commands: c.Command) -> Snapshot:
+        for command in commands:
+            self.session.send(command)
+        self.session.tick()
+        return self.shown[-1]
+
+    @property
+    def view(self) -> WorldView:
+        view = self.shown[-1].world
+        assert view is not None
+        return view
+
+    def changes(self) -> list[WorldChanged]:
+        events = (stamped.event for stamped in self.session.state.live.timeline.events)
+        return [event for event in events if isinstance(event, WorldChanged)]
+
+
+@pytest.fixture(scope="module")
+def apartment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ApartmentSession]:
+    options = AppOptions(predictor="oracle", recordings=tmp_path_factory.mktemp("recordings"))
+    with ExitStack() as stack:
+        shown: list[Snapshot] = []
+        state = open_app_state(options, stack, ThumbnailStore())
+        opened = ApartmentSession(Session(state, FakeDriver(), shown.append), shown)
+        opened.session.tick()
+        yield opened
+        opened.session.close()
+
+
+@pytest.fixture(autouse=True)
+def as_made(apartment: ApartmentSession) -> None:
+    while apartment.do().world != (fresh := apartment.view) or fresh.undo:
+        apartment.do(c.UndoWorldChange())
+
+
+def test_a_door_that_is_closed_by_hand_is_closed_for_the_robot_and_on_the_page(apartment: ApartmentSession) -> None:
+    door = apartment.view.doors[0]
+    before = apartment.session.state.live.robot.observe()
+    shown = apartment.do(c.ToggleDoor(door.door))
+    assert not apartment.view.doors[0].is_open
+    assert shown.moment.progress.world.closed_doors == {door.door}
+    assert shown.message is not None
+    assert door.label in shown.message.text
+    assert apartment.changes()[-1].change == DoorMoved(door.door, is_open=False)
+    assert apartment.changes()[-1].by is ChangedBy.HAND
+    assert apartment.session.state.live.robot.observe().step > before.step
+    world = apartment.session.state.world
+    assert world is not None
+    assert world.world.scene.clearance.at(np.array([door.x, door.y])) == 0
+    apartment.do(c.ToggleDoor(door.door))
+    assert apartment.view.doors[0].is_open

@@ -128,9 +128,7 @@ def open_feed(backend: Backend, live: LiveRun, stack: ExitStack) -> ImageFeed:
         return ObservationFeed(lambda: live.view, live.robot.clock)
     camera = backend.robot.spec.camera.scaled(*DISPLAY_SIZE)
     world = backend.world
-    feed = CameraFeed(
-        lambda pose: renderer.render(pose, camera), look=lambda: None if world is None else world.state
-    )
+    feed = CameraFeed(lambda pose: renderer.render(pose, camera), look=lambda: None if world is None else world.state)
     stack.callback(feed.close)
     return feed
 

@@ -3,14 +3,11 @@
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
-from ltvn_core.recording.reader import Recording
-from ltvn_core.simulation.changes.outlines import distance_m, outline_of
 from ltvn_core.worlds.world_change import DoorMoved
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore
@@ -19,8 +16,7 @@ from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.world_view import WorldView
-from tests.viz.session_harness import FakeDriver, SessionHarness
-from tests.waiting import until
+from tests.viz.session_harness import FakeDriver
 
 pytest.importorskip("pybullet")
 

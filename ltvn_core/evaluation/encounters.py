@@ -1,12 +1,13 @@
 """Encounters of the robot with people: how near they came, and whether an attentive driver would have touched anybody.
 
-A person never walks into the robot (`simulation.changes.walking_people`), so a touch is the robot's doing. It is held
-against the robot if it drove towards the person and its camera had the person in view, with nothing between them, in
-the last second before. Reads exact poses; needs no navigation.
+A person never walks into the robot, and steps aside when it comes too near, as far as there is room
+(`simulation.changes.walking_people`). So a touch is the robot's doing. An attentive driver would have avoided it if the
+robot drove towards the person, and either backwards, which is to drive blindly, or with the person in the camera's view
+and nothing between them in the last second before. Reads exact poses; needs no navigation.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,8 @@ class Encounter:
     closest_m: float
     """Least distance between the two surfaces."""
     touched: bool = False
+    gave_way: bool = False
+    """Whether the person had to step aside."""
     avoidable: bool = False
     """Whether an attentive driver would not have touched the person."""
     seen_s: float = -math.inf
@@ -50,9 +53,24 @@ class EncounterLog:
         """What has ended."""
 
     def take(
-        self, stamp: float, robot: Pose, linear_m_s: float, people: Sequence[PersonMoved], clearance: ClearanceMap
+        self,
+        stamp: float,
+        robot: Pose,
+        linear_m_s: float,
+        people: Sequence[PersonMoved],
+        clearance: ClearanceMap,
+        stepping_aside: Collection[str] = (),
     ) -> None:
-        """Take in where everybody is at `stamp` seconds; `linear_m_s` is how fast the robot's wheels drive."""
+        """Take in where everybody is at `stamp` seconds.
+
+        Args:
+            stamp: Seconds on the robot's clock.
+            robot: Where it is, (3,).
+            linear_m_s: How fast its wheels drive.
+            people: Where they are.
+            clearance: What hides them.
+            stepping_aside: Who makes room for the robot, see `World.stepping_aside`.
+        """
         for person in people:
             gap = relative(robot, np.array(person.pose))
             away_m = float(np.hypot(gap[0], gap[1])) - self._spec.radius_m - PERSON_RADIUS_M
@@ -67,7 +85,9 @@ class EncounterLog:
             if away_m <= _TOUCH_M and not encounter.touched:
                 encounter.touched = True
                 towards = gap[0] * linear_m_s > 0
-                encounter.avoidable = bool(towards and stamp - encounter.seen_s <= _ATTENTION_S)
+                attentive = linear_m_s < 0 or stamp - encounter.seen_s <= _ATTENTION_S
+                encounter.avoidable = bool(towards and attentive)
+            encounter.gave_way |= person.person in stepping_aside
             if away_m > ENDS_M:
                 self.over.append(self._under_way.pop(person.person))
         self._part({each.person for each in people})

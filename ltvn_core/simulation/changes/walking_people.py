@@ -1,7 +1,8 @@
 """People who walk through a world: each with ways of their own, and careful never to walk into the robot.
 
 A person goes from place to place, stands there for a while, and waits where the robot or somebody else is too near
-ahead. Who has waited in vain takes another way. Time is the robot's: while it stands still, so do people.
+ahead. Who has waited in vain takes another way, and steps aside where the robot comes nearer, as far as there is room.
+Time is the robot's: while it stands still, so do people.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,14 @@ AWAKE_S = (7.5 * HOUR_S, 22.5 * HOUR_S)
 SPEEDS_M_S = (0.5, 0.9)
 _KEEP_M = 0.3
 """A person stops this far before touching somebody."""
+_ASIDE_M = 0.25
+"""A person steps aside when the robot comes nearer than this, from surface to surface,"""
+_ASIDE_M_S = 0.8
+"""at this speed,"""
+_ASIDE_RAD = np.deg2rad((0.0, 45.0, -45.0, 90.0, -90.0))
+"""straight away from it, or else at such an angle."""
+_BODY_M = 0.2
+"""What a person keeps free around where they step aside."""
 _APPEAR_M = 2.0
 """A person comes into the world at least this far from the robot."""
 _PAUSE_S = (2.0, 20.0)
@@ -44,6 +53,9 @@ class WalkingPerson:
         self._way: NDArray[np.float64] = np.empty((0, 2))
         self._pause_s = float(rng.uniform(0, _PAUSE_S[1]))
         self._waited_s = 0.0
+        self._robot_m = np.inf
+        self.steps_aside = False
+        """Whether the person makes room for the robot at this moment."""
 
     @property
     def moved(self) -> PersonMoved:
@@ -51,14 +63,21 @@ class WalkingPerson:
         x, y, yaw = self.pose.tolist()
         return PersonMoved(self.name, (x, y, yaw), self.seed)
 
-    def walk(self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64]) -> None:
+    def walk(
+        self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64], robot: NDArray[np.float64] | None
+    ) -> None:
         """Walk on for a moment.
 
         Args:
             duration_s: How long.
             clearance: What is in the way now.
-            others: (N, 3) x, y and radius in metres of the robot and other people.
+            others: (N, 3) x, y and radius in metres of the other people.
+            robot: (3,) the same of the robot; None where there is none.
         """
+        if robot is not None:
+            if self._make_room(duration_s, clearance, others, robot):
+                return
+            others = np.vstack([others, robot])
         if self._pause_s > 0:
             self._pause_s -= duration_s
             return
@@ -78,6 +97,25 @@ class WalkingPerson:
             self._way = self._way[int(np.flatnonzero(passed)[-1]) + 1 :]
         if not len(self._way):
             self._pause_s = float(self._rng.uniform(*_PAUSE_S))
+
+    def _make_room(
+        self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64], robot: NDArray[np.float64]
+    ) -> bool:
+        """Step aside if the robot is near and comes nearer; return whether that was so."""
+        gap = self.pose[:2] - robot[:2]
+        before_m, self._robot_m = self._robot_m, float(np.hypot(*gap)) - robot[2] - PERSON_RADIUS_M
+        self.steps_aside = self._robot_m < min(_ASIDE_M, before_m - 1e-3)
+        if not self.steps_aside:
+            return False
+        away = np.arctan2(gap[1], gap[0]) + _ASIDE_RAD
+        places = self.pose[:2] + _ASIDE_M_S * duration_s * np.stack([np.cos(away), np.sin(away)], axis=-1)
+        free = clearance.at(places) > min(_BODY_M, float(clearance.at(self.pose[:2])))
+        free &= [not self._is_too_near(place, others) for place in places]
+        if free.any():
+            self.pose = np.array([*places[int(free.argmax())], self.pose[2]])
+            self._robot_m = float(np.hypot(*(self.pose[:2] - robot[:2]))) - robot[2] - PERSON_RADIUS_M
+            self._way = np.empty((0, 2))
+        return True
 
     def _choose_way(self, clearance: ClearanceMap) -> None:
         goal = clearance.sample_poses(self._rng, 1, min_clearance_m=_ROOM_M)[0]
@@ -126,6 +164,11 @@ class People:
         """Where everybody is now."""
         return [person.moved for person in self._walking]
 
+    @property
+    def stepping_aside(self) -> tuple[str, ...]:
+        """Who makes room for the robot at this moment."""
+        return tuple(person.name for person in self._walking if person.steps_aside)
+
     def come_and_go(self, time_s: float, clearance: ClearanceMap, robot: Pose | None) -> None:
         """Let people come in the morning, and leave in the evening."""
         if not AWAKE_S[0] <= time_s % DAY_S < AWAKE_S[1]:
@@ -148,9 +191,8 @@ class People:
         """Let everybody walk on for a moment; `robot` is x, y and radius in metres."""
         for person in self._walking:
             others = [(*each.pose[:2], PERSON_RADIUS_M) for each in self._walking if each is not person]
-            if robot is not None:
-                others.append((robot[0], robot[1], robot[2]))
-            person.walk(duration_s, clearance, np.array(others, np.float64).reshape(-1, 3))
+            places = np.array(others, np.float64).reshape(-1, 3)
+            person.walk(duration_s, clearance, places, None if robot is None else np.array(robot, np.float64))
 
     def _arrive(self, name: str, clearance: ClearanceMap, robot: Pose | None) -> None:
         places = clearance.sample_poses(self._rng, 16, min_clearance_m=_ROOM_M)

@@ -85,6 +85,11 @@ class World:
         return self._scenes.at(self.state)
 
     @property
+    def stepping_aside(self) -> tuple[str, ...]:
+        """Names of the people who make room for the robot at this moment."""
+        return self._people.stepping_aside
+
+    @property
     def time_s(self) -> float:
         """Seconds from midnight of the world's first day."""
         return self._epoch_s + self._stamp

@@ -10,8 +10,10 @@ from ltvn_core.evaluation.encounters import EncounterLog
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.changes.script_registry import make_script
+from ltvn_core.simulation.changes.walking_people import WalkingPerson
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import HOUR_S
+from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.physics import PERSON_RADIUS_M
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
@@ -95,6 +97,21 @@ def test_a_person_is_solid_seen_and_not_pushed(robot: SimulatedRobot, scene: Sce
     (encounter,) = log.finish()
     assert encounter.touched
     assert encounter.avoidable, "the robot drove ahead, and saw the person"
+
+
+def test_a_person_steps_aside_for_a_robot_that_comes_nearer() -> None:
+    place = np.array([0.0, 0.0, 0.0])
+    floor = ClearanceMap(np.pad(np.zeros((80, 80), bool), 1, constant_values=True), np.array([-2.05, -2.05]))
+    person = WalkingPerson("Ada", 1, place, np.random.default_rng(0))
+    nearest_m = np.inf
+    for step in range(60):
+        robot = np.array([-1.5 + 0.04 * step, 0.02, LOCOBOT.radius_m])
+        person.walk(CONTROL_STEP_S, floor, np.empty((0, 3)), robot)
+        nearest_m = min(nearest_m, np.hypot(*(person.pose - robot)[:2]) - LOCOBOT.radius_m - PERSON_RADIUS_M)
+        if robot[0] > 0.3:
+            break
+    assert nearest_m > 0.1
+    assert not np.allclose(person.pose[:2], place[:2])
 
 
 def test_nobody_stands_where_the_robot_is_put(robot: SimulatedRobot) -> None:

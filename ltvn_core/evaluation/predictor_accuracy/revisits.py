@@ -8,13 +8,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.errors import DatasetError
+from ltvn_core.errors import DatasetError, DriveError
+from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.network.metrics.reachability_metrics import auc
 from ltvn_core.types import Features, Predictor
 
 _LEAST_GAP = 15
 """Images that follow each other show one place anyway: a revisit is so many images later at least."""
 _TEXTS = (".txt", ".csv")
+_MOST_BYTES = 100_000_000
+"""Of 5,000 images, as text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,13 +42,14 @@ def read_revisits(path: Path, images: int) -> NDArray[np.bool_]:
     Raises DatasetError where the file cannot be read or is not of that size.
     """
     try:
+        held = read_foreign(path, most_bytes=_MOST_BYTES, what="loop-closure matrix")
         if path.suffix.lower() in _TEXTS:
-            rows = path.read_text(encoding="utf-8").replace(",", " ").splitlines()
+            rows = held.decode().replace(",", " ").splitlines()
             matrix = np.array([row.split() for row in rows if row.strip() and not row.startswith("#")], float)
         else:
-            picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+            picture = cv2.imdecode(np.frombuffer(held, np.uint8), cv2.IMREAD_GRAYSCALE)
             matrix = np.zeros((0, 0)) if picture is None else np.asarray(picture)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, DriveError, cv2.error) as error:
         raise DatasetError(f"{path} cannot be read as a loop-closure matrix ({error}).") from error
     if matrix.shape != (images, images):
         raise DatasetError(

@@ -41,6 +41,13 @@ def test_a_matrix_of_another_size_or_of_no_numbers_is_refused(two_rounds: np.nda
         read_revisits(tmp_path / "nothing.png", 2)
 
 
+@pytest.mark.parametrize("name", ["matrix.txt", "matrix.png"])
+def test_a_matrix_that_would_never_end_is_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(DatasetError, match="is a pipe or a device"):
+        read_revisits(tmp_path / name, 4)
+
+
 def test_a_predictor_that_knows_the_places_recognises_them_all(two_rounds: np.ndarray) -> None:
     places = np.column_stack([np.linspace(0.5, 4.5, 20), np.full(20, 1.0), np.zeros(20)])
     predictor = FlatPredictor(one_room(), sight_m=0.1)

@@ -35,12 +35,12 @@ class AttemptEvidence:
     stamp: float = 0.0
     """When it ended, in seconds on the clock of the world."""
     obstruction: Obstruction | None = None
-    """What was seen to lie across its way and had not been there when the map was made."""
+    """What was seen around its way that had not been there when the map was made."""
 
     @property
     def obstructed(self) -> bool:
-        """Whether something was seen to lie across the way."""
-        return self.obstruction is not None
+        """Whether something new stopped the robot."""
+        return self.obstruction is not None and self.obstruction.stopped
 
 
 @dataclass(frozen=True, slots=True, eq=False)

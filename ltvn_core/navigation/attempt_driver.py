@@ -149,8 +149,7 @@ class AttemptDriver:
         return collision_free_command(twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m)
 
     def solid_points(self) -> NDArray[np.float64]:
-        """Return (M, 2) what stands around now, in the robot's frame, as far as images of the last moments showed."""
-        self._obstacles.add(self._perception.observation)
+        """Return (M, 2) what stands near the robot, in its frame, as far as images of the last moments showed."""
         return self._obstacles.nearby_points(self._motion.odometry)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:

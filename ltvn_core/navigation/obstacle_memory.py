@@ -32,15 +32,17 @@ _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
 
 
-def obstacle_points(depth: Depth | None, camera: CameraModel) -> NDArray[np.float64]:
-    """Return (M, 2) x forward, y left of what a robot could hit nearby, from every second pixel.
+def obstacle_points(
+    depth: Depth | None, camera: CameraModel, range_m: float = _RELEVANT_RANGE_M
+) -> NDArray[np.float64]:
+    """Return (M, 2) x forward, y left of what a robot could hit within a range, from every second pixel.
 
     Without depth that is nothing: only the bumper then knows of obstacles.
     """
     if depth is None:
         return np.empty((0, 2))
     sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
-    rows, columns = np.nonzero((sparse > 0) & (sparse < _RELEVANT_RANGE_M))
+    rows, columns = np.nonzero((sparse > 0) & (sparse < range_m))
     metres = sparse[rows, columns].astype(np.float64)
     points = camera.unproject(np.stack([columns, rows], axis=-1) * _EVERY_PIXEL, metres)
     solid = (points[:, 2] > _MIN_HEIGHT_M) & (points[:, 2] < _MAX_HEIGHT_M)

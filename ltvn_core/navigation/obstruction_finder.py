@@ -1,11 +1,11 @@
-"""Sees what lies across the way of an edge after an attempt that failed.
+"""Sees what stands around the robot that was not there when the map was made.
 
-Owns telling new things from those that were there when the map was made, and things across the way from those beside
-it. What it says of the map is `graph.presence.presence_maintenance`.
+Owns telling new things from those that the images of the map show, and things on the way from those beside it. What
+they close is `graph.presence.obstruction`.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.localiser import Localisation
-from ltvn_core.graph.presence.obstruction import LEAST_POINTS, Obstruction, distances_to_way
+from ltvn_core.graph.presence.obstruction import BODY_M, Obstruction, distances_to_way, nearby_poses
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.motion import MotionExecutor
@@ -21,20 +21,24 @@ from ltvn_core.navigation.obstacle_memory import obstacle_points, transform_poin
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import NodeId, Pose, Waypoint
 
-_KNOWN_WITHIN_M = 0.25
-"""What is so near to something that the mapping drive saw is held to be that."""
-_MAPPING_IMAGES = 8
-"""So many images of the mapping drive before and after a node tell what stood around it."""
-_EXTENT_M = 0.75
-"""What is farther than this from where the way is blocked says nothing of other ways: the robot may stand aslant."""
-_BODY_M = 0.2
-"""What is nearer than this to the line of a way stops the robot's body."""
+_RANGE_M = 2.5
+"""Things farther away are not placed well enough."""
+_KNOWN_WITHIN_M = 0.18
+"""What is so near to something that an image of the map shows is held to be that."""
+_NODES = 12
+"""The images of so many nodes, the nearest ones, tell what was there."""
+_IMAGES_AROUND = 3
+"""So many images of the mapping drive before and after each of them tell, too."""
+_LEAST_POINTS = 8
+"""Fewer new points are held to be noise, and of them"""
+_LEAST_ON_WAY = 4
+"""fewer on the way of the robot's body."""
 _GRID_M = 0.05
 """Of points within such a cell one is kept."""
 
 
 class ObstructionFinder:
-    """Compares what stands in the way with the images of the map."""
+    """Compares what stands around with the images of the map."""
 
     def __init__(
         self, context: NavigationContext, motion: MotionExecutor, perception: Perception, driver: AttemptDriver
@@ -45,56 +49,57 @@ class ObstructionFinder:
         self._departure: tuple[Waypoint, Pose] | None = None
 
     def depart(self, localisation: Localisation) -> None:
-        """Remember from where an attempt sets off, if that is sure."""
+        """Remember from where the robot sets off, if that is sure."""
         sure = localisation.reachability > self._context.method.localising.reachability
         self._departure = (localisation.waypoint, self._motion.odometry) if sure else None
 
-    def find(self, segment: Sequence[NodeId]) -> Obstruction | None:
-        """Return what lies across the way of an attempt along nodes that has just failed, None if nothing new does.
+    def find(self, segment: Sequence[NodeId], *, blocked: bool = False) -> Obstruction | None:
+        """Return what is new around the robot on its way along nodes, None if nothing is.
 
-        A robot that did not know well where it was, or sees no depth, says nothing.
+        A robot that did not know well where it was says nothing. `blocked`: something made it stop.
         """
         if self._context.system.presence is None or self._departure is None or len(segment) < 2:
             return None
         node_seen, odometry = self._departure
         here = compose(invert(node_seen), relative(odometry, self._motion.odometry))
-        points = transform_points(_thinned(self._driver.solid_points()), here)
-        way = list(self._way(segment))
-        return _across(self._unknown(points, segment, way), segment[0], way)
+        solid = _thinned(transform_points(self._solid_points(), here))
+        is_new = self._is_new(solid, segment[0], here)
+        new = solid[is_new]
+        stopped = blocked and self._is_on_way(new, segment)
+        if not stopped and len(new) < _LEAST_POINTS:
+            return None
+        return Obstruction(node=segment[0], points=new, known=solid[~is_new], stopped=stopped)
 
-    def _way(self, segment: Sequence[NodeId]) -> Iterator[Pose]:
-        """Yield the poses (3,) of the nodes of a segment in the frame of the first."""
-        pose = np.zeros(3)
-        yield pose
-        for edge in itertools.pairwise(segment):
-            pose = compose(pose, np.array(self._context.graph.edges[edge].waypoint))
-            yield pose
+    def _solid_points(self) -> NDArray[np.float64]:
+        """Return (M, 2) what the robot sees now, and saw near it in the last moments, in its frame."""
+        seen = obstacle_points(self._perception.observation.depth, self._context.spec.camera, _RANGE_M)
+        return np.concatenate([seen, self._driver.solid_points()])
 
-    def _unknown(
-        self, points: NDArray[np.float64], segment: Sequence[NodeId], way: Sequence[Pose]
-    ) -> NDArray[np.float64]:
-        """Return those points that are not near to anything that the images around the nodes show."""
+    def _is_new(self, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
+        """Tell (M,) which points, in the frame of a node, are not near to anything that images of the map show."""
+        poses = nearby_poses(self._context.graph, node)
+        nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
         camera = self._context.spec.camera
         known = [
-            transform_points(obstacle_points(image.depth, camera), compose(node_pose, pose))
-            for node, node_pose in zip(segment, way, strict=True)
-            for image, pose in self._perception.observations_around(node, _MAPPING_IMAGES)
+            transform_points(obstacle_points(image.depth, camera, 2 * _RANGE_M), compose(poses[other], pose))
+            for other in nearest
+            for image, pose in self._perception.observations_around(other, _IMAGES_AROUND)
         ]
-        mapped = np.concatenate(known)
+        mapped = _thinned(np.concatenate(known))
         if not len(mapped) or not len(points):
-            return points
+            return np.ones(len(points), np.bool_)
         gaps, _ = KDTree(mapped).query(points)
-        return points[np.asarray(gaps) > _KNOWN_WITHIN_M]
+        return np.asarray(gaps) > _KNOWN_WITHIN_M
 
-
-def _across(points: NDArray[np.float64], node: NodeId, way: Sequence[Pose]) -> Obstruction | None:
-    """Return what blocks the way of the robot's body, with what is around it."""
-    for start, end in itertools.pairwise(way):
-        inside = points[distances_to_way(points, start[:2], end[:2]) <= _BODY_M]
-        if len(inside) >= LEAST_POINTS:
-            middle = np.median(inside, axis=0)
-            return Obstruction(node, points[np.linalg.norm(points - middle, axis=1) <= _EXTENT_M])
-    return None
+    def _is_on_way(self, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:
+        """Tell whether points in the frame of the first node stand where the robot's body would pass."""
+        start = np.zeros(3)
+        for edge in itertools.pairwise(segment):
+            end = compose(start, np.array(self._context.graph.edges[edge].waypoint))
+            if (distances_to_way(points, start[:2], end[:2]) <= BODY_M).sum() >= _LEAST_ON_WAY:
+                return True
+            start = end
+        return False
 
 
 def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior, fits_trail
-from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
+from ltvn_core.graph.maintenance import UnrecognisedObservation
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
@@ -30,8 +30,8 @@ from ltvn_core.navigation.events import (
 )
 from ltvn_core.navigation.goal_check import GoalCheck
 from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
+from ltvn_core.navigation.map_learner import MapLearner
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
-from ltvn_core.navigation.obstruction_finder import ObstructionFinder
 from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import QueryMemory
 from ltvn_core.navigation.way_planner import WayPlanner
@@ -57,7 +57,7 @@ class QueryRunner:
         self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.spec)
         self._goal_check = GoalCheck(context, motion, perception, goal, self._memory)
         self._way_planner = WayPlanner(context, self._memory, goal)
-        self._obstruction_finder = ObstructionFinder(context, motion, perception, self._attempt_driver)
+        self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query)
         self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
@@ -139,7 +139,10 @@ class QueryRunner:
             node_match = self._perception.node_match(segment[0])
         source, target = _ends(segment)
         self._memory.approached = target if source is None else None
-        self._obstruction_finder.depart(localisation)
+        self._map_learner.depart(localisation)
+        if source is not None and (yield from self._map_learner.sees_closed(path, node_match)):
+            yield from self._motion.wait_one_step()
+            return False
         result = yield from self._drive(segment, node_match)
         if result.steps:
             return False
@@ -193,7 +196,7 @@ class QueryRunner:
         yield self._ended(attempt, source, target, result.end, verdict)
         usable = yield from self._perception.can_compare()
         if source is not None and usable:
-            yield from self._learn(attempt, segment, node_match, verdict)
+            yield from self._map_learner.learn(attempt, segment, node_match, verdict, result.end)
         elif source is not None:
             self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
         return result
@@ -217,31 +220,6 @@ class QueryRunner:
         config = self._method.localising
         return fits_trail(
             self._context.loop_closures, self._perception.trail_from_here, target, seen.waypoint, config, to_blame=True
-        )
-
-    def _learn(
-        self, attempt: int, segment: tuple[NodeId, ...], node_match: NodeMatch, verdict: AttemptVerdict
-    ) -> Iterator[Event]:
-        """Remember a failure for this query, and let the system update the map."""
-        edges, context = list(itertools.pairwise(segment)), self._context
-        failed_before = any(self._memory.has_failed(edge) for edge in edges)
-        if not verdict.succeeded:
-            self._memory.record_failures(segment)
-            self._memory.record_failure_from(segment[0])
-        obstruction = None if verdict.succeeded else self._obstruction_finder.find(segment)
-        self._memory.obstructions += obstruction is not None
-        evidence = AttemptEvidence(
-            source=segment[0],
-            target=segment[-1],
-            distance=node_match.distance,
-            succeeded=verdict.succeeded,
-            failed_before=failed_before,
-            hindered=verdict.hindered,
-            stamp=context.world_time_s(self._perception.observation.stamp),
-            obstruction=obstruction,
-        )
-        yield from context.apply_deltas(
-            context.system.maintenance.after_attempt(context.graph, evidence), self._query, attempt
         )
 
     def _ended(

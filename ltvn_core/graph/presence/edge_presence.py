@@ -6,8 +6,11 @@ Owns folding what a map knows of its edges. What is done with the answer is `gra
 from collections.abc import Callable, Collection, Mapping
 from typing import Protocol, TypeAlias
 
+from ltvn_core.graph.deltas import PresenceObserved
 from ltvn_core.graph.presence.observation import PresenceObservation
+from ltvn_core.graph.presence.obstruction import Obstruction
 from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceTracks, follow_histories
+from ltvn_core.graph.presence.presence_observations import obstructed_deltas
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 EdgeProbabilities: TypeAlias = Mapping[EdgeKey, float]
@@ -19,6 +22,10 @@ class EdgePresence(Protocol):
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
         """Return the edges that may not be open at a moment on the clock of the world."""
+        ...
+
+    def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
+        """Return what the map learns of something new that was seen from afar."""
         ...
 
 
@@ -43,6 +50,10 @@ class FilteredPresence:
         found = self._tracks.probability(max(now_s, latest_s))
         return dict(zip(self._known, map(float, found), strict=True))
 
+    def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
+        """Return that the edges are blocked whose ways it closes."""
+        return obstructed_deltas(graph, obstruction, stamp)
+
 
 class KnownPresence:
     """The truth of the moment, where somebody can tell: in simulation."""
@@ -54,3 +65,7 @@ class KnownPresence:
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
         """Return the edges that are closed, each with 0."""
         return dict.fromkeys(self._closed_edges(graph), 0.0)
+
+    def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
+        """Return nothing: the truth is known without looking."""
+        return ()

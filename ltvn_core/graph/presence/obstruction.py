@@ -16,40 +16,60 @@ from ltvn_core.types import NodeId, Pose
 
 FloatArray = NDArray[np.float64]
 
-BESIDE_M = 0.12
-"""What is farther than this from the line of an edge stands beside its way."""
-LEAST_POINTS = 4
-"""Fewer points across a way are held to be noise."""
+BODY_M = 0.2
+"""What is farther than this from the line of an edge stands beside the way of the robot's body."""
+_MIDDLE_M = 0.07
+"""What is nearer than this to the line stands in the middle of the way."""
+_LEAST_IN_MIDDLE = 2
+"""Fewer points there are held to be noise."""
+_BARRIER_M = 0.35
+"""What stands so little before or behind something is part of the same barrier."""
+_SHORTEST_M = 0.05
+"""Shorter ways are turns on the spot."""
 _NEARBY_D = 4.0
 """Nodes farther along the map than this d are not asked about."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstruction:
-    """Solid points that were not there when the map was made and lie across the way of an edge."""
+    """Something solid that was not there when the map was made."""
 
     node: NodeId
     """The node in whose frame the points are."""
     points: FloatArray
-    """(M, 2) metres, x forward and y left of the node."""
+    """(M, 2) where it is, metres, x forward and y left of the node."""
+    known: FloatArray
+    """(M', 2) what else is solid around, and always was."""
+    stopped: bool
+    """They stopped the robot on the edge that it drove, of which the node is the source."""
 
 
 def edges_obstructed(graph: TopologicalGraph, obstruction: Obstruction) -> tuple[EdgeKey, ...]:
     """Return the edges whose ways the points lie across; linear in the edges nearby."""
     poses = nearby_poses(graph, obstruction.node)
     keys = [(node, target) for node in poses for target in graph.successors(node)]
-    return tuple(
-        key
-        for key in keys
-        if is_across(
-            obstruction.points, poses[key[0]][:2], compose(poses[key[0]], np.array(graph.edges[key].waypoint))[:2]
-        )
-    )
+    ends = {key: compose(poses[key[0]], np.array(graph.edges[key].waypoint)) for key in keys}
+    return tuple(key for key in keys if closes_way(obstruction, poses[key[0]][:2], ends[key][:2]))
 
 
-def is_across(points: FloatArray, start: FloatArray, end: FloatArray, beside_m: float = BESIDE_M) -> bool:
-    """Tell whether points (M, 2) lie across the straight way from `start` (2,) to `end` (2,)."""
-    return int((distances_to_way(points, start, end) <= beside_m).sum()) >= LEAST_POINTS
+def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> bool:
+    """Tell whether something leaves the robot no room on the straight way from `start` (2,) to `end` (2,).
+
+    It stands in the middle of the way, and to both sides of it is no room either, as by a door between its jambs.
+    """
+    way = end - start
+    length = float(np.hypot(way[0], way[1]))
+    if length < _SHORTEST_M:
+        return False
+    turn = np.array([[way[0], -way[1]], [way[1], way[0]]]) / length
+    new, known = (points @ turn for points in (obstruction.points - start, obstruction.known - start))
+    within = (new[:, 0] >= 0) & (new[:, 0] <= length)
+    middle = new[within & (np.abs(new[:, 1]) < _MIDDLE_M)]
+    if len(middle) < _LEAST_IN_MIDDLE:
+        return False
+    solid = np.concatenate([new, known])
+    beside = solid[np.abs(solid[:, 0] - np.median(middle[:, 0])) < _BARRIER_M, 1]
+    return all(((aside > _MIDDLE_M) & (aside < BODY_M)).any() for aside in (beside, -beside))
 
 
 def distances_to_way(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
@@ -60,7 +80,10 @@ def distances_to_way(points: FloatArray, start: FloatArray, end: FloatArray) -> 
 
 
 def nearby_poses(graph: TopologicalGraph, node: NodeId) -> dict[NodeId, Pose]:
-    """Return the poses (3,) of the nodes around one node, in its frame, along the surest chains of waypoints."""
+    """Return the poses (3,) of the nodes around one node, in its frame, along the shortest chains of waypoints.
+
+    They are in order of the length of these chains.
+    """
     found: dict[NodeId, Pose] = {}
     queue: list[tuple[float, NodeId, tuple[float, ...]]] = [(0.0, node, (0.0, 0.0, 0.0))]
     while queue:

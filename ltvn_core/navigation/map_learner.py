@@ -1,0 +1,95 @@
+"""What a query teaches the map: the end of an attempt, and what is seen ahead before one.
+
+Owns what evidence is handed to the system's maintenance and presence; what follows from it is theirs.
+"""
+
+import itertools
+from collections.abc import Generator, Iterator, Sequence
+
+from ltvn_core.graph.localiser import Localisation
+from ltvn_core.graph.maintenance import AttemptEvidence
+from ltvn_core.graph.planner import GraphPath
+from ltvn_core.navigation.attempt_driver import AttemptDriver
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.events import OBSTRUCTED_ENDS, AttemptEnd, Event
+from ltvn_core.navigation.judgement import AttemptVerdict
+from ltvn_core.navigation.motion import MotionExecutor
+from ltvn_core.navigation.obstruction_finder import ObstructionFinder
+from ltvn_core.navigation.perception import NodeMatch, Perception
+from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.types import NodeId
+
+_EDGES_IN_SIGHT = 4
+"""Edges of a plan that a robot at its beginning may look along."""
+
+
+class MapLearner:
+    """Hands on what one query finds out."""
+
+    def __init__(
+        self,
+        context: NavigationContext,
+        motion: MotionExecutor,
+        perception: Perception,
+        driver: AttemptDriver,
+        memory: QueryMemory,
+        query: int,
+    ) -> None:
+        """Learn for the map of `context`."""
+        self._context, self._perception = context, perception
+        self._memory, self._query = memory, query
+        self._obstructions = ObstructionFinder(context, motion, perception, driver)
+
+    @property
+    def _now_s(self) -> float:
+        return self._context.world_time_s(self._perception.observation.stamp)
+
+    def depart(self, localisation: Localisation) -> None:
+        """Remember where the robot is before an attempt."""
+        self._obstructions.depart(localisation)
+
+    def sees_closed(self, path: GraphPath, node_match: NodeMatch) -> Generator[Event, None, bool]:
+        """Look ahead where the subgoal is not recognised; tell whether something new closes the way there."""
+        context = self._context
+        if context.system.presence is None or node_match.reachability >= context.method.driving.departure_reachability:
+            return False
+        obstruction = self._obstructions.find(path.nodes[: _EDGES_IN_SIGHT + 1])
+        if obstruction is None:
+            return False
+        deltas = context.system.presence.observe(context.graph, obstruction, self._now_s)
+        yield from context.apply_deltas(deltas, self._query)
+        closed = {(each.source, each.target) for each in deltas}
+        ahead = set(itertools.pairwise(path.nodes[: _EDGES_IN_SIGHT + 1]))
+        self._memory.obstructions += bool(closed & ahead)
+        return bool(closed & ahead)
+
+    def learn(
+        self,
+        attempt: int,
+        segment: Sequence[NodeId],
+        node_match: NodeMatch,
+        verdict: AttemptVerdict,
+        end: AttemptEnd,
+    ) -> Iterator[Event]:
+        """Remember a failure for this query, and let the system update the map."""
+        context, memory = self._context, self._memory
+        failed_before = any(memory.has_failed(edge) for edge in itertools.pairwise(segment))
+        obstruction = None
+        if not verdict.succeeded:
+            memory.record_failures(segment)
+            memory.record_failure_from(segment[0])
+            obstruction = self._obstructions.find(segment, blocked=end in OBSTRUCTED_ENDS)
+            memory.obstructions += obstruction is not None and obstruction.stopped
+        evidence = AttemptEvidence(
+            source=segment[0],
+            target=segment[-1],
+            distance=node_match.distance,
+            succeeded=verdict.succeeded,
+            failed_before=failed_before,
+            hindered=verdict.hindered,
+            stamp=self._now_s,
+            obstruction=obstruction,
+        )
+        yield from context.apply_deltas(
+            context.system.maintenance.after_attempt(context.graph, evidence), self._query, attempt
+        )

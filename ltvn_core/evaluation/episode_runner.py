@@ -23,6 +23,7 @@ from ltvn_core.navigation.events import Event, Outcome
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.map_file import check_fingerprint, load_map
 from ltvn_core.robots.robot import Robot
+from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
@@ -49,8 +50,12 @@ class EpisodeRunner:
         protocol: EvaluationProtocol,
         *,
         perturbations: Sequence[str] = (),
+        world: World | None = None,
     ) -> None:
-        """Load a map; the robot's camera will have these perturbations. Raises MapError where other weights made it."""
+        """Load a map; the robot's camera will have these perturbations, and `world` may change around it.
+
+        Raises MapError where other weights made the map.
+        """
         loaded = load_map(map_file)
         check_fingerprint(loaded.meta, predictor.fingerprint)
         self.scene = scene
@@ -64,6 +69,7 @@ class EpisodeRunner:
         self.system = system
         self.noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
         self._perturbations = perturbations
+        self._world = world
         self._next_frame = max(self.keyframes.frames) + 1
 
     @property
@@ -91,7 +97,8 @@ class EpisodeRunner:
         classifier = FailureClassifier(self.truth, self.graph)
         with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
             parts = self.graph, self.keyframes, self.predictor, self.system.method, rng
-            navigator = Navigator(wrap_robot(self._looking(robot, query)), *parts, system=self.system)
+            looking = wrap_robot(self._looking(robot, query))
+            navigator = Navigator(looking, *parts, system=self.system, world_time=self._world_time)
 
             def consume_event(event: Event) -> None:
                 classifier.consume(event, robot.exact_pose)
@@ -117,7 +124,13 @@ class EpisodeRunner:
             rng=rng,
             odometry_noise=self.noise,
             first_step=first_frame,
+            world=self._world,
         )
+
+    @property
+    def _world_time(self) -> Callable[[], float] | None:
+        world = self._world
+        return None if world is None else lambda: world.time_s
 
     def _looking(self, robot: SimulatedRobot, query: int) -> Robot:
         """Return the robot as its camera shows the world."""

@@ -193,13 +193,14 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
         del made_by["perturbations"]
     if plan.maintenance is None:
         del made_by["maintenance"]
-    _claim(files.drive_truth.with_suffix(".plan.json"), drive)
+    claim_settings(files.drive_truth.with_suffix(".plan.json"), drive)
     if plan.finetuned:
-        _claim(files.weights.with_suffix(".plan.json"), learned)
-    _claim(files.folder / files.label / "plan.json", made_by)
+        claim_settings(files.weights.with_suffix(".plan.json"), learned)
+    claim_settings(files.folder / files.label / "plan.json", made_by)
 
 
-def _claim(path: Path, settings: Mapping[str, Any]) -> None:
+def claim_settings(path: Path, settings: Mapping[str, Any]) -> None:
+    """Write settings to a file beside what is made with them. Raises OptionError if it holds others."""
     made_by = json.loads(json.dumps(settings, default=str))
     if not path.exists():
         write_text_atomically(path, json.dumps(made_by, indent=1))

@@ -54,6 +54,10 @@ class OraclePredictor:
         self.camera = camera
         self._half_fov_rad = camera.horizontal_fov_rad / 2
 
+    def show(self, clearance: ClearanceMap) -> None:
+        """Let it know what the world is like from now on."""
+        self._clearance = clearance
+
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return the exact poses (N, 3) of the observations.
 

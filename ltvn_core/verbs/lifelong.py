@@ -1,14 +1,16 @@
-"""`ltvn lifelong`: the paper's lifelong test."""
+"""`ltvn lifelong`: the paper's lifelong test, and the same in a world that changes."""
 
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ltvn_core.errors import OptionError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.evaluate import ProtocolOptions, command
 from ltvn_core.verbs.verb import Summary
+from ltvn_core.verbs.world_summary import WorldSummary
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,12 +51,56 @@ class LifelongVerb(ProtocolOptions):
     episodes: int = 500
     """Random episodes of each static test, always the same."""
 
-    maintenance: MaintenanceName | None = None
+    maintenance: tuple[MaintenanceName, ...] = ()
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
-    pruning as in that preset; persistent, forgetting, fremen: also what is open at which time."""
+    pruning as in that preset; persistent, forgetting, fremen: also what is open at which time; truth: what the world
+    knows, with --world. Several are compared on the same queries of a --world."""
+    world: str | None = None
+    """Drive the queries in a world that changes instead, with no static tests: static, doors, daily, telegraph, moving,
+    light, people, all, or a JSON file with a script. Goals are those that can be reached when a query begins."""
+    days: float = 7.0
+    """Simulated days over which the queries in a changing world are spread."""
 
     def run(self) -> Summary:
-        """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
+        """Run what is not done yet.
+
+        Raises OptionError, SceneError, WeightsError, MapError, RecordingError, and WorldError.
+        """
+        if len({*self.maintenance}) < len(self.maintenance):
+            raise OptionError("--maintenance has a name twice.")
+        if self.world is not None:
+            return self._in_world(self.world)
+        if len(self.maintenance) > 1 or "truth" in self.maintenance:
+            raise OptionError(
+                "Without --world, --maintenance takes one name, and not truth: there is nothing to know. Name a world "
+                "that changes, or run the command once for each."
+            )
+        return self._without_world(self.maintenance[0] if self.maintenance else None)
+
+    def _in_world(self, world: str) -> WorldSummary:
+        from tqdm import tqdm
+
+        from ltvn_core.evaluation.workers import workers
+        from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
+        from ltvn_core.evaluation.worlds.world_plans import WorldPlan
+        from ltvn_core.verbs.evaluation_bar import progress_on_bar
+
+        started = time.monotonic()
+        trials = self.plans(DEFAULT_SYSTEM, self.episodes)
+        plans = [
+            WorldPlan(trial=trial, world=world, maintenance=name, queries=self.queries, days=self.days)
+            for name in self.maintenance or (self.preset,)
+            for trial in trials
+        ]
+        with (
+            workers(self.workers, self.cluster) as parallel,
+            tqdm(total=self.queries * len(plans), desc=f"world {world}", unit="query") as bar,
+        ):
+            progress = progress_on_bar(bar, len(trials))
+            results = run_world_evaluation(plans, self.folder, command=command(), parallel=parallel, progress=progress)
+        return WorldSummary.of(results, seeds=self.seed, folder=self.folder, wall_s=time.monotonic() - started)
+
+    def _without_world(self, maintenance: str | None) -> LifelongSummary:
         from tqdm import tqdm
 
         from ltvn_core.evaluation.lifelong_evaluation import Schedule, run_lifelong
@@ -62,7 +108,7 @@ class LifelongVerb(ProtocolOptions):
         from ltvn_core.verbs.evaluation_bar import progress_on_bar
 
         started, schedule = time.monotonic(), Schedule(self.queries, self.every, self.episodes)
-        plans = [replace(plan, maintenance=self.maintenance) for plan in self.plans(DEFAULT_SYSTEM, self.episodes)]
+        plans = [replace(plan, maintenance=maintenance) for plan in self.plans(DEFAULT_SYSTEM, self.episodes)]
         with (
             workers(self.workers, self.cluster) as parallel,
             tqdm(total=schedule.work * len(plans), desc="lifelong", unit="query") as bar,
@@ -71,9 +117,9 @@ class LifelongVerb(ProtocolOptions):
             results = run_lifelong(
                 plans, self.folder, schedule, command=command(), parallel=parallel, progress=progress
             )
-        return self._summary(results, time.monotonic() - started)
+        return self._summary(results, maintenance, time.monotonic() - started)
 
-    def _summary(self, results: "Sequence[LifelongResult]", wall_s: float) -> LifelongSummary:
+    def _summary(self, results: "Sequence[LifelongResult]", maintenance: str | None, wall_s: float) -> LifelongSummary:
         from ltvn_core.evaluation.lifelong_metrics import lifelong_metrics
 
         scenes = dict.fromkeys(result.scene for result in results)
@@ -81,7 +127,7 @@ class LifelongVerb(ProtocolOptions):
             scenes=self.scene,
             preset=self.preset,
             without=self.without,
-            maintenance=self.maintenance,
+            maintenance=maintenance,
             seeds=self.seed,
             every=self.every,
             episodes=self.episodes,

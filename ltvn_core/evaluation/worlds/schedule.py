@@ -1,0 +1,134 @@
+"""The queries of an evaluation in a changing world: when, from where, to where, and what is closed at these moments.
+
+Drawn once and kept in a file, so that every maintenance gets the same. Drives no robot.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.preparation import DriveGroundTruth
+from ltvn_core.evaluation.protocol import EpisodePlan
+from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
+from ltvn_core.evaluation.worlds.world_plans import WorldPlan
+from ltvn_core.evaluation.worlds.world_results import DoorMove
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.changes.world_script import HOUR_S, MORNING_S
+from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
+from ltvn_core.simulation.scene import Scene
+from ltvn_core.types import FrameId, NodeId
+from ltvn_core.worlds.world_change import DoorMoved
+
+LATER_S = HOUR_S
+"""Presence is predicted for so much later."""
+_LEAST_WAY_M = 1.0
+"""Start and goal are at least this far apart."""
+_MOST_DRAWS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class ScheduledQuery:
+    """A query, and the world when it begins."""
+
+    at_s: float
+    episode: EpisodePlan
+    shortest_m: float
+    """Length of the shortest way at that moment."""
+    closed: tuple[EdgeKey, ...]
+    """Edges of the first map that are closed at that moment,"""
+    closed_later: tuple[EdgeKey, ...]
+    """and an hour later."""
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """All queries of a plan."""
+
+    queries: tuple[ScheduledQuery, ...]
+    edges: tuple[EdgeKey, ...]
+    """Edges of the first map that are not spurious."""
+    nodes: int
+    """Of the first map."""
+    all_edges: int
+    """Of the first map, the spurious ones too."""
+    first_frame: FrameId
+    """The images of the queries have numbers from this one on."""
+    doors: tuple[DoorMove, ...]
+
+    @property
+    def changing(self) -> tuple[EdgeKey, ...]:
+        """Edges that are closed at one of these moments and open at another; predictions are judged on these."""
+        closed = {edge for query in self.queries for edge in (*query.closed, *query.closed_later)}
+        return tuple(edge for edge in self.edges if edge in closed)
+
+
+def draw_schedule(
+    plan: WorldPlan, scene: Scene, graph: TopologicalGraph, truth: GroundTruth, drive_truth: DriveGroundTruth
+) -> Schedule:
+    """Draw the queries of a plan for its first map. Raises WorldError, and OptionError where no goal can be reached."""
+    rng = np.random.default_rng([plan.trial.seed, 7])
+    script = plan.script(scene)
+    moments = [MORNING_S + (k + rng.uniform(0, 0.5)) * plan.slot_s for k in range(plan.queries)]
+    spurious = truth.spurious(graph)
+    edges = tuple(edge for edge in graph.edges if edge not in spurious)
+    closed_edges = ClosedEdges(scene, truth)
+    closed = {
+        at_s: (tuple(closed_edges.among(edges, clearance)), clearance)
+        for at_s, clearance in _clearances(World(scene, script), sorted({*moments, *(t + LATER_S for t in moments)}))
+    }
+    queries = []
+    for at_s in moments:
+        now, clearance = closed[at_s]
+        episode, shortest_m = _draw(clearance, sorted(graph.nodes), truth, drive_truth, rng)
+        queries.append(ScheduledQuery(at_s, episode, shortest_m, now, closed[at_s + LATER_S][0]))
+    doors = tuple(
+        DoorMove(timed.at_s, timed.change.door, timed.change.is_open)
+        for timed in script.changes
+        if isinstance(timed.change, DoorMoved)
+    )
+    return Schedule(tuple(queries), edges, len(graph.nodes), len(graph.edges), max(drive_truth.frames) + 1, doors)
+
+
+def _clearances(world: World, moments: Sequence[float]) -> Iterator[tuple[float, ClearanceMap]]:
+    """Yield the clearance map of each moment."""
+    for at_s in moments:
+        if at_s > world.time_s:
+            world.skip(at_s - world.time_s)
+        yield at_s, world.scene.clearance
+
+
+def _draw(
+    clearance: ClearanceMap,
+    nodes: Sequence[NodeId],
+    truth: GroundTruth,
+    drive_truth: DriveGroundTruth,
+    rng: np.random.Generator,
+) -> tuple[EpisodePlan, float]:
+    """Draw a start from the images of the drive and a goal that can be reached from there, with its distance."""
+    goals = truth.poses(nodes)
+    for _ in range(_MOST_DRAWS):
+        row = int(rng.integers(len(drive_truth.frames)))
+        start = np.array(drive_truth.poses[row])
+        if float(clearance.at(start[:2])) < PLANNING_CLEARANCE_M:
+            continue
+        lengths_m = clearance.path_lengths(start, goals[:, :2])
+        free = clearance.at(goals[:, :2]) >= LOCOBOT.clear_radius_m
+        possible = np.flatnonzero(np.isfinite(lengths_m) & (lengths_m > _LEAST_WAY_M) & free)
+        if len(possible):
+            chosen = int(rng.choice(possible))
+            episode = EpisodePlan(
+                start=drive_truth.frames[row],
+                goal=nodes[chosen],
+                start_pose=pose_row(start),
+                goal_pose=pose_row(goals[chosen]),
+            )
+            return episode, float(lengths_m[chosen])
+    raise OptionError(
+        "No goal of the map can be reached from anywhere; the world is closed up. Choose another --world."
+    )

@@ -1,0 +1,159 @@
+"""Drives the queries of a schedule with one map in one changing world, and judges each by the truth of its moment."""
+
+import itertools
+import math
+from dataclasses import asdict, dataclass
+from functools import partial
+
+import numpy as np
+
+from ltvn_core.composition import open_predictor
+from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
+from ltvn_core.evaluation.open_edges import true_presence
+from ltvn_core.evaluation.results import EpisodeResult, load_results
+from ltvn_core.evaluation.trial_plans import open_planned_system, planned_weights
+from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
+from ltvn_core.evaluation.worlds.door_watch import DoorWatch
+from ltvn_core.evaluation.worlds.presence_score import score_presence
+from ltvn_core.evaluation.worlds.schedule import LATER_S, Schedule, ScheduledQuery
+from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
+from ltvn_core.evaluation.worlds.world_results import PresenceScore, WorldQuery
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.planner import Planner
+from ltvn_core.navigation.events import Event
+from ltvn_core.recording.map_file import save_map
+from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.oracle_predictor import OraclePredictor
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
+from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_core.types import FrameId, Pose, Predictor
+
+
+@dataclass(frozen=True, slots=True)
+class _Foretold:
+    """What was known before a query began."""
+
+    now: PresenceScore
+    later: PresenceScore
+    doors_wanted: frozenset[int]
+
+
+class WorldDrive:
+    """A map after some queries, and the world at the next one."""
+
+    def __init__(self, plan: WorldPlan, files: WorldFiles, first: int) -> None:
+        """Load the map after `first` queries, with its scene and network."""
+        self._plan, self._files = plan, files
+        self._first = first
+        self._schedule: Schedule = load_results(files.schedule, Schedule)
+        self._changing = self._schedule.changing
+        scene = load_scene(plan.trial.scene)
+        self.world = World(scene, plan.script(scene), start_s=self._schedule.queries[first].at_s)
+        predictor = open_predictor(plan.trial.predictor, plan.trial.scene, planned_weights(plan.trial, files.trial))
+        _keep_informed(predictor, self.world)
+        system = open_planned_system(plan.trial, predictor, scene, maintain=True)
+        self.runner = EpisodeRunner(scene, files.map(first), predictor, system, plan.trial.protocol, world=self.world)
+        truth = true_presence(self.world, self.runner.keyframes.observation)
+        self.runner.system = with_maintenance(system, plan.maintenance, truth=truth)
+        self.closed_edges = ClosedEdges(scene, self.runner.truth)
+
+    def run(self, query: int, on_event: EventCallback | None = None) -> WorldQuery:
+        """Let time pass until a query, and drive it."""
+        runner, world, scheduled = self.runner, self.world, self._schedule.queries[query]
+        if scheduled.at_s > world.time_s:
+            world.skip(scheduled.at_s - world.time_s)
+        foretold = self._foretell(scheduled)
+        watch = DoorWatch(world, self.closed_edges)
+        end: Pose = np.array(scheduled.episode.start_pose)
+
+        def consume(event: Event, robot: SimulatedRobot) -> None:
+            nonlocal end
+            end = robot.exact_pose
+            watch.consume(event)
+            if on_event is not None:
+                on_event(event, robot)
+
+        rng = np.random.default_rng([self._plan.trial.seed, 8, query])
+        result = runner.run(query, scheduled.episode, rng, on_event=consume, first_frame=self._first_frame(query))
+        goal = np.array([scheduled.episode.goal_pose])
+        cut_off = not result.reached and not bool(world.reachable(end, goal)[0])
+        return self._result(scheduled, result, foretold, watch, cut_off=cut_off)
+
+    def save_map(self, queries: int) -> None:
+        """Save the map as it is after so many queries."""
+        runner = self.runner
+        save_map(
+            self._files.map(queries),
+            runner.graph,
+            [runner.keyframes.observation(frame) for frame in runner.keyframes.frames],
+            scene=runner.scene.address,
+            fingerprint=runner.fingerprint,
+            config={
+                "verb": "lifelong",
+                "system": runner.system.name,
+                "seed": self._plan.trial.seed,
+                "world": self._plan.world,
+                "maintenance": self._plan.maintenance,
+                "queries": queries,
+                "method": asdict(runner.system.method),
+            },
+            origin=self._files.map(self._first),
+        )
+
+    def _foretell(self, scheduled: ScheduledQuery) -> _Foretold:
+        system, graph, at_s = self.runner.system, self.runner.graph, scheduled.at_s
+        score = partial(score_presence, system, graph, edges=self._changing)
+        now = score(at_s=at_s, closed=scheduled.closed)
+        later = score(at_s=at_s + LATER_S, closed=scheduled.closed_later)
+        return _Foretold(now, later, self._doors_wanted(scheduled))
+
+    def _doors_wanted(self, scheduled: ScheduledQuery) -> frozenset[int]:
+        """Return the doors on the best way of the map from the node next to the start, given which edges are open."""
+        graph, truth, system = self.runner.graph, self.runner.truth, self.runner.system
+        nodes = list(graph.nodes)
+        gaps = distance(relative(np.array(scheduled.episode.start_pose), truth.poses(nodes)))
+        closed = self.closed_edges.among(list(graph.edges), self.world.scene.clearance)
+        planner = Planner(graph, system.method.planning, weight=system.edge_weight)
+        way = planner.plan(nodes[int(np.argmin(gaps))], scheduled.episode.goal, dict.fromkeys(closed, math.inf))
+        return self.closed_edges.doors_on(list(itertools.pairwise(way.nodes)))
+
+    def _first_frame(self, query: int) -> FrameId:
+        """Return the number of a query's first image; changes of the world begin steps of their own."""
+        steps = self._plan.trial.protocol.steps_in(self.runner.scene)
+        return self._schedule.first_frame + query * 4 * (steps + 1)
+
+    def _result(
+        self, scheduled: ScheduledQuery, result: EpisodeResult, foretold: _Foretold, watch: DoorWatch, *, cut_off: bool
+    ) -> WorldQuery:
+        graph = self.runner.graph
+        return WorldQuery(
+            query=result.episode,
+            at_s=scheduled.at_s,
+            start=result.start,
+            goal=result.goal,
+            reached=result.reached,
+            outcome=result.outcome,
+            failure=result.failure,
+            cut_off=cut_off,
+            steps=result.steps,
+            collisions=result.collisions,
+            path_m=result.path_m,
+            shortest_m=scheduled.shortest_m,
+            blocked_tries=watch.blocked_tries,
+            doors_tried=tuple(sorted(watch.tried)),
+            doors_wanted=tuple(sorted(foretold.doors_wanted)),
+            doors_used=tuple(sorted(watch.used)),
+            now=foretold.now,
+            later=foretold.later,
+            nodes=len(graph.nodes),
+            edges=len(graph.edges),
+            lost_edges=sum(edge not in graph.edges for edge in self._schedule.edges),
+        )
+
+
+def _keep_informed(predictor: Predictor, world: World) -> None:
+    """Let the oracle know the world as it is; a network sees it."""
+    if isinstance(predictor, OraclePredictor):
+        predictor.show(world.scene.clearance)
+        world.follow(lambda _: predictor.show(world.scene.clearance))

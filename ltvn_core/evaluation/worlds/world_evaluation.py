@@ -1,0 +1,97 @@
+"""The lifelong evaluation in a changing world: the same queries for each maintenance, side by side.
+
+The queries of one map run one after the other; those of different maps and maintenances run in parallel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from joblib import delayed
+
+from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.preparation import prepare
+from ltvn_core.evaluation.preparation_progress import told_repeatedly
+from ltvn_core.evaluation.results import load_results, save_results
+from ltvn_core.evaluation.trial_plans import claim_settings
+from ltvn_core.evaluation.trials import EvaluationProgress, prepare_all
+from ltvn_core.evaluation.workers import Workers
+from ltvn_core.evaluation.worlds.schedule import Schedule, draw_schedule
+from ltvn_core.evaluation.worlds.world_batches import batch_ranges, load_batches, run_world_batches
+from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
+from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.recording.map_file import load_map
+from ltvn_core.simulation.scene_registry import load_scene
+
+
+def run_world_evaluation(
+    plans: Sequence[WorldPlan], folder: Path, *, command: str, parallel: Workers, progress: EvaluationProgress
+) -> list[WorldResult]:
+    """Run the evaluation of several plans; existing results are only read.
+
+    Raises OptionError if the folder has results of other settings, and WorldError where the scene cannot change so.
+    """
+    trials = list(dict.fromkeys(plan.trial for plan in plans))
+    files_of = dict(prepare_all(trials, folder, parallel, progress))
+    jobs = [(plan, WorldFiles.of(plan, files_of[plan.trial])) for plan in plans]
+    for plan, files in jobs:
+        claim_settings(files.settings, _settings(plan))
+    first = {files.schedule: (plan, files) for plan, files in jobs}
+    list(parallel(delayed(_schedule)(*job) for job in first.values()))
+    with told_repeatedly(lambda: progress.unfinished(sum(_queries_done(*job) for job in jobs))):
+        for done in parallel(delayed(run_world_batches)(*job) for job in jobs):
+            progress.work_done(done)
+    for plan, files in jobs:
+        _finish(plan, files, command)
+    return [load_results(files.result, WorldResult) for _, files in jobs]
+
+
+def _settings(plan: WorldPlan) -> dict[str, Any]:
+    """Return what script and queries were made with; all maintenances have the same."""
+    file = Path(plan.world)
+    script = file.read_text(encoding="utf-8") if file.is_file() else plan.world
+    return asdict(plan) | {"maintenance": "any", "script": script, "version": version("ltvn")}
+
+
+def _schedule(plan: WorldPlan, files: WorldFiles) -> None:
+    """Draw the queries, unless that is done."""
+    if files.schedule.exists():
+        return
+    scene, loaded = load_scene(plan.trial.scene), load_map(files.map(0))
+    truth = GroundTruth(scene.clearance, loaded.observations.__getitem__)
+    drive_truth = prepare(plan.trial, files.trial)
+    save_results(files.schedule, draw_schedule(plan, scene, loaded.graph, truth, drive_truth))
+
+
+def _queries_done(plan: WorldPlan, files: WorldFiles) -> int:
+    """Return how many queries are done of a plan that is not; finished plans are counted by the bar itself."""
+    done = [until - first for first, until in batch_ranges(plan.queries) if files.batch(first, until).exists()]
+    return sum(done) if sum(done) < plan.queries else 0
+
+
+def _finish(plan: WorldPlan, files: WorldFiles, command: str) -> None:
+    """Combine the batches and save the result."""
+    if files.result.exists():
+        return
+    schedule: Schedule = load_results(files.schedule, Schedule)
+    batches = load_batches(plan, files)
+    result = WorldResult(
+        scene=load_scene(plan.trial.scene).name,
+        preset=plan.trial.preset,
+        without=plan.trial.parts_off,
+        seed=plan.trial.seed,
+        world=plan.world,
+        days=plan.days,
+        maintenance=plan.maintenance,
+        nodes=schedule.nodes,
+        edges=schedule.all_edges,
+        true_edges=len(schedule.edges),
+        doors=schedule.doors,
+        queries=tuple(query for batch in batches for query in batch.queries),
+        wall_s=sum(batch.wall_s for batch in batches),
+        version=version("ltvn"),
+        command=command,
+    )
+    save_results(files.result, result)

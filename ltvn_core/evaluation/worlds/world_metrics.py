@@ -1,0 +1,135 @@
+"""Metrics of evaluations in a changing world: how well the robot navigates, and what becomes of the map."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core.evaluation.confidence_intervals import SampleGroup, estimates
+from ltvn_core.evaluation.worlds.world_results import DoorMove, PresenceScore, WorldQuery, WorldResult
+from ltvn_core.network.metrics.success_rate import SuccessRate
+
+
+@dataclass(frozen=True, slots=True)
+class WorldMetrics:
+    """Metrics of one maintenance over one or several maps."""
+
+    queries: int
+    success_rate: float
+    success_low: float
+    """95 % interval."""
+    success_high: float
+    spl: float
+    """Success weighted by path length, against the shortest way of the moment."""
+    spl_low: float
+    """95 % interval."""
+    spl_high: float
+    cut_off: int
+    """Failures at whose end there was no way to the goal any more."""
+    blocked_tries_per_100: float
+    """Attempts along closed edges in 100 queries."""
+    reopened_after_queries: float | None
+    """Queries from the first that would want a reopened door to the one that uses it, at least 1; mean over the doors
+    that the robot had met closed. A door that closes again unused counts one more than wanted it; None if there were
+    none."""
+    reopened: int
+    """So many times that happened."""
+    brier: float
+    """Mean squared error of predicted presence when queries begin, over all edges that the world ever closes,"""
+    brier_later: float
+    """and of that an hour later."""
+    calibration: float
+    """Mean distance of predicted presence from the share that is open, in ten bins,"""
+    calibration_later: float
+    """and an hour later."""
+    lost_edges_share: float
+    """True edges of the first map that are gone for ever."""
+    nodes: float
+    """Mean over the maps after all queries, as are the edges,"""
+    edges: float
+    nodes_before: float
+    """and before them."""
+    edges_before: float
+    collisions_per_episode: float
+    steps_per_episode: float
+
+
+def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
+    """Return the metrics of results of one maintenance. Raises ValueError if there are none."""
+    queries = [query for result in results for query in result.queries]
+    success, spl = estimates([_sample(result) for result in results])
+    wilson = SuccessRate.of(sum(query.reached for query in queries), len(queries))
+    waits = [wait for result in results for wait in reopening_waits(result.queries, result.doors)]
+    now, later = [query.now for query in queries], [query.later for query in queries]
+    return WorldMetrics(
+        queries=len(queries),
+        success_rate=success.mean,
+        success_low=max(min(success.low, wilson.low), 0.0),
+        success_high=min(max(success.high, wilson.high), 1.0),
+        spl=spl.mean,
+        spl_low=max(spl.low, 0.0),
+        spl_high=min(spl.high, 1.0),
+        cut_off=sum(query.cut_off for query in queries),
+        blocked_tries_per_100=100 * _mean(query.blocked_tries for query in queries),
+        reopened_after_queries=_mean(waits) if waits else None,
+        reopened=len(waits),
+        brier=_brier(now),
+        brier_later=_brier(later),
+        calibration=_calibration_error(now),
+        calibration_later=_calibration_error(later),
+        lost_edges_share=_mean(result.queries[-1].lost_edges / max(result.true_edges, 1) for result in results),
+        nodes=_mean(result.queries[-1].nodes for result in results),
+        edges=_mean(result.queries[-1].edges for result in results),
+        nodes_before=_mean(result.nodes for result in results),
+        edges_before=_mean(result.edges for result in results),
+        collisions_per_episode=_mean(query.collisions for query in queries),
+        steps_per_episode=_mean(query.steps for query in queries),
+    )
+
+
+def reopening_waits(queries: Sequence[WorldQuery], doors: Sequence[DoorMove]) -> list[int]:
+    """Return for each time a door reopened that the robot had met closed how many queries it took to be used again.
+
+    Counted are queries whose best way leads through it, until one drives through it or it closes again. Doors that no
+    query wanted in that time are left out.
+    """
+    waits = []
+    for opened in (move for move in doors if move.is_open):
+        moves = [move for move in doors if move.door == opened.door and not move.is_open]
+        closed_s = max((move.at_s for move in moves if move.at_s < opened.at_s), default=opened.at_s)
+        until_s = min((move.at_s for move in moves if move.at_s > opened.at_s), default=np.inf)
+        met = [query for query in queries if closed_s <= query.at_s < opened.at_s]
+        if any(opened.door in query.doors_tried for query in met):
+            wait = _wait([query for query in queries if opened.at_s <= query.at_s < until_s], opened.door)
+            waits += [wait] if wait else []
+    return waits
+
+
+def _wait(queries: Sequence[WorldQuery], door: int) -> int:
+    """Return the number of the query, of those that want a door, in which it is used; 0 if none wants it."""
+    wanted = 0
+    for query in queries:
+        wanted += door in query.doors_wanted
+        if door in query.doors_used:
+            return max(wanted, 1)
+    return wanted + 1 if wanted else 0
+
+
+def _sample(result: WorldResult) -> SampleGroup:
+    return SampleGroup(result.scene, np.array([(query.reached, query.spl) for query in result.queries], np.float64))
+
+
+def _brier(scores: Sequence[PresenceScore]) -> float:
+    weights = [score.predictions for score in scores]
+    return float(np.average([score.brier for score in scores], weights=weights)) if sum(weights) else 0.0
+
+
+def _calibration_error(scores: Sequence[PresenceScore]) -> float:
+    """Return the mean gap between prediction and truth over ten bins, by the number of predictions in each."""
+    counts = np.array([[cell.predictions for cell in score.bins] for score in scores])
+    gaps = np.array([[cell.mean_p - cell.present for cell in score.bins] for score in scores])
+    return float(np.abs((counts * gaps).sum(0)).sum() / max(counts.sum(), 1))
+
+
+def _mean(numbers: Iterable[float]) -> float:
+    return float(np.mean(list(numbers)))

@@ -127,6 +127,8 @@ class DrivingConfig:
     """Detours that one attempt may take where steering aside does not help; 0 = never (ours)."""
     veto_margin_m: float = 0.04
     """How much wider than the robot the way must be (ours)."""
+    patience_s: float = 4.0
+    """How long one attempt waits while something moves close ahead; 0 = never (ours)."""
     back_off_m: float = 0.25
     """How far to back off after a collision (ours; the paper says nothing)."""
 
@@ -275,6 +277,7 @@ PAPER = Method(
     localising=LocalisingConfig(reachability_weight=0.0, shortlist=0, trail_reach=0, doubt_after_failures=0),
     planning=PlanningConfig(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
     driving=DrivingConfig(
+        patience_s=0.0,
         look_every_steps=0,
         departure_reachability=0.0,
         through_map=False,

@@ -19,7 +19,7 @@ from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points, transform_points
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.types import NodeId, Pose, Twist, Waypoint
+from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
 
 _MAX_WAYPOINT_M = 2.5
 """No waypoint is believed beyond the range in which the network learned."""
@@ -27,6 +27,8 @@ _DETOUR_TOLERANCE_M = 0.04
 """Where a way is narrow enough to need a detour, the robot must pass its via point closely."""
 _FRAMES_AROUND_NODE = 8
 """So many images of the drive before and after a node tell what stands around it."""
+_LOOK_AGAIN_STEPS = 3
+"""Who waits looks again after so many control steps."""
 _FINAL_APPROACH_M = 0.3
 """So near, the waypoint is not predicted anew."""
 
@@ -50,7 +52,8 @@ class AttemptDriver:
         self._perception = perception
         self._config, self._detour_config = config, replace(config, position_tolerance_m=_DETOUR_TOLERANCE_M)
         self._spec = spec
-        self._obstacles = ObstacleMemory(spec)
+        self._obstacles = ObstacleMemory(spec, watches_movement=config.patience_s > 0)
+        self._patience_steps = 0
         self._backwards = self._turned_round = False
         self._detour: Pose | None = None
         self._detours_left = 0
@@ -71,12 +74,26 @@ class AttemptDriver:
             twist = self._next(goal)
             if isinstance(twist, AttemptEnd):
                 return AttemptResult(twist, step, goal)
+            if self._lets_pass(twist):
+                yield from self._wait()
+                continue
             yield from motion.move(twist)
             if motion.collisions > collisions_before or (step == 0 and motion.in_collision and twist.linear_m_s):
                 self._obstacles.bump(motion.odometry, backwards=twist.linear_m_s < 0)
                 yield from self._back_off(backwards=twist.linear_m_s < 0)
                 return AttemptResult(AttemptEnd.COLLISION, step + 1, goal)
         return AttemptResult(AttemptEnd.TIMEOUT, config.leg_steps, goal)
+
+    def _lets_pass(self, twist: Twist) -> bool:
+        """Tell whether to stand, because something moves close ahead, and there is patience left in this attempt."""
+        may_wait = twist.linear_m_s > 0 and self._patience_steps > 0
+        return may_wait and self._obstacles.moves_ahead(self._motion.odometry)
+
+    def _wait(self) -> Generator[Event | Tick, None, None]:
+        for _ in range(_LOOK_AGAIN_STEPS):
+            yield from self._motion.wait_one_step()
+        self._patience_steps -= _LOOK_AGAIN_STEPS
+        self._obstacles.add(self._perception.observation)
 
     def _needs_new_waypoint(self, step: int, goal: Pose) -> bool:
         if self._turned_round:
@@ -88,9 +105,12 @@ class AttemptDriver:
     def _reset(self, target: NodeId, waypoint: Waypoint) -> None:
         """Forget how the last attempt went."""
         behind = drives_backwards(waypoint)
-        self._turned_round = behind and self._is_narrow(target, waypoint)
+        # Who backs up sees nobody come, so with people about the robot turns round, too.
+        about = self._obstacles.saw_movement(self._motion.stamp)
+        self._turned_round = behind and (about or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
         self._detour, self._detours_left = None, self._config.bends
+        self._patience_steps = round(self._config.patience_s / CONTROL_STEP_S)
 
     def _is_narrow(self, target: NodeId, waypoint: Waypoint) -> bool:
         """Tell whether a way back is narrow; the mapping drive saw what is there, the robot's own camera cannot."""

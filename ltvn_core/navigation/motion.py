@@ -47,6 +47,11 @@ class MotionExecutor:
         return self._state.odometry
 
     @property
+    def stamp(self) -> float:
+        """Seconds on the robot's clock."""
+        return self._state.stamp
+
+    @property
     def in_collision(self) -> bool:
         """The bumper is in contact."""
         return self._state.bumper_pressed

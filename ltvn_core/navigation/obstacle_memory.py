@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative, rotation
+from ltvn_core.navigation.moving_obstacles import MovingObstacles
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Depth, FrameId, Observation, Pose
 
@@ -28,6 +29,14 @@ _COLLISION_MEMORY_STEPS = 100
 """A collision is forgotten after so many control steps, because its place is a guess that may close a door."""
 _BUMPER_MARGIN_M = 0.02
 """What was hit is assumed this far outside the robot."""
+_AHEAD_M, _ASIDE_M = 1.1, 0.5
+"""What moves within this rectangle before the robot is close ahead,"""
+_ABOUT_S = 30.0
+"""Who was seen moving is about for so long."""
+_MOVING_POINTS = 8
+"""if so many points of it do."""
+_SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
+"""From what moves the robot keeps so much more distance."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
 
@@ -54,6 +63,11 @@ def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.floa
     return points @ rotation(float(pose[2])).T + pose[:2]
 
 
+def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return points (M, 2) that move as they may be in the next moment: here, or a little to any side."""
+    return [moving, *(moving + side for side in _SIDES_M)] if len(moving) else []
+
+
 class _Collision(NamedTuple):
     step: FrameId
     rim: NDArray[np.float64]
@@ -64,12 +78,16 @@ class _Collision(NamedTuple):
 class ObstacleMemory:
     """Solid points of the last images, kept where odometry puts them."""
 
-    def __init__(self, spec: RobotSpec) -> None:
-        """Know nothing yet."""
+    def __init__(self, spec: RobotSpec, *, watches_movement: bool = False) -> None:
+        """Know nothing yet; one that `watches_movement` keeps apart what moves."""
         self._camera = spec.camera
         self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()
+        self._movement = MovingObstacles(spec.camera) if watches_movement else None
+        self._moving = np.empty((0, 2))
+        """(M, 2) what moves, where the newest image saw it, in the odometry frame."""
+        self._moved_at = -np.inf
         self._last_step = -1
         self._last_pose: Pose | None = None
 
@@ -90,8 +108,23 @@ class ObstacleMemory:
         if not observation.has_depth:
             return
         here = obstacle_points(observation.depth, self._camera)
-        pose = observation.odometry
-        self._seen.append(transform_points(here, pose))
+        points = transform_points(here, observation.odometry)
+        if self._movement is not None:
+            moving = self._movement.moving(observation, points)
+            points, self._moving = points[~moving], points[moving]
+            if len(self._moving) >= _MOVING_POINTS:
+                self._moved_at = observation.stamp
+        self._seen.append(points)
+
+    def saw_movement(self, stamp: float) -> bool:
+        """Tell whether anything moved in sight not long before `stamp` seconds, so that it may be anywhere now."""
+        return stamp - self._moved_at < _ABOUT_S
+
+    def moves_ahead(self, odometry: Pose) -> bool:
+        """Tell whether something moves close ahead of a robot at `odometry` (3,)."""
+        ahead, left = ((self._moving - odometry[:2]) @ rotation(float(odometry[2]))).T
+        close = (ahead > 0) & (ahead < _AHEAD_M) & (np.abs(left) < _ASIDE_M)
+        return bool(np.count_nonzero(close) >= _MOVING_POINTS)
 
     def bump(self, odometry: Pose, *, backwards: bool) -> None:
         """Remember a collision before, or behind, a robot at `odometry` (3,).
@@ -112,5 +145,7 @@ class ObstacleMemory:
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
         if not self._seen and not collision_points:
             return np.empty((0, 2))
-        points = (np.concatenate([*self._seen, *collision_points]) - odometry[:2]) @ rotation(float(odometry[2]))
+        points = (np.concatenate([*self._seen, *collision_points, *_widened(self._moving)]) - odometry[:2]) @ rotation(
+            float(odometry[2])
+        )
         return points[np.abs(points).max(axis=1) < _RELEVANT_RANGE_M]

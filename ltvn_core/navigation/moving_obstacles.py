@@ -1,0 +1,91 @@
+"""Which of the points that a depth image shows have moved: those where an image shortly before saw free floor.
+
+Compares images of the last seconds, where odometry puts them. What stood still since before is not moving any more, so
+a person who stops becomes an obstacle like others. Decides nothing.
+"""
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.geometry import relative
+from ltvn_core.types import Depth, Observation, Pose
+
+_BEARING_STEP_RAD = math.radians(1.5)
+_EDGE_RAD = math.radians(3.0)
+"""So near to the edge of an image nothing is known."""
+_MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
+_RANGE_M = 4.0
+"""Images are compared so far."""
+_YOUNGEST_S, _OLDEST_S = 0.3, 3.0
+"""An image is compared with those taken so much earlier."""
+_FREE_BEYOND_M = 0.3
+"""An earlier image saw free floor at a place if it saw nothing until so far behind it."""
+_SAME_PLACE_M = 0.2
+"""A thing that an earlier image saw so near stands still."""
+
+
+class _Scan(NamedTuple):
+    """What one image saw, from above."""
+
+    stamp: float
+    pose: Pose
+    """(3,) by odometry."""
+    ranges_m: NDArray[np.float64]
+    """(B,) to the nearest solid thing per bearing; `_RANGE_M` where there is none, 0 where nothing is known."""
+
+
+class MovingObstacles:
+    """Remembers the depth images of the last seconds."""
+
+    def __init__(self, camera: CameraModel) -> None:
+        """Compare images of a camera."""
+        self._camera = camera
+        self._half_rad = camera.horizontal_fov_rad / 2
+        self._scans: deque[_Scan] = deque(maxlen=24)
+
+    def moving(self, observation: Observation, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points (M, 2) of an image, in the odometry frame, have moved (M,), and remember the image."""
+        now = observation.stamp
+        earlier = [scan for scan in self._scans if _YOUNGEST_S <= now - scan.stamp <= _OLDEST_S]
+        free, stood = np.zeros(len(points), bool), np.zeros(len(points), bool)
+        for scan in earlier:
+            was_free, was_there = self._votes(scan, points)
+            free |= was_free
+            stood |= was_there
+        if observation.depth is not None:
+            self._scans.append(_Scan(now, observation.odometry, self._ranges(observation.depth)))
+        return free & ~stood
+
+    def _votes(self, scan: _Scan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return where (M,) an earlier image saw free floor, and where it saw a thing."""
+        places = np.column_stack([points, np.zeros(len(points))])
+        ahead, left, _ = relative(scan.pose, places).T
+        away_m, bearing = np.hypot(ahead, left), np.arctan2(left, ahead)
+        inside = np.abs(bearing) < self._half_rad - _EDGE_RAD
+        place = np.clip(self._bins(bearing), 1, len(scan.ranges_m) - 2)
+        beside = scan.ranges_m[np.stack([place - 1, place, place + 1])]
+        free = inside & (beside > away_m + _FREE_BEYOND_M).all(axis=0)
+        return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)
+
+    def _ranges(self, depth: Depth) -> NDArray[np.float64]:
+        sparse = depth[::2, ::2]
+        rows, columns = np.nonzero((sparse > 0) & (sparse < _RANGE_M))
+        seen = self._camera.unproject(np.stack([columns, rows], axis=-1) * 2, sparse[rows, columns])
+        place = np.clip(self._bins(np.arctan2(seen[:, 1], seen[:, 0])), 0, self._count - 1)
+        ranges_m = np.zeros(self._count)
+        ranges_m[place] = _RANGE_M
+        solid = (seen[:, 2] > _MIN_HEIGHT_M) & (seen[:, 2] < _MAX_HEIGHT_M)
+        np.minimum.at(ranges_m, place[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
+        return ranges_m
+
+    @property
+    def _count(self) -> int:
+        return int(2 * self._half_rad / _BEARING_STEP_RAD) + 1
+
+    def _bins(self, bearing: NDArray[np.float64]) -> NDArray[np.intp]:
+        return np.floor((bearing + self._half_rad) / _BEARING_STEP_RAD).astype(np.intp)

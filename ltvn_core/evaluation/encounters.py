@@ -16,6 +16,7 @@ from ltvn_core.geometry import relative
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.physics import PERSON_RADIUS_M
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import Pose
 from ltvn_core.worlds.world_change import PersonMoved
 
@@ -40,6 +41,42 @@ class Encounter:
     """Whether an attentive driver would not have touched the person."""
     seen_s: float = -math.inf
     """When the camera had the person in view last."""
+
+
+@dataclass(frozen=True, slots=True)
+class EncounterCounts:
+    """Several encounters in numbers."""
+
+    encounters: int = 0
+    gave_way: int = 0
+    """In which the person had to step aside."""
+    touched: int = 0
+    avoidable: int = 0
+    """Touches that an attentive driver would have avoided."""
+    closest_m: float | None = None
+    """Least distance from surface to surface; None where nobody was met."""
+
+    @classmethod
+    def of(cls, encounters: Sequence[Encounter]) -> "EncounterCounts":
+        """Count encounters."""
+        return cls(
+            encounters=len(encounters),
+            gave_way=sum(each.gave_way for each in encounters),
+            touched=sum(each.touched for each in encounters),
+            avoidable=sum(each.avoidable for each in encounters),
+            closest_m=min((each.closest_m for each in encounters), default=None),
+        )
+
+    def __add__(self, other: "EncounterCounts") -> "EncounterCounts":
+        """Count both."""
+        closest = [each for each in (self.closest_m, other.closest_m) if each is not None]
+        return EncounterCounts(
+            encounters=self.encounters + other.encounters,
+            gave_way=self.gave_way + other.gave_way,
+            touched=self.touched + other.touched,
+            avoidable=self.avoidable + other.avoidable,
+            closest_m=min(closest, default=None),
+        )
 
 
 class EncounterLog:
@@ -91,6 +128,19 @@ class EncounterLog:
             if away_m > ENDS_M:
                 self.over.append(self._under_way.pop(person.person))
         self._part({each.person for each in people})
+
+    def watch(self, robot: SimulatedRobot) -> None:
+        """Take in where a robot and the people of its world are now."""
+        world = robot.world
+        if world is not None and world.state.people:
+            self.take(
+                robot.stamp,
+                robot.exact_pose,
+                robot.speeds.linear_m_s,
+                world.state.people,
+                world.scene.clearance,
+                world.stepping_aside,
+            )
 
     def finish(self) -> list[Encounter]:
         """Return all encounters, those under way too."""

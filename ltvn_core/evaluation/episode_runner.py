@@ -34,6 +34,16 @@ EventCallback = Callable[[Event, SimulatedRobot], None]
 """Called with an event while the robot is still where it happened."""
 
 
+StepCallback = Callable[[SimulatedRobot], None]
+"""Called after each control step."""
+
+
+def _advance(robot: SimulatedRobot, on_step: StepCallback | None) -> None:
+    robot.advance(CONTROL_STEP_S)
+    if on_step is not None:
+        on_step(robot)
+
+
 def _unwrapped(robot: Robot) -> Robot:
     return robot
 
@@ -87,10 +97,12 @@ class EpisodeRunner:
         on_event: EventCallback | None = None,
         wrap_robot: Callable[[Robot], Robot] = _unwrapped,
         first_frame: FrameId | None = None,
+        on_step: StepCallback | None = None,
     ) -> EpisodeResult:
         """Drive one query and evaluate it; `wrap_robot` may wrap the robot that the navigator gets.
 
-        Images are numbered from `first_frame`, by default after all earlier ones.
+        Images are numbered from `first_frame`, by default after all earlier ones. `on_step` sees the robot after each
+        control step.
         """
         if plan.goal not in self.graph.nodes:
             return self._without_goal(query, plan)
@@ -109,7 +121,7 @@ class EpisodeRunner:
                 navigator,
                 plan.goal,
                 query,
-                advance=lambda: robot.advance(CONTROL_STEP_S),
+                advance=lambda: _advance(robot, on_step),
                 verdict=lambda: judge_goal_reached(query, robot.exact_pose, np.array(plan.goal_pose)),
                 consume=consume_event,
             )

@@ -2,12 +2,13 @@
 
 import itertools
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ltvn_core.composition import open_predictor
+from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
 from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
 from ltvn_core.evaluation.open_edges import true_presence
 from ltvn_core.evaluation.results import EpisodeResult, load_results
@@ -64,7 +65,7 @@ class WorldDrive:
         if scheduled.at_s > world.time_s:
             world.skip(scheduled.at_s - world.time_s)
         foretold = self._foretell(scheduled)
-        watch = DoorWatch(world, self.closed_edges)
+        watch, people = DoorWatch(world, self.closed_edges), EncounterLog()
         end: Pose = np.array(scheduled.episode.start_pose)
 
         def consume(event: Event, robot: SimulatedRobot) -> None:
@@ -75,10 +76,18 @@ class WorldDrive:
                 on_event(event, robot)
 
         rng = np.random.default_rng([self._plan.trial.seed, 8, query])
-        result = runner.run(query, scheduled.episode, rng, on_event=consume, first_frame=self._first_frame(query))
+        result = runner.run(
+            query,
+            scheduled.episode,
+            rng,
+            on_event=consume,
+            first_frame=self._first_frame(query),
+            on_step=people.watch,
+        )
         goal = np.array([scheduled.episode.goal_pose])
         cut_off = not result.reached and not bool(world.reachable(end, goal)[0])
-        return self._result(scheduled, result, foretold, watch, cut_off=cut_off)
+        met = EncounterCounts.of(people.finish())
+        return replace(self._result(scheduled, result, foretold, watch, cut_off=cut_off), people=met)
 
     def save_map(self, queries: int) -> None:
         """Save the map as it is after so many queries."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import SampleGroup, estimates
+from ltvn_core.evaluation.encounters import EncounterCounts
 from ltvn_core.evaluation.worlds.world_results import DoorMove, PresenceScore, WorldQuery, WorldResult
 from ltvn_core.network.metrics.success_rate import SuccessRate
 
@@ -51,6 +52,8 @@ class WorldMetrics:
     """and before them."""
     edges_before: float
     collisions_per_episode: float
+    people: EncounterCounts
+    """Whom the robot met in all queries."""
     steps_per_episode: float
 
 
@@ -83,6 +86,7 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
         nodes_before=_mean(result.nodes for result in results),
         edges_before=_mean(result.edges for result in results),
         collisions_per_episode=_mean(query.collisions for query in queries),
+        people=sum((query.people for query in queries), EncounterCounts()),
         steps_per_episode=_mean(query.steps for query in queries),
     )
 

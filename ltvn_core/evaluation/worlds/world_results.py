@@ -3,8 +3,9 @@
 `world_metrics` computes the metrics over results.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from ltvn_core.evaluation.encounters import EncounterCounts
 from ltvn_core.evaluation.results import FailureCause
 from ltvn_core.types import FrameId, NodeId
 
@@ -69,6 +70,8 @@ class WorldQuery:
     edges: int
     lost_edges: int
     """True edges of the first map that are gone for ever."""
+    people: EncounterCounts = field(default_factory=EncounterCounts)
+    """Whom the robot met on the way."""
 
     @property
     def spl(self) -> float:

@@ -27,10 +27,12 @@ from ltvn_core.navigation.events import (
     QueryStarted,
     StampedEvent,
     StateChanged,
+    WorldChanged,
 )
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rewriting import open_rewriter, rewrite_event
 from ltvn_core.types import FrameId
+from ltvn_core.worlds.world_change import subject
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,8 @@ class EventWindow:
 
     graph_before: TopologicalGraph
     """The map at its start."""
+    world_before: tuple[WorldChanged, ...]
+    """The last change of each thing in the world before its start."""
     ongoing: tuple[StampedEvent, ...]
     """Of the query and the leg that ran at its start: how they began, and the last fix and plan."""
     events: tuple[StampedEvent, ...]
@@ -71,7 +75,12 @@ def event_window(events: Sequence[StampedEvent], from_s: float, to_s: float) -> 
     last = inside[-1] + 1 if inside else first
     changes = (stamped.event for stamped in events[:first])
     graph = TopologicalGraph(change.delta for change in changes if isinstance(change, GraphChanged))
-    return EventWindow(graph, _ongoing_at_start(events[:first]), tuple(events[first:last]))
+    return EventWindow(
+        graph_before=graph,
+        world_before=_world_at_end(events[:first]),
+        ongoing=_ongoing_at_start(events[:first]),
+        events=tuple(events[first:last]),
+    )
 
 
 def time_span(recording: Recording) -> tuple[float, float]:
@@ -100,6 +109,12 @@ def write_excerpt(
     return Excerpt(
         recording.path, output, from_s, to_s, len(frames), len(found.ongoing + found.events), output.stat().st_size
     )
+
+
+def _world_at_end(events: Sequence[StampedEvent]) -> tuple[WorldChanged, ...]:
+    """Return what was done to a world last, to each thing."""
+    changes = (stamped.event for stamped in events if isinstance(stamped.event, WorldChanged))
+    return tuple({subject(event.change): event for event in changes}.values())
 
 
 def _ongoing_at_start(events: Sequence[StampedEvent]) -> tuple[StampedEvent, ...]:
@@ -156,7 +171,7 @@ def _named(stamped: StampedEvent) -> Iterator[FrameId]:
             yield from (each for each in (source, target, frame) if each is not None)
         case GraphChanged(delta=NodeAdded(node=node)):
             yield node.id
-        case StateChanged() | Collided() | GraphChanged() | QueryEnded() | Judged() | Note():
+        case StateChanged() | Collided() | GraphChanged() | WorldChanged() | QueryEnded() | Judged() | Note():
             return
 
 
@@ -174,6 +189,8 @@ def _write(
         begin = _start_note(recording, everything, times[0])
         for delta in graph.deltas():
             writer.write_event(begin._replace(event=GraphChanged(delta)))
+        for changed in found.world_before:
+            writer.write_event(begin._replace(event=changed))
         writer.write_event(begin)
         writer.draw_graph(graph, begin.step, begin.stamp)
         for stamped in everything:

@@ -156,3 +156,16 @@ def change_text(change: WorldChange) -> str:
             return f"{person} left"
         case TimePassed(duration_s):
             return f"{duration_s / 60:.0f} minutes passed"
+
+
+def subject(change: WorldChange) -> str:
+    """Return what a change is about; a later one about the same replaces it."""
+    match change:
+        case DoorMoved(door):
+            return f"door {door}"
+        case ThingPlaced(thing) | ThingRemoved(thing) | ThingReturned(thing):
+            return f"thing {thing}"
+        case PersonMoved(person) | PersonLeft(person):
+            return f"person {person}"
+        case LightChanged() | PicturesExchanged() | TimePassed():
+            return type(change).__name__

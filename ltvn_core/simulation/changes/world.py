@@ -181,7 +181,7 @@ class World:
             if (event := self._try(about, change, self.time_s)) is not None:
                 yield event
         for timed in self._due():
-            self._waiting.pop(about := _subject(timed.change), None)
+            self._waiting.pop(about := w.subject(timed.change), None)
             if (event := self._try(about, timed.change, timed.at_s)) is not None:
                 yield event
 
@@ -242,16 +242,3 @@ class World:
         if events:
             for follower in tuple(self._followers):
                 follower(events)
-
-
-def _subject(change: w.WorldChange) -> str:
-    """Return what a change is about; a later one about the same replaces it."""
-    match change:
-        case w.DoorMoved(door):
-            return f"door {door}"
-        case w.ThingPlaced(thing) | w.ThingRemoved(thing) | w.ThingReturned(thing):
-            return f"thing {thing}"
-        case w.PersonMoved(person) | w.PersonLeft(person):
-            return f"person {person}"
-        case w.LightChanged() | w.PicturesExchanged() | w.TimePassed():
-            return type(change).__name__

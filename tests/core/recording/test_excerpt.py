@@ -7,11 +7,13 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import RecordingError
-from ltvn_core.navigation.events import AttemptEnded, QueryStarted, StampedEvent
+from ltvn_core.navigation.events import AttemptEnded, ChangedBy, QueryStarted, StampedEvent, WorldChanged
 from ltvn_core.recording.excerpt import event_window, write_excerpt
 from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.worlds.world_change import DoorMoved
 from tests.core.recording import example_recording
 from tests.core.test_cli import ltvn
 from tests.repository import DEMO_DRIVE, ROOT
@@ -75,6 +77,27 @@ def test_events_out_of_order_keep_their_order_and_their_map(drive: Recording) ->
     found = event_window(with_map, 0.3, 1.2)
     place = with_map.index(found.events[0])
     assert list(found.events) == with_map[place : place + len(found.events)]
+
+
+def test_a_moment_begins_in_the_world_as_it_was_then(tmp_path: Path) -> None:
+    def door(number: int, *, is_open: bool) -> WorldChanged:
+        return WorldChanged(DoorMoved(number, is_open), ChangedBy.SCRIPT, 60.0)
+
+    path = tmp_path / "drive.rrd"
+    closing = {1: [door(2, is_open=False), door(3, is_open=False)], 2: [door(2, is_open=True)]}
+    with RecordingWriter(path, scene="demo", config={}, fingerprint="abc") as writer:
+        for step in range(6):
+            writer.write_frame(example_recording.observation(step))
+            stamp = example_recording.observation(step).stamp
+            for event in {1: [door(2, is_open=False), door(3, is_open=False)], 2: [door(2, is_open=True)]}.get(
+                step, ()
+            ):
+                writer.write_event(StampedEvent(step, stamp, event))
+    from_s = example_recording.observation(4).stamp
+    write_excerpt(Recording.open(path), tmp_path / "moment.rrd", from_s=from_s, to_s=from_s + 1.0)
+    told = [stamped.event for stamped in Recording.open(tmp_path / "moment.rrd").events]
+    world = [event for event in told if isinstance(event, WorldChanged)]
+    assert world == [door(2, is_open=True), door(3, is_open=False)]
 
 
 @pytest.mark.slow

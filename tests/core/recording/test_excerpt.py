@@ -84,14 +84,12 @@ def test_a_moment_begins_in_the_world_as_it_was_then(tmp_path: Path) -> None:
         return WorldChanged(DoorMoved(number, is_open), ChangedBy.SCRIPT, 60.0)
 
     path = tmp_path / "drive.rrd"
-    closing = {1: [door(2, is_open=False), door(3, is_open=False)], 2: [door(2, is_open=True)]}
+    changes_at = {1: [door(2, is_open=False), door(3, is_open=False)], 2: [door(2, is_open=True)]}
     with RecordingWriter(path, scene="demo", config={}, fingerprint="abc") as writer:
         for step in range(6):
             writer.write_frame(example_recording.observation(step))
             stamp = example_recording.observation(step).stamp
-            for event in {1: [door(2, is_open=False), door(3, is_open=False)], 2: [door(2, is_open=True)]}.get(
-                step, ()
-            ):
+            for event in changes_at.get(step, ()):
                 writer.write_event(StampedEvent(step, stamp, event))
     from_s = example_recording.observation(4).stamp
     write_excerpt(Recording.open(path), tmp_path / "moment.rrd", from_s=from_s, to_s=from_s + 1.0)

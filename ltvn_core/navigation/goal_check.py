@@ -5,6 +5,7 @@ Owns the order of these questions. The rules are in `navigation.judgement` and `
 
 from ltvn_core.graph.localiser import fits_trail
 from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.judgement import goal_estimates_agree, is_at_goal
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor
@@ -27,8 +28,13 @@ class GoalCheck:
         perception: Perception,
         goal: NodeId,
         memory: QueryMemory,
+        reckoning: DeadReckoning,
     ) -> None:
-        """Ask for `goal`; where it only seemed to be, `memory` forgets the plan that led there."""
+        """Ask for `goal`; where it only seemed to be, `memory` forgets the plan that led there.
+
+        `reckoning` knows where a goal is that cannot be recognised any more.
+        """
+        self._reckoning = reckoning
         self._context, self._judging = context, context.method.judging
         self._motion, self._perception, self._goal, self._memory = motion, perception, goal, memory
 
@@ -36,7 +42,7 @@ class GoalCheck:
         """Tell whether this is the goal; the robust method observes twice, and checks the way here."""
         first = self._perception.node_match(self._goal)
         if not is_at_goal(first.reachability, first.waypoint, self._judging):
-            return False
+            return self._reckoning.is_at(self._goal)
         if self._perception.with_node_support(self._goal).reachability <= self._judging.success_reachability:
             return False
         if not self._fits_trail(first):

@@ -16,6 +16,7 @@ from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import (
     AttemptEnd,
     AttemptEnded,
@@ -55,7 +56,8 @@ class QueryRunner:
         self._goal, self._query = goal, query
         self._memory = QueryMemory(context.method.planning, context.method.localising)
         self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.spec)
-        self._goal_check = GoalCheck(context, motion, perception, goal, self._memory)
+        self._reckoning = DeadReckoning(context, motion, perception)
+        self._goal_check = GoalCheck(context, motion, perception, goal, self._memory, self._reckoning)
         self._way_planner = WayPlanner(context, self._memory, goal)
         self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query)
         self._state = NavigatorState.IDLE
@@ -103,6 +105,9 @@ class QueryRunner:
             features = self._perception.features
             prior = LocalisationPrior(self._memory.plan, self._perception.trail_from_here, self._memory.doubted)
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
+            self._reckoning.recognise(localisation)
+            if localisation.node is None:
+                localisation = self._reckoning.localise() or localisation
         frame = self._perception.observation.step
         yield Localised(
             query=self._query,

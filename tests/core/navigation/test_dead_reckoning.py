@@ -1,0 +1,73 @@
+"""A robot before a door that was open when the map was made: by odometry it knows where it is."""
+
+import numpy as np
+import pytest
+
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.localiser import LOCAL, Localisation
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.dead_reckoning import DeadReckoning
+from ltvn_core.navigation.events import Tick
+from ltvn_core.navigation.motion import MotionExecutor
+from ltvn_core.navigation.perception import Perception
+from tests.core.navigation.sighted_world import NEAR_DOOR, DoorWorld, door_world
+
+BEFORE_DOOR = (2.2, 1.0)
+
+
+class Reckoner:
+    """A robot that reckons in the world of two doors."""
+
+    def __init__(self, maintenance: str = "persistent") -> None:
+        self.place: DoorWorld = door_world(maintenance)
+        parts = self.place.graph, self.place.keyframes, self.place.predictor, self.place.system
+        context = NavigationContext.create(*parts, np.random.default_rng(0), self.place.robot.spec)
+        self.motion = MotionExecutor(self.place.robot, 0, ROBUST.recovering)
+        perception = Perception(self.motion, self.place.predictor, context.matcher, lambda _: None)
+        self.reckoning = DeadReckoning(context, self.motion, perception)
+        self.goal = self.place.nearest(*BEFORE_DOOR)
+
+    def arrive(self) -> None:
+        """Recognise the place half a metre before the goal, and drive on to it."""
+        place, goal = self.place, self.place.poses[self.goal]
+        place.robot.pose = compose(goal, np.array([-0.5, 0.05, 0.0]))
+        first = place.nearest(*place.robot.pose[:2])
+        waypoint = relative(place.robot.pose, place.poses[first])
+        self.reckoning.recognise(Localisation(first, 0.0, 0.9, waypoint, None, np.inf, LOCAL))
+        for event in self.motion.drive_straight(0.5, 0.25):
+            if isinstance(event, Tick):
+                place.robot.advance()
+
+
+def test_before_a_closed_door_the_robot_knows_by_odometry_where_it_is() -> None:
+    robot = Reckoner()
+    robot.arrive()
+    robot.place.change(NEAR_DOOR)
+    found = robot.reckoning.localise()
+    assert found is not None
+    assert robot.place.poses[found.node][:2] == pytest.approx(robot.place.robot.pose[:2], abs=0.2)
+    assert robot.reckoning.is_at(robot.goal)
+    assert not robot.reckoning.is_at(robot.place.nearest(0.8, 3.3))
+
+
+def test_where_everything_looks_as_it_did_reckoning_says_nothing() -> None:
+    robot = Reckoner()
+    robot.arrive()
+    assert robot.reckoning.localise() is None
+    assert not robot.reckoning.is_at(robot.goal)
+
+
+def test_a_robot_that_never_recognised_a_place_knows_nothing() -> None:
+    robot = Reckoner()
+    robot.place.put(*BEFORE_DOOR)
+    robot.place.change(NEAR_DOOR)
+    assert robot.reckoning.localise() is None
+
+
+def test_a_system_without_presence_does_not_reckon() -> None:
+    robot = Reckoner("robust")
+    robot.arrive()
+    robot.place.change(NEAR_DOOR)
+    assert robot.reckoning.localise() is None
+    assert not robot.reckoning.is_at(robot.goal)

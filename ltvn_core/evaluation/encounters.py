@@ -1,7 +1,7 @@
 """Encounters of the robot with people: how near they came, and whether an attentive driver would have touched anybody.
 
 A person never walks into the robot, and steps aside when it comes too near, as far as there is room
-(`simulation.changes.walking_people`). So a touch is the robot's doing. An attentive driver would have avoided it if the
+(`simulation.changes.walking_person`). So a touch is the robot's doing. An attentive driver would have avoided it if the
 robot drove towards the person, and either backwards, which is to drive blindly, or with the person in the camera's view
 and nothing between them in the last second before. Reads exact poses; needs no navigation.
 """

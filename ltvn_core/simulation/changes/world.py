@@ -16,9 +16,10 @@ from ltvn_core.errors import WorldError
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.changes.outlines import distance_m, outline_of
-from ltvn_core.simulation.changes.walking_people import People
+from ltvn_core.simulation.changes.people import People
+from ltvn_core.simulation.changes.script_reader import ScriptReader
 from ltvn_core.simulation.changes.world_check import check_change, check_floor
-from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, TimedChange, WorldScript
+from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, WorldScript
 from ltvn_core.simulation.physics import PERSON_RADIUS_M
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.types import Pose
@@ -68,14 +69,12 @@ class World:
         self._body: Body | None = None
         self._radius_m = 0.0
         self._epoch_s, self._stamp = start_s, 0.0
-        self._next = 0
-        self._waiting: dict[str, w.WorldChange] = {}
-        """Changes of the script that somebody stands in the way of, by what they are about."""
+        self._script = ScriptReader(script)
         self._people = People(script.people, script.seed)
         self._tell_people_s = start_s
         self._told = AS_MADE
         """Where people were when their places were last told."""
-        for timed in self._due():
+        for timed in self._script.due(start_s):
             check_change(timed.change, scene, self.state)
             self.state = self.state.after(timed.change)
 
@@ -132,8 +131,11 @@ class World:
         self._change([change], by)
 
     def undo_to(self, before: WorldState) -> None:
-        """Make the world what it was before, as by hand. Raises WorldError where somebody stands in the way."""
-        self._change(self.state.changes_to(before), ChangedBy.HAND)
+        """Make the world what it was before, as by hand, but for people.
+
+        Raises WorldError where somebody stands in the way.
+        """
+        self._change(self.state.changes_to(replace(before, people=self.state.people)), ChangedBy.HAND)
 
     def advance_to(self, stamp: float) -> None:
         """Let time pass until `stamp` on the robot's clock, and carry out what the script says."""
@@ -146,6 +148,7 @@ class World:
         check_change(passed, self.base, self.state)
         self._epoch_s += duration_s
         self._people.scatter()
+        self._move_people()
         events = [self._carry_out(passed, ChangedBy.HAND, self.time_s), *self._scripted()]
         self._tell([*events, *self._walked(0.0)])
 
@@ -167,23 +170,21 @@ class World:
         for change in changes:
             if (why := self._in_the_way(change)) is not None:
                 raise WorldError(why)
+            self._script.forget(change)
         self._tell([self._carry_out(change, by, self.time_s) for change in changes])
-
-    def _due(self) -> Iterator[TimedChange]:
-        while self._next < len(self.script.changes) and self.script.changes[self._next].at_s <= self.time_s:
-            self._next += 1
-            yield self.script.changes[self._next - 1]
 
     def _scripted(self) -> Iterator[WorldChanged]:
         """Carry out what the script says, each change as soon as nobody stands in its way."""
-        waiting, self._waiting = self._waiting, {}
-        for about, change in waiting.items():
-            if (event := self._try(about, change, self.time_s)) is not None:
-                yield event
-        for timed in self._due():
-            self._waiting.pop(about := w.subject(timed.change), None)
-            if (event := self._try(about, timed.change, timed.at_s)) is not None:
-                yield event
+        for timed in self._script.due(self.time_s):
+            try:
+                check_change(timed.change, self.base, self.state)
+            except WorldError as no_more:  # A person may have changed it before.
+                log.debug("The script's change cannot be any more: %s", no_more)
+                continue
+            if self._in_the_way(timed.change) is None:
+                yield self._carry_out(timed.change, ChangedBy.SCRIPT, timed.at_s)
+            else:
+                self._script.put_off(timed.change)
 
     def _walked(self, duration_s: float) -> list[WorldChanged]:
         """Let people walk. Their state changes at each step, but only a few times a second anybody is told."""
@@ -201,23 +202,9 @@ class World:
         return [WorldChanged(each, ChangedBy.SCRIPT, self.time_s, outline_of(each, self.base)) for each in changes]
 
     def _move_people(self) -> None:
-        """Take over who is where; whoever a person put there by hand stays."""
-        moved = {each.person: each for each in self._people.moved}
-        others = [each for each in self.state.people if each.person not in self._people.names]
-        people = tuple(sorted((*others, *moved.values()), key=lambda each: each.person))
+        people = self._people.among(self.state.people)
         if people != self.state.people:
             self.state = replace(self.state, people=people)
-
-    def _try(self, about: str, change: w.WorldChange, at_s: float) -> WorldChanged | None:
-        try:
-            check_change(change, self.base, self.state)
-        except WorldError as no_more:
-            log.debug("The script's change cannot be any more: %s", no_more)  # A person may have changed it before.
-            return None
-        if self._in_the_way(change) is not None:
-            self._waiting[about] = change
-            return None
-        return self._carry_out(change, ChangedBy.SCRIPT, at_s)
 
     def _in_the_way(self, change: w.WorldChange) -> str | None:
         """Return why a change cannot be while somebody stands where something would come; None where it can."""

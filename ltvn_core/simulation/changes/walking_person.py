@@ -1,23 +1,18 @@
-"""People who walk through a world: each with ways of their own, and careful never to walk into the robot.
+"""A person who walks through a world by ways of their own, careful never to walk into the robot.
 
 A person goes from place to place, stands there for a while, and waits where the robot or somebody else is too near
 ahead. Who has waited in vain takes another way, and steps aside where the robot comes nearer, as far as there is room.
-Time is the robot's: while it stands still, so do people.
+Who comes and who leaves is `people`.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.physics import PERSON_RADIUS_M
 from ltvn_core.types import Pose
 from ltvn_core.worlds.world_change import PersonMoved
 
-AWAKE_S = (7.5 * HOUR_S, 22.5 * HOUR_S)
-"""People are there between these times of the day."""
 SPEEDS_M_S = (0.5, 0.9)
 _KEEP_M = 0.3
 """A person stops this far before touching somebody."""
@@ -29,14 +24,12 @@ _ASIDE_RAD = np.deg2rad((0.0, 45.0, -45.0, 90.0, -90.0))
 """straight away from it, or else at such an angle."""
 _BODY_M = 0.2
 """What a person keeps free around where they step aside."""
-_APPEAR_M = 2.0
-"""A person comes into the world at least this far from the robot."""
 _PAUSE_S = (2.0, 20.0)
 _PATIENCE_S = 4.0
 """After waiting so long a person goes somewhere else."""
 _TURN_RAD_S = 2.5
 _AHEAD_M = 0.3
-_ROOM_M = 0.3
+ROOM_M = 0.3
 """A person stops over only where there is this much room."""
 
 
@@ -118,7 +111,7 @@ class WalkingPerson:
         return True
 
     def _choose_way(self, clearance: ClearanceMap) -> None:
-        goal = clearance.sample_poses(self._rng, 1, min_clearance_m=_ROOM_M)[0]
+        goal = clearance.sample_poses(self._rng, 1, min_clearance_m=ROOM_M)[0]
         way = clearance.path(self.pose[:2], goal[:2])
         self._waited_s = 0.0
         if way is None:
@@ -143,61 +136,3 @@ class WalkingPerson:
         then_m = np.hypot(*(others[:, :2] - place).T)
         now_m = np.hypot(*(others[:, :2] - self.pose[:2]).T)
         return bool(((then_m < others[:, 2] + PERSON_RADIUS_M + _KEEP_M) & (then_m < now_m)).any())
-
-
-class People:
-    """All people who walk through one world."""
-
-    def __init__(self, count: int, seed: int) -> None:
-        """Expect `count` people by day."""
-        self._count = count
-        self._rng = np.random.default_rng((seed, 17))
-        self._walking: list[WalkingPerson] = []
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of all who may ever be there."""
-        return tuple(f"person-{number}" for number in range(self._count))
-
-    @property
-    def moved(self) -> list[PersonMoved]:
-        """Where everybody is now."""
-        return [person.moved for person in self._walking]
-
-    @property
-    def stepping_aside(self) -> tuple[str, ...]:
-        """Who makes room for the robot at this moment."""
-        return tuple(person.name for person in self._walking if person.steps_aside)
-
-    def come_and_go(self, time_s: float, clearance: ClearanceMap, robot: Pose | None) -> None:
-        """Let people come in the morning, and leave in the evening."""
-        if not AWAKE_S[0] <= time_s % DAY_S < AWAKE_S[1]:
-            self._walking = []
-            return
-        here = {person.name for person in self._walking}
-        for name in self.names:
-            if name not in here:
-                self._arrive(name, clearance, robot)
-
-    def send_away_from(self, pose: Pose) -> None:
-        """Send those away who stand near a pose (3,); they come in anew elsewhere."""
-        self._walking = [each for each in self._walking if np.hypot(*(each.pose - pose)[:2]) >= _APPEAR_M / 2]
-
-    def scatter(self) -> None:
-        """Forget where everybody is, after time in which nobody watched; all come in anew."""
-        self._walking = []
-
-    def walk(self, duration_s: float, clearance: ClearanceMap, robot: Sequence[float] | None) -> None:
-        """Let everybody walk on for a moment; `robot` is x, y and radius in metres."""
-        for person in self._walking:
-            others = [(*each.pose[:2], PERSON_RADIUS_M) for each in self._walking if each is not person]
-            places = np.array(others, np.float64).reshape(-1, 3)
-            person.walk(duration_s, clearance, places, None if robot is None else np.array(robot, np.float64))
-
-    def _arrive(self, name: str, clearance: ClearanceMap, robot: Pose | None) -> None:
-        places = clearance.sample_poses(self._rng, 16, min_clearance_m=_ROOM_M)
-        if robot is not None:
-            places = places[np.hypot(*(places[:, :2] - robot[:2]).T) > _APPEAR_M]
-        if len(places):
-            clothes = int(self._rng.integers(1, 2**31))
-            self._walking.append(WalkingPerson(name, clothes, places[0], np.random.default_rng(clothes)))

@@ -4,11 +4,12 @@ Owns the names of the blocks. What is written between them by hand stays as it i
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.results import EvaluationResults
+from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.reports.evaluation_figures import figures_of
 from ltvn_core.reports.evaluation_style import ReportFigure
 from ltvn_core.reports.evaluation_tables import (
@@ -24,13 +25,20 @@ from ltvn_core.reports.figure_style import FigurePalette, documentation_style, s
 from ltvn_core.reports.lifelong_groups import group_lifelong
 from ltvn_core.reports.page_blocks import fill_blocks
 from ltvn_core.reports.result_rows import rows_of
+from ltvn_core.reports.world_table import world_run_table, world_table
 
 FIGURE_KINDS = ("success", "sizes", "causes", "floors", "lifelong", "calibration")
 """Kinds of figures; each has a block `KIND-pictures`."""
 
 
 def fill_results_page(
-    results: EvaluationResults, palette: FigurePalette, *, page: Path, images: Path, section: str = ""
+    results: EvaluationResults,
+    palette: FigurePalette,
+    *,
+    page: Path,
+    images: Path,
+    section: str = "",
+    worlds: Sequence[WorldResult] = (),
 ) -> tuple[Path, ...]:
     """Write the tables into a page and draw the figures for which it has blocks; return the paths of the figures.
 
@@ -43,7 +51,7 @@ def fill_results_page(
     with documentation_style(palette):
         drawn = [figure for figure in figures_of(results, palette) if figure.kind in wanted]
         files = [(figure, save_png(figure.draw(), images / f"{prefix}{figure.name}.png")) for figure in drawn]
-    blocks = markdown_tables(results) | {f"{kind}-pictures": _links(files, kind, page) for kind in wanted}
+    blocks = markdown_tables(results, worlds) | {f"{kind}-pictures": _links(files, kind, page) for kind in wanted}
     named = {f"{prefix}{name}": block for name, block in blocks.items()}
     here = {name: block for name, block in named.items() if _mark(name) in text}
     if not here:
@@ -52,8 +60,8 @@ def fill_results_page(
     return tuple(path for _, path in files)
 
 
-def markdown_tables(results: EvaluationResults) -> dict[str, str]:
-    """Return the tables of a page by name, in Markdown."""
+def markdown_tables(results: EvaluationResults, worlds: Sequence[WorldResult] = ()) -> dict[str, str]:
+    """Return the tables of a page by name, in Markdown; those of changing worlds only where there are results."""
     rows = rows_of(results.trials)
     lifelong_groups = group_lifelong(results.lifelong)
     tables = {
@@ -64,6 +72,8 @@ def markdown_tables(results: EvaluationResults) -> dict[str, str]:
         "lifelong": lifelong_table(lifelong_groups),
         "runs": run_table(results),
     }
+    if worlds:
+        tables |= {"worlds": world_table(worlds), "world-runs": world_run_table(worlds)}
     return {name: table.markdown() for name, table in tables.items()}
 
 

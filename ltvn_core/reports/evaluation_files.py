@@ -14,6 +14,7 @@ from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.map_drawings import drawing_path, load_drawing
 from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles
+from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.failure_gallery import FailureRow
 from ltvn_core.reports.failure_moment import moment_s
@@ -21,6 +22,7 @@ from ltvn_core.reports.result_rows import setup_of
 
 TRIALS = "*.trial.json"
 LIFELONG = "*.lifelong.json"
+WORLDS = "*.world.json"
 _Result = TypeVar("_Result", TrialResult, LifelongResult)
 
 
@@ -34,6 +36,8 @@ class FoundResults:
     """and with the drawings of their maps that lie beside them."""
     failures: tuple[FailureRow, ...]
     """All failed episodes of the trials, with their recordings, still without images."""
+    worlds: tuple[WorldResult, ...] = ()
+    """Queries in worlds that change."""
 
 
 def find_results(folder: Path) -> FoundResults:
@@ -42,8 +46,9 @@ def find_results(folder: Path) -> FoundResults:
         raise OptionError(f"{folder} is no folder; name the one that `ltvn evaluate --folder` wrote to.")
     trials = _longest((path, _trial(path)) for path in sorted(folder.rglob(TRIALS)))
     lifelong = _longest((path, _lifelong(path)) for path in sorted(folder.rglob(LIFELONG)))
-    if not trials and not lifelong:
-        raise OptionError(f"{folder} holds no {TRIALS} and no {LIFELONG}; make some with `ltvn evaluate`.")
+    worlds = tuple(_world(path) for path in sorted(folder.rglob(WORLDS)))
+    if not trials and not lifelong and not worlds:
+        raise OptionError(f"{folder} holds no {TRIALS}, {LIFELONG} or {WORLDS}; make some with `ltvn evaluate`.")
     return FoundResults(
         results=EvaluationResults(tuple(trials.values()), tuple(lifelong.values())),
         drawn=EvaluationResults(
@@ -51,6 +56,7 @@ def find_results(folder: Path) -> FoundResults:
             tuple(_drawn_lifelong(path, result) for path, result in lifelong.items()),
         ),
         failures=tuple(row for path, trial in trials.items() for row in _failures(path, trial)),
+        worlds=worlds,
     )
 
 
@@ -79,6 +85,13 @@ def _lifelong(path: Path) -> LifelongResult:
     result = load_results(path, LifelongResult)
     if not result.points or not all(point.trial.episodes for point in result.points):
         raise OptionError(f"{path} has no test, or one without episodes; run `ltvn lifelong` again.")
+    return result
+
+
+def _world(path: Path) -> WorldResult:
+    result = load_results(path, WorldResult)
+    if not result.queries:
+        raise OptionError(f"{path} holds no query; run `ltvn lifelong --world` again.")
     return result
 
 

@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ltvn_core.evaluation.results import EvaluationResults
+from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.reports.evaluation_figures import figures_of
 from ltvn_core.reports.evaluation_style import inline_svg
 from ltvn_core.reports.evaluation_tables import (
@@ -28,10 +29,16 @@ from ltvn_core.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.reports.figure_style import FigurePalette, documentation_style
 from ltvn_core.reports.lifelong_groups import group_lifelong
 from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, scenes_of
+from ltvn_core.reports.world_table import world_run_table, world_table
 
 
 def render_page(
-    results: EvaluationResults, failures: Sequence[FailureRow], palette: FigurePalette, *, folder: Path
+    results: EvaluationResults,
+    failures: Sequence[FailureRow],
+    palette: FigurePalette,
+    *,
+    folder: Path,
+    worlds: Sequence[WorldResult] = (),
 ) -> str:
     """Return the report as HTML for a file in `folder`, with these failures in its gallery.
 
@@ -49,7 +56,9 @@ def render_page(
         sizes=size_table(rows),
         causes=cause_table(rows),
         lifelong=lifelong_table(lifelong_groups),
+        worlds=world_table(worlds),
         runs=run_table(results),
+        world_runs=world_run_table(worlds),
         groups=_grouped(failures),
         shown=len(failures),
         failed=sum(not episode.reached for trial in results.trials for episode in trial.episodes),

@@ -27,6 +27,8 @@ class ReportSummary:
     """Of the page."""
     trials: int
     lifelong: int
+    worlds: int
+    """Maintenances in changing worlds, for each scene and seed."""
     episodes: int
     failed: int
     failures_shown: int
@@ -62,7 +64,12 @@ class ReportVerb(Verb):
         pictures = ()
         if self.page is not None:
             pictures = fill_results_page(
-                found.drawn, FIGURE_PALETTE, page=self.page, images=self.images, section=self.section
+                found.drawn,
+                FIGURE_PALETTE,
+                page=self.page,
+                images=self.images,
+                section=self.section,
+                worlds=found.worlds,
             )
         trials = found.results.trials
         return ReportSummary(
@@ -72,6 +79,7 @@ class ReportVerb(Verb):
             pictures=pictures,
             trials=len(trials),
             lifelong=len(found.results.lifelong),
+            worlds=len(found.worlds),
             episodes=sum(len(trial.episodes) for trial in trials),
             failed=len(found.failures),
             failures_shown=shown,
@@ -98,7 +106,7 @@ class ReportVerb(Verb):
         from ltvn_core.reports.figure_style import FIGURE_PALETTE
 
         rows = with_images(tqdm(select_failures(found.failures, self.failures), desc="failures", unit="episode"))
-        html = render_page(found.drawn, rows, FIGURE_PALETTE, folder=self.output.parent)
+        html = render_page(found.drawn, rows, FIGURE_PALETTE, folder=self.output.parent, worlds=found.worlds)
         parts = [path.with_name(f".{path.name}.part") for path in (self.output, self._json)]
         try:
             self.output.parent.mkdir(parents=True, exist_ok=True)

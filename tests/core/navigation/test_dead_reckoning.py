@@ -46,6 +46,7 @@ def test_before_a_closed_door_the_robot_knows_by_odometry_where_it_is() -> None:
     robot.place.change(NEAR_DOOR)
     found = robot.reckoning.localise()
     assert found is not None
+    assert found.node is not None
     assert robot.place.poses[found.node][:2] == pytest.approx(robot.place.robot.pose[:2], abs=0.2)
     assert robot.reckoning.is_at(robot.goal)
     assert not robot.reckoning.is_at(robot.place.nearest(0.8, 3.3))

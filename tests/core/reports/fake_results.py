@@ -14,6 +14,7 @@ from ltvn_core.evaluation.results import (
     MapTruthMetrics,
     TrialResult,
 )
+from ltvn_core.evaluation.worlds.world_results import PresenceBin, PresenceScore, WorldQuery, WorldResult
 
 ODDS = {"ltvn": 0.88, "sptm": 0.45, "ving": 0.55}
 """Made-up success of each method."""
@@ -179,4 +180,52 @@ def many_results(episodes: int = 60) -> EvaluationResults:
     ]
     return EvaluationResults(
         tuple(trials), tuple(make_lifelong_result("tune-1", seed, points=5, episodes=episodes) for seed in (0, 1))
+    )
+
+
+def make_world_result() -> WorldResult:
+    """Two queries in a changing world, one of which reached its goal."""
+    score = PresenceScore(4, 0.25, (*[PresenceBin(0, 0.0, 0.0)] * 9, PresenceBin(4, 1.0, 0.75)))
+    queries = tuple(
+        WorldQuery(
+            query=number,
+            at_s=36000.0 + 600 * number,
+            start=0,
+            goal=5,
+            reached=number == 0,
+            outcome="arrived" if number == 0 else "step limit",
+            failure=None if number == 0 else FailureCause.STEP_LIMIT,
+            cut_off=False,
+            steps=200,
+            collisions=0,
+            path_m=5.0,
+            shortest_m=4.0,
+            blocked_tries=number,
+            doors_tried=(),
+            doors_wanted=(),
+            doors_used=(),
+            now=score,
+            later=score,
+            nodes=40,
+            edges=100,
+            lost_edges=0,
+        )
+        for number in range(2)
+    )
+    return WorldResult(
+        scene="demo",
+        preset="robust",
+        without=(),
+        seed=0,
+        world="doors",
+        days=7.0,
+        maintenance="persistent",
+        nodes=40,
+        edges=100,
+        true_edges=99,
+        doors=(),
+        queries=queries,
+        wall_s=1.0,
+        version="0.1.0",
+        command="ltvn lifelong --world doors",
     )

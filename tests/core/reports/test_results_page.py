@@ -14,7 +14,7 @@ from ltvn_core.reports.evaluation_blocks import FIGURE_KINDS, fill_results_page,
 from ltvn_core.reports.evaluation_files import find_results
 from ltvn_core.reports.figure_style import MAX_BYTES, FigurePalette
 from ltvn_core.verbs.report import ReportSummary, ReportVerb
-from tests.core.reports.fake_results import make_lifelong_result, make_trial
+from tests.core.reports.fake_results import make_lifelong_result, make_trial, make_world_result
 from tests.repository import ROOT
 
 PAGE = ROOT / "docs" / "results.md"
@@ -69,3 +69,20 @@ def test_the_page_in_the_repository_has_every_block() -> None:
     text = PAGE.read_text()
     for name in [*markdown_tables(EvaluationResults()), *(f"{kind}-pictures" for kind in FIGURE_KINDS)]:
         assert text.count(f"<!-- {name}: begin -->") == text.count(f"<!-- {name}: end -->") == 1
+
+
+def test_worlds_that_change_have_tables_of_their_own(tmp_path: Path) -> None:
+    for name in ("static", "persistent"):
+        save_results(tmp_path / f"{name}.world.json", replace(make_world_result(), maintenance=name))
+    page_file = tmp_path / "results.md"
+    names = "changing-worlds", "changing-world-runs"
+    page_file.write_text("".join(f"<!-- {name}: begin -->\n<!-- {name}: end -->\n" for name in names))
+    made = ReportVerb(
+        folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="changing"
+    ).run()
+    assert isinstance(made, ReportSummary)
+    assert (made.worlds, made.trials) == (2, 0)
+    rows = [line.split(" | ") for line in page_file.read_text().splitlines() if line.startswith("| doors")]
+    assert [row[2] for row in rows] == ["static", "persistent"] * 2
+    assert rows[0][3].startswith("50.0 % (")
+    assert "What if the world changes?" in made.output.read_text()

@@ -1,0 +1,74 @@
+"""The tables of evaluations in changing worlds: what each maintenance came to, and what makes each result again."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
+from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.reports.evaluation_tables import ReportTable, percent
+from ltvn_core.reports.result_rows import scene_name
+from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
+
+ALL_SCENES = "all scenes"
+
+
+def world_table(results: Sequence[WorldResult]) -> ReportTable:
+    """Return the metrics of each maintenance in each world, over all scenes where there are several and in each."""
+    head = (
+        *("world", "scene", "maintenance", "goals reached", "SPL", "tries at closed edges, per 100"),
+        *("queries until a reopened door is used", "Brier now", "in an hour", "edges lost", "nodes", "collisions"),
+        *("queries", "seeds"),
+    )
+    body = tuple(_line(*group) for group in _groups(results))
+    caption = (
+        "Goals reached with 95 % interval; SPL against the shortest way of the moment. Brier: squared error of "
+        "predicted presence, over the edges that the world ever closes. Nodes: before and after all queries."
+    )
+    return ReportTable(caption=caption, head=head, rows=body, words=3)
+
+
+def world_run_table(results: Sequence[WorldResult]) -> ReportTable:
+    """Return the command and version behind each result."""
+    head = ("world", "scene", "maintenance", "seed", "version", "command")
+    body = tuple(
+        (_world(result), scene_name(result.scene), result.maintenance, str(result.seed), result.version, result.command)
+        for result in _sorted(results)
+    )
+    return ReportTable(caption="What makes each result again.", head=head, rows=body, words=6)
+
+
+def _groups(results: Sequence[WorldResult]) -> Iterator[tuple[str, str, Sequence[WorldResult]]]:
+    """Yield world, scene and the results of one maintenance there, in the order of the table."""
+    ordered = _sorted(results)
+    for world in dict.fromkeys(map(_world, ordered)):
+        here = [result for result in ordered if _world(result) == world]
+        scenes = list(dict.fromkeys(result.scene for result in here))
+        for scene in (*([ALL_SCENES] if len(scenes) > 1 else []), *scenes):
+            there = [result for result in here if scene in (ALL_SCENES, result.scene)]
+            for name in dict.fromkeys(result.maintenance for result in there):
+                yield world, scene, [result for result in there if result.maintenance == name]
+
+
+def _sorted(results: Iterable[WorldResult]) -> list[WorldResult]:
+    order = {name: place for place, name in enumerate(MAINTENANCE_NAMES)}
+    return sorted(results, key=lambda each: (_world(each), order.get(each.maintenance, 99), each.scene, each.seed))
+
+
+def _world(result: WorldResult) -> str:
+    return f"{result.world}, {result.days:g} days"
+
+
+def _line(world: str, scene: str, results: Sequence[WorldResult]) -> tuple[str, ...]:
+    found = world_metrics(results)
+    seeds = ", ".join(map(str, sorted({result.seed for result in results})))
+    return (
+        *(world, scene if scene == ALL_SCENES else scene_name(scene), results[0].maintenance),
+        f"{percent(found.success_rate)} ({100 * found.success_low:.1f} to {100 * found.success_high:.1f})",
+        *(f"{found.spl:.2f}", f"{found.blocked_tries_per_100:.1f}", _waits(found)),
+        *(f"{found.brier:.3f}", f"{found.brier_later:.3f}", percent(found.lost_edges_share, 2)),
+        f"{found.nodes_before:,.0f} to {found.nodes:,.0f}",
+        *(f"{found.collisions_per_episode:.2f}", f"{found.queries:,}", seeds),
+    )
+
+
+def _waits(found: WorldMetrics) -> str:
+    return "–" if found.reopened_after_queries is None else f"{found.reopened_after_queries:.1f} ({found.reopened})"

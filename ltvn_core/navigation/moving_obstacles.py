@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.geometry import relative
+from ltvn_core.geometry import relative, rotation
 from ltvn_core.types import Depth, Observation, Pose
 
 _BEARING_STEP_RAD = math.radians(1.5)
@@ -27,6 +27,8 @@ _FREE_BEYOND_M = 0.3
 """An earlier image saw free floor at a place if it saw nothing until so far behind it."""
 _SAME_PLACE_M = 0.2
 """A thing that an earlier image saw so near stands still."""
+_SOMEBODY_POINTS, _SOMEBODY_BEARINGS = 16, 4
+"""So many points, in so many bearings, are somebody and no pole that fell between two pixels."""
 
 
 class _Scan(NamedTuple):
@@ -47,18 +49,28 @@ class MovingObstacles:
         self._camera = camera
         self._half_rad = camera.horizontal_fov_rad / 2
         self._scans: deque[_Scan] = deque(maxlen=24)
+        self.sees_somebody = False
+        """Whether the newest image shows something that moves and is as wide as a person, up to 4 m away."""
 
     def moving(self, observation: Observation, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (M, 2) of an image, in the odometry frame, have moved (M,), and remember the image."""
-        now = observation.stamp
-        earlier = [scan for scan in self._scans if _YOUNGEST_S <= now - scan.stamp <= _OLDEST_S]
-        free, stood = np.zeros(len(points), bool), np.zeros(len(points), bool)
-        for scan in earlier:
-            was_free, was_there = self._votes(scan, points)
-            free |= was_free
-            stood |= was_there
+        moved = self._moved(observation.stamp, points)
+        self.sees_somebody = False
         if observation.depth is not None:
-            self._scans.append(_Scan(now, observation.odometry, self._ranges(observation.depth)))
+            seen = self._solid(observation.depth)
+            at = seen @ rotation(float(observation.odometry[2])).T + observation.odometry[:2]
+            bearings = self._bins(np.arctan2(seen[:, 1], seen[:, 0]))[self._moved(observation.stamp, at)]
+            self.sees_somebody = len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
+            self._scans.append(_Scan(observation.stamp, observation.odometry, self._ranges(observation.depth)))
+        return moved
+
+    def _moved(self, stamp: float, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        free, stood = np.zeros(len(points), bool), np.zeros(len(points), bool)
+        for scan in self._scans:
+            if _YOUNGEST_S <= stamp - scan.stamp <= _OLDEST_S:
+                was_free, was_there = self._votes(scan, points)
+                free |= was_free
+                stood |= was_there
         return free & ~stood
 
     def _votes(self, scan: _Scan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -72,10 +84,19 @@ class MovingObstacles:
         free = inside & (beside > away_m + _FREE_BEYOND_M).all(axis=0)
         return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)
 
-    def _ranges(self, depth: Depth) -> NDArray[np.float64]:
+    def _points(self, depth: Depth) -> NDArray[np.float64]:
+        """Return every second pixel's point (M, 3) in the robot's frame."""
         sparse = depth[::2, ::2]
         rows, columns = np.nonzero((sparse > 0) & (sparse < _RANGE_M))
-        seen = self._camera.unproject(np.stack([columns, rows], axis=-1) * 2, sparse[rows, columns])
+        return self._camera.unproject(np.stack([columns, rows], axis=-1) * 2, sparse[rows, columns])
+
+    def _solid(self, depth: Depth) -> NDArray[np.float64]:
+        """Return where (M, 2) something solid stands, in the robot's frame."""
+        seen = self._points(depth)
+        return seen[(seen[:, 2] > _MIN_HEIGHT_M) & (seen[:, 2] < _MAX_HEIGHT_M), :2]
+
+    def _ranges(self, depth: Depth) -> NDArray[np.float64]:
+        seen = self._points(depth)
         place = np.clip(self._bins(np.arctan2(seen[:, 1], seen[:, 0])), 0, self._count - 1)
         ranges_m = np.zeros(self._count)
         ranges_m[place] = _RANGE_M

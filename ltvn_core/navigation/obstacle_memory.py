@@ -112,7 +112,7 @@ class ObstacleMemory:
         if self._movement is not None:
             moving = self._movement.moving(observation, points)
             points, self._moving = points[~moving], points[moving]
-            if len(self._moving) >= _MOVING_POINTS:
+            if len(self._moving) >= _MOVING_POINTS or self._movement.sees_somebody:
                 self._moved_at = observation.stamp
         self._seen.append(points)
 

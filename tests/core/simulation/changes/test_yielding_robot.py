@@ -55,6 +55,15 @@ def test_who_walks_across_moves_and_who_has_stopped_does_not(robot: SimulatedRob
     assert len(memory.nearby_points(robot.state().odometry)) > 20
 
 
+def test_who_walks_far_away_is_noticed_and_not_waited_for(robot: SimulatedRobot) -> None:
+    memory, pose = ObstacleMemory(LOCOBOT, watches_movement=True), robot.exact_pose
+    assert look(robot, memory, 4) == [False] * 4
+    assert not memory.saw_movement(robot.stamp)
+    robot.apply(person_before(pose, 1.7, 0.1))
+    assert look(robot, memory) == [False]
+    assert memory.saw_movement(robot.stamp)
+
+
 def test_the_robot_keeps_more_distance_from_what_moves(robot: SimulatedRobot) -> None:
     pose, nearest_m = robot.exact_pose, list[float]()
     for watches in (False, True):
@@ -78,7 +87,7 @@ def test_nothing_moves_while_the_robot_drives_about_in_a_world_that_stands_still
             robot.drive(twist)
             robot.advance(CONTROL_STEP_S)
         memory.add(robot.observe())
-        moved.append(memory.moves_ahead(robot.state().odometry))
+        moved.append(memory.moves_ahead(robot.state().odometry) or memory.saw_movement(robot.stamp))
     assert not any(moved)
 
 

@@ -69,13 +69,33 @@ class HeadlessDemoVerb(Verb):
     stream: int | None = None
     """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
+    story: bool = False
+    """Instead of random goals: close a door on the planned way, and tell what the map learns. In the demo apartment by
+    its ready-made map."""
+
     def run(self) -> Summary:
         """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
         if self.queries < 0 or self.loops < 1:
             raise OptionError(
                 f"--queries must be 0 or more and --loops 1 or more, got {self.queries} and {self.loops}."
             )
-        return _run_headless(self)
+        if not self.story:
+            return _run_headless(self)
+        from ltvn_core.verbs.story_demo import StoryOptions, run_story
+
+        return run_story(
+            StoryOptions(
+                scene=self.scene,
+                seed=self.seed,
+                loops=self.loops,
+                predictor=self.predictor,
+                weights=self.weights,
+                preset=self.preset,
+                recording=self.recording or _dated_path(f"story-{Path(self.scene).stem}-{self.seed}"),
+                stream=self.stream,
+                settings=self.settings,
+            )
+        )
 
     def settings(self, system: "NavigationSystem", predictor: str) -> dict[str, Any]:
         """Say how the run was made, for the recording."""

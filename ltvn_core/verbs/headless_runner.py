@@ -87,20 +87,11 @@ class HeadlessRunner:
         starts: Sequence[NodeId] | None = None,
     ) -> QueriesSummary:
         """Drive to each goal in turn, from where the last query ended or from `starts`, and judge by exact poses."""
-        navigator = Navigator(
-            RecordedRobot(self.robot, self.writer),
-            self.graph,
-            self.keyframes,
-            self.predictor,
-            self.system.method,
-            rng,
-            system=self.system,
-            world_time=lambda: self.world.time_s,
-        )
-        lifelong = LifelongRun(self._record)
+        navigator = self.navigator(rng)
+        lifelong = LifelongRun(self.record)
         before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))
         episodes = lifelong.run(
-            navigator, goals, first_query=0, advance=self._advance, verdict=self._verdict, before=before
+            navigator, goals, first_query=0, advance=self.advance, verdict=self.verdict, before=before
         )
         failures: Counter[str] = Counter()
         for episode in tqdm(episodes, desc="navigate", total=len(goals), unit="query"):
@@ -117,6 +108,19 @@ class HeadlessRunner:
             failures=dict(failures),
         )
 
+    def navigator(self, rng: np.random.Generator) -> Navigator:
+        """Return what drives by the map and maintains it."""
+        return Navigator(
+            RecordedRobot(self.robot, self.writer),
+            self.graph,
+            self.keyframes,
+            self.predictor,
+            self.system.method,
+            rng,
+            system=self.system,
+            world_time=lambda: self.world.time_s,
+        )
+
     def random_goals(self, count: int, rng: np.random.Generator) -> Sequence[NodeId]:
         """Draw nodes to go to; raises MapError on an empty map."""
         return random_goals(list(self.graph.nodes), count, rng)
@@ -125,10 +129,12 @@ class HeadlessRunner:
         """Return the images that belong to the map: those of its nodes and of its reserve."""
         return [self.keyframes.observation(frame) for frame in (*self.graph.nodes, *self.graph.reserve)]
 
-    def _advance(self) -> None:
+    def advance(self) -> None:
+        """Let a control step pass."""
         self.robot.advance(CONTROL_STEP_S)
 
-    def _verdict(self, query: int, goal: NodeId) -> Judged:
+    def verdict(self, query: int, goal: NodeId) -> Judged:
+        """Judge where the robot is by exact poses; raises MapError where the goal has none."""
         return judge_goal_reached(query, self.robot.exact_pose, self._exact_pose(goal))
 
     def _exact_pose(self, node: NodeId) -> Pose:
@@ -137,18 +143,19 @@ class HeadlessRunner:
             raise MapError(f"Node {node} was not recorded in simulation, so arriving there cannot be judged.")
         return pose
 
-    def _record(self, event: Event) -> None:
+    def record(self, event: Event) -> None:
+        """Write down that something happened now."""
         state = self.robot.state()
         self.writer.write_event(StampedEvent(state.step, state.stamp, event))
 
     def _record_world(self, events: Sequence[WorldChanged]) -> None:
         for event in events:
-            self._record(event)
+            self.record(event)
 
     def _change(self, deltas: Sequence[GraphDelta]) -> None:
         for delta in deltas:
             self.graph.apply(delta)
-            self._record(GraphChanged(delta))
+            self.record(GraphChanged(delta))
         self._draw()
 
     def _draw(self) -> None:

@@ -37,8 +37,9 @@ def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
     for material in described["materials"]:
         material.setdefault("extensions", {})[UNLIT_EXTENSION] = {}
         if light != PLAIN_LIGHT:
-            # glTF counts light itself and textures count what the eye sees of it. More than all of it is not allowed.
-            factors = [min(share, 1.0) ** _GAMMA for share in light]
+            # glTF counts light itself, textures count what the eye sees of it. Here only half of the light is missing
+            # that the camera lacks, so that a person still finds the way. More than all light is not allowed.
+            factors = [min(share, 1.0) ** (_GAMMA / 2) for share in light]
             material.setdefault("pbrMetallicRoughness", {})["baseColorFactor"] = [*factors, 1.0]
     described["extensionsUsed"] = sorted({*described.get("extensionsUsed", ()), UNLIT_EXTENSION})
     text = json.dumps(described, separators=(",", ":")).encode()

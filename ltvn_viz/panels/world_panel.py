@@ -2,9 +2,9 @@
 
 import viser
 
-from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
+from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, lines, note
 from ltvn_viz.server.keymap import Action
-from ltvn_viz.session.modes import LIVE
+from ltvn_viz.session.modes import LIVE, Mode
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.world_view import DoorView, WorldView
 
@@ -19,13 +19,14 @@ class WorldPanel:
         """Add the controls to the tab that is open."""
         self.about, self.doors = HtmlBlock(gui), HtmlBlock(gui)
         self.boxes, self.light, self.undo = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.watch, self.story = HtmlBlock(gui), HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show what there is to change."""
         world, enabled = snapshot.world, snapshot.mode in LIVE
         if world is None:
             self.about.show(note("Only the simulated world of the live robot can be changed."))
-            for block in (self.doors, self.boxes, self.light, self.undo):
+            for block in (self.doors, self.boxes, self.light, self.undo, self.watch, self.story):
                 block.show("")
             return
         self.about.show(note(_about(world)))
@@ -33,6 +34,11 @@ class WorldPanel:
         self.boxes.show(_boxes(world, is_enabled=enabled))
         self.light.show(_light(world, is_enabled=enabled))
         self.undo.show(_undo(world, is_enabled=enabled))
+        can_watch = snapshot.mode is Mode.TELEOP and bool(world.doors) and bool(len(snapshot.moment.graph.ids))
+        hint = "a door closes on the robot's way, and opens again; see what the map makes of it"
+        watch = ActionButton(Action.WATCH_IT_LEARN, "Watch it learn", hint=hint, is_main=True, is_enabled=can_watch)
+        self.watch.show(button_row(watch))
+        self.story.show(lines(*(f"{number}. {text}" for number, text in enumerate(snapshot.story, 1))))
 
 
 def _about(world: WorldView) -> str:

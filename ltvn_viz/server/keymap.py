@@ -53,6 +53,7 @@ class Action(StrEnum):
     LIGHT = "light"
     """Carries the brightness in per cent."""
     UNDO_CHANGE = "undo_change"
+    WATCH_IT_LEARN = "watch_it_learn"
     HELP = "help"
     SELECT = "select"
     """A click on an image: look at it. Carries the image's id."""

@@ -33,6 +33,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.recording_maker import RecordingMaker
 from ltvn_viz.session.rerun_viewers import rerun_unavailable
 from ltvn_viz.session.snapshot import JobProgress, Message
+from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.session.viewpoint import Viewpoint
 from ltvn_viz.session.worker import PatientWorker, Worker
 from ltvn_viz.timeline.run_moment import RunMoment
@@ -138,6 +139,8 @@ class AppState:
     """From where the person looks at the scene; None where there is no page."""
     world: ChangeableWorld | None = None
     """The simulated world that a person may change; None for a robot in a real one."""
+    story: StoryTeller | None = None
+    """The story that is told, or was told last."""
     shown_stamp: float | None = None
     """A stamp of the live run that the page shows instead of now."""
     own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)

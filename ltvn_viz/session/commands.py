@@ -299,6 +299,13 @@ class UndoWorldChange(LabelledCommand):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class WatchItLearn(LabelledCommand):
+    """Close a door on a planned way, let the robot find out, open it again, and tell what the map learns."""
+
+    label: ClassVar[str] = "watch it learn"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ReportError(LabelledCommand):
     """Show a message in the page; for errors met outside the session, such as a broken upload."""
 
@@ -309,7 +316,7 @@ RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
 PlaybackCommand: TypeAlias = Pause | StepOnce | Seek | SeekMark | SeekBy | OpenRecording | CloseRecording
 """What means something to a query or a replay under way."""
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
-WorldCommand: TypeAlias = ToggleDoor | PutBox | TakeBox | SetLight | UndoWorldChange
+WorldCommand: TypeAlias = ToggleDoor | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
 """What changes the simulated world."""
 Command: TypeAlias = (
     RecordingCommand

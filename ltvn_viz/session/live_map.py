@@ -58,6 +58,11 @@ class LiveMap:
         """The network in use."""
         return self._predictor
 
+    def use_system(self, system: NavigationSystem) -> None:
+        """Let queries from now on be those of another navigation system, in the same map."""
+        self.system = system
+        self._navigator = None
+
     def change(self, deltas: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
         """Change the map by hand; returns the deltas. Raises MapError, and changes nothing, if one does not fit."""
         if len(deltas) > 1:

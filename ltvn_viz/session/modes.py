@@ -62,6 +62,7 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.TakeBox: LIVE,
     c.SetLight: LIVE,
     c.UndoWorldChange: LIVE,
+    c.WatchItLearn: frozenset({Mode.TELEOP}),
     c.ReportError: ANYWHERE,
 }
 

@@ -29,7 +29,7 @@ from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.own_views import handle_own, retain_own_views
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
-from ltvn_viz.session.world_handlers import carry_out_changes
+from ltvn_viz.session.world_handlers import carry_out_changes, go_on_with_story
 
 logger = logging.getLogger(__name__)
 
@@ -177,6 +177,8 @@ class Session:
         self._record()
         state.fine_tuning.collect()
         take_made_recording(state)
+        if (asked := go_on_with_story(state)) is not None:
+            handle(state, asked)
         carry_out_changes(state)
         state.activity.tick()
         _handle_breakpoint(state)

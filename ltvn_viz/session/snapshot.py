@@ -162,6 +162,8 @@ class Snapshot:
     """Fingerprint of the weights in use."""
     world: WorldView | None = None
     """What can be changed in the simulated world; None in a replay, and for a robot in a real one."""
+    story: tuple[str, ...] = ()
+    """What “Watch it learn” told so far."""
     inspection: Inspection = NO_INSPECTION
     """What the debugger shows."""
     own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)

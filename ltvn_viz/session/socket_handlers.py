@@ -33,6 +33,7 @@ PLAIN: dict[Action, Callable[[], c.Command]] = {
     Action.SEEK_FORWARD: lambda: c.SeekBy(SEEK_S),
     Action.PUT_BOX: c.PutBox,
     Action.UNDO_CHANGE: c.UndoWorldChange,
+    Action.WATCH_IT_LEARN: c.WatchItLearn,
     Action.EVENT_BEFORE: lambda: c.SeekMark(None, forwards=False),
     Action.EVENT_AFTER: lambda: c.SeekMark(None, forwards=True),
     Action.QUERY_BEFORE: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),

@@ -5,8 +5,11 @@ from typing import assert_never
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.navigation.events import Severity
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.story_teller import StoryTeller
 
 
 def change_world(state: AppState, command: c.WorldCommand) -> None:
@@ -24,6 +27,8 @@ def change_world(state: AppState, command: c.WorldCommand) -> None:
             state.world.set_light(percent / 100)
         case c.UndoWorldChange():
             state.world.undo()
+        case c.WatchItLearn():
+            state.story = StoryTeller(state.live, state.live_map, state.world)
         case _:
             assert_never(command)
 
@@ -39,3 +44,13 @@ def carry_out_changes(state: AppState) -> None:
         return
     if done:
         state.say(f"{done[-1][:1].upper()}{done[-1][1:]}.")
+
+
+def go_on_with_story(state: AppState) -> c.Command | None:
+    """Let the story under way go on, and return what it asks for."""
+    story = state.story
+    if story is None or story.is_over:
+        return None
+    if state.worker.pending or isinstance(state.activity, Playback | MapBuilding):
+        return None
+    return story.tick(state.say, is_idle=state.activity is state.teleop)

@@ -1,9 +1,9 @@
 """What the page offers to change in a simulated world, as a value: its doors, boxes and light."""
 
-from collections import Counter
 from dataclasses import dataclass
 
-from ltvn_core.simulation.rooms import Doorway, Room
+from ltvn_core.simulation.changes.door_names import door_names
+from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.simulation.scene import Scene
 
 
@@ -39,26 +39,15 @@ class WorldView:
 
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:
     """Return the doors of a scene, all open."""
-    names = room_names(scene.rooms)
-    return tuple(_door(number, doorway, names) for number, doorway in enumerate(scene.parts.doors))
+    named = zip(door_names(scene), scene.parts.doors, strict=True)
+    return tuple(_door(number, name, doorway) for number, (name, doorway) in enumerate(named))
 
 
-def room_names(rooms: tuple[Room, ...]) -> tuple[str, ...]:
-    """Return a name for each room; where several serve the same purpose they are numbered."""
-    total, seen = Counter(room.kind for room in rooms), Counter[object]()
-    names: list[str] = []
-    for room in rooms:
-        seen[room.kind] += 1
-        names.append(room.kind.value + (f" {seen[room.kind]}" if total[room.kind] > 1 else ""))
-    return tuple(names)
-
-
-def _door(number: int, doorway: Doorway, names: tuple[str, ...]) -> DoorView:
-    first, second = (names[room] for room in doorway.rooms)
+def _door(number: int, name: str, doorway: Doorway) -> DoorView:
     x, y = doorway.middle
     return DoorView(
         door=number,
-        label=f"{first} – {second}",
+        label=name,
         x=x,
         y=y,
         along_x=doorway.axis == 1,

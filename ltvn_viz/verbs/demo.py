@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from ltvn_core.errors import OptionError
 from ltvn_core.verbs.demo import HeadlessDemoVerb
 from ltvn_core.verbs.verb import Summary
 from ltvn_viz.verbs.app import AppVerb
@@ -18,6 +19,8 @@ class DemoVerb(HeadlessDemoVerb):
         """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
         if self.headless:
             return super().run()
+        if self.story:
+            raise OptionError("--story needs --headless. In the page, press “Watch it learn” under “World”.")
         page = AppVerb(
             scene=self.scene, seed=self.seed, predictor=self.predictor, weights=self.weights, stream=self.stream
         )

@@ -3,11 +3,13 @@
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
+from ltvn_core.recording.reader import Recording
 from ltvn_core.worlds.world_change import DoorMoved
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore
@@ -16,7 +18,8 @@ from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.world_view import WorldView
-from tests.viz.session_harness import FakeDriver
+from tests.viz.session_harness import FakeDriver, SessionHarness
+from tests.waiting import until
 
 pytest.importorskip("pybullet")
 
@@ -79,3 +82,55 @@ def test_a_door_that_is_closed_by_hand_is_closed_for_the_robot_and_on_the_page(a
     assert world.world.scene.clearance.at(np.array([door.x, door.y])) == 0
     apartment.do(c.ToggleDoor(door.door))
     assert apartment.view.doors[0].is_open
+
+
+def test_a_change_that_would_hit_the_robot_is_refused_in_words(apartment: ApartmentSession) -> None:
+    pose = apartment.session.state.live.robot.drawn_pose
+    shown = apartment.do(c.PutBox((float(pose[0]), float(pose[1]))))
+    assert shown.message is not None
+    assert "the robot stands there" in shown.message.text
+    assert shown.moment.progress.world.things == ()
+    assert not apartment.view.undo
+
+
+def test_a_box_is_put_down_and_taken_away_and_each_change_is_undone(apartment: ApartmentSession) -> None:
+    door = apartment.view.doors[1]
+    place = door.x + (0.0 if door.along_x else 0.4), door.y + (0.4 if door.along_x else 0.0)
+    apartment.do(c.PutBox(place))
+    assert apartment.view.boxes == (1,)
+    apartment.do(c.TakeBox(1))
+    assert apartment.view.boxes == ()
+    shown = apartment.do(c.UndoWorldChange())
+    assert shown.moment.progress.world.things[0].pose[:2] == place
+    apartment.do(c.UndoWorldChange())
+    assert apartment.view.boxes == ()
+    apartment.do(c.UndoWorldChange())
+    assert "nothing to undo" in (apartment.shown[-1].message or pytest.fail("nothing was said")).text
+
+
+def test_darker_light_makes_the_robots_image_darker(apartment: ApartmentSession) -> None:
+    robot = apartment.session.state.live.robot
+    before = robot.observe().rgb.mean()
+    apartment.do(c.SetLight(50))
+    assert robot.observe().rgb.mean() == pytest.approx(before / 2, rel=0.05)
+
+
+def test_a_recording_that_begins_later_tells_what_the_world_is_like(apartment: ApartmentSession) -> None:
+    door = apartment.view.doors[0].door
+    apartment.do(c.ToggleDoor(door))
+    apartment.do(c.StartRecording())
+    until(lambda: apartment.do().recording.name is not None)
+    apartment.do(c.ToggleDoor(door))
+    apartment.do(c.KeepRecording())
+    until(lambda: apartment.do().recording.name is None)
+    path = next(iter(apartment.session.state.library.folder.glob("*.rrd")))
+    changes = [each.event.change for each in Recording.open(path).events if isinstance(each.event, WorldChanged)]
+    assert changes[-2:] == [DoorMoved(door, is_open=False), DoorMoved(door, is_open=True)]
+
+
+def test_a_robot_in_a_real_world_has_nothing_to_change(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    shown = harness.do(c.ToggleDoor(0))
+    assert shown.world is None
+    assert shown.message is not None
+    assert "Only a simulated world" in shown.message.text

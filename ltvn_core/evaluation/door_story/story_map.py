@@ -1,0 +1,148 @@
+"""What a story needs to know of a map: which way leads through which door, and where one can go round it.
+
+Reads exact poses, for it sets the scene; the robot that plays in it knows nothing of that.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.presence.presence_plan import plan_by_presence
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.rooms import Doorway
+from ltvn_core.types import FrameId, NodeId, Observation, Pose
+
+MOST_GOALS = 80
+"""So many nodes are thought of as goals."""
+NEAREST_M = 1.2
+"""The robot must be so near to a node."""
+BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
+"""The planned way goes so far at least before the door and behind it."""
+_YAW_WEIGHT_M = 0.5
+"""A radian to turn counts as much as this way."""
+_BESIDE_M = 0.15
+"""A way may pass so far beside a doorway, because an edge is straight and a drive is not."""
+_WAITS_S = (600.0, 1800.0, 3600.0, 2 * 3600.0, 4 * 3600.0, 8 * 3600.0, 16 * 3600.0, 24 * 3600.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where the story plays."""
+
+    door: int
+    start: NodeId
+    goal: NodeId
+    length_m: float
+    """Of the way to the door, and from there to the goal, round about where one can."""
+    has_way_round: bool
+
+
+class StoryMap:
+    """A map in a world with doors. For one thread, while nobody else changes the map."""
+
+    def __init__(
+        self,
+        graph: TopologicalGraph,
+        system: NavigationSystem,
+        world: World,
+        observation: Callable[[FrameId], Observation],
+        robot: Callable[[], Pose],
+    ) -> None:
+        """Take hold of all; `observation` returns a node's image, `robot` where the robot really is, (3,)."""
+        self.graph, self.system, self.world = graph, system, world
+        self._truth = GroundTruth(world.base.clearance, observation)
+        self.robot = robot
+
+    def stage(self) -> Stage | None:
+        """Return the shortest story there is from where the robot is, best with a way round; None without any."""
+        start, planner = self._nearest(), self._planner()
+        if start is None:
+            return None
+        found = (stage for goal in self._goals() for stage in self._stages(planner, start, goal))
+        return min(found, key=lambda stage: (not stage.has_way_round, stage.length_m), default=None)
+
+    def passes(self, nodes: Sequence[NodeId], door: int) -> bool:
+        """Tell whether a way leads through a door."""
+        return bool(self._crossing(list(itertools.pairwise(nodes)), door))
+
+    def wait_s(self, door: int, goal: NodeId) -> float:
+        """Return after how many seconds the map would try a door again on the way to a goal; the longest if never."""
+        presence, start = self.system.presence, self._nearest()
+        if presence is None or start is None:
+            return _WAITS_S[0]
+        for wait_s in _WAITS_S:
+            path = plan_by_presence(
+                self._planner(),
+                start,
+                goal,
+                {},
+                presence.probabilities(self.graph, self.world.time_s + wait_s),
+                belief_weight=self.system.method.planning.belief_weight,
+            )
+            if self.passes(path.nodes, door):
+                return wait_s
+        return _WAITS_S[-1]
+
+    def _goals(self) -> list[NodeId]:
+        nodes = list(self.graph.nodes)
+        return nodes[:: max(1, len(nodes) // MOST_GOALS)]
+
+    def _planner(self) -> Planner:
+        return Planner(self.graph, self.system.method.planning, weight=self.system.edge_weight)
+
+    def _nearest(self) -> NodeId | None:
+        robot, nodes = self.robot(), list(self.graph.nodes)
+        if not nodes:
+            return None
+        poses = self._truth.poses(nodes)
+        away = np.hypot(*(poses[:, :2] - robot[:2]).T)
+        if away.min() > NEAREST_M:
+            return None
+        turned = np.abs(wrap_angle(poses[:, 2] - robot[2]))
+        return nodes[int(np.argmin(away + _YAW_WEIGHT_M * turned))]
+
+    def _stages(self, planner: Planner, start: NodeId, goal: NodeId) -> Iterable[Stage]:
+        """Yield the stories of one goal: one for each door on the way there and back."""
+        there, back = planner.plan(start, goal).nodes, planner.plan(goal, start).nodes
+        for door in range(len(self.world.base.parts.doors)):
+            crossed = self._crossing(list(itertools.pairwise(there)), door)
+            if len(crossed) != 1 or not self.passes(back, door):
+                continue
+            place = there.index(crossed[0][0])
+            before_m, behind_m = self._length(there[: place + 1]), self._length(there[place + 1 :])
+            if before_m < BEFORE_DOOR_M or behind_m < BEYOND_DOOR_M:
+                continue
+            closed = dict.fromkeys(self._crossing(list(self.graph.edges), door), math.inf)
+            around = planner.plan(there[place], goal, closed).nodes
+            length_m = before_m + (self._length(around) if around else behind_m)
+            yield Stage(door, start, goal, length_m, has_way_round=bool(around))
+
+    def _crossing(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
+        """Return those edges whose straight ways lead through a doorway."""
+        if not edges:
+            return []
+        ends = self._truth.poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
+        return [edges[k] for k in np.flatnonzero(_are_through(ends, self.world.base.parts.doors[door]))]
+
+    def _length(self, nodes: Sequence[NodeId]) -> float:
+        if len(nodes) < 2:
+            return 0.0
+        steps = np.diff(self._truth.poses(list(nodes))[:, :2], axis=0)
+        return float(np.hypot(*steps.T).sum())
+
+
+def _are_through(ends: np.ndarray, doorway: Doorway) -> np.ndarray:
+    """Tell which straight ways (N, 2, 2) in metres lead through a doorway, (N,)."""
+    across, along = ends[:, :, doorway.axis] - doorway.wall, ends[:, :, 1 - doorway.axis]
+    passes = across[:, 0] * across[:, 1] < 0
+    gap = np.where(passes, across[:, 0] - across[:, 1], 1.0)
+    at = along[:, 0] + across[:, 0] / gap * (along[:, 1] - along[:, 0])
+    return passes & (at > doorway.low - _BESIDE_M) & (at < doorway.high + _BESIDE_M)

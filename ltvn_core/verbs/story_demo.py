@@ -1,0 +1,189 @@
+"""`ltvn demo --headless --story`: a door closes on the planned way, and the map learns. Part of `ltvn demo`."""
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.verb import Summary
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ltvn_core.composition import Simulation
+    from ltvn_core.evaluation.door_story.story import DoorStory
+    from ltvn_core.graph.navigation_system import NavigationSystem
+    from ltvn_core.recording.map_file import LoadedMap
+    from ltvn_core.types import Predictor
+    from ltvn_core.verbs.headless_runner import HeadlessRunner
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class StorySummary:
+    """What the map learned when a door closed and opened again."""
+
+    absent: int
+    """Edges that were seen blocked."""
+    rerouted: bool
+    """Whether a plan turned away from the closed door."""
+    added: int
+    """Nodes and edges that driving brought in."""
+    returned: int
+    """Edges that were seen blocked, and open again later."""
+    captions: list[str]
+    """The story in words."""
+    recording: Path
+    scene: str
+    predictor: str
+    wall_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoryOptions:
+    """What `ltvn demo` asks for, as far as the story needs it."""
+
+    scene: str
+    seed: int
+    loops: int
+    predictor: str
+    weights: Path | None
+    preset: str
+    recording: Path
+    stream: int | None
+    settings: Callable[["NavigationSystem", str], dict[str, Any]]
+    """Says how the run was made, for the recording."""
+
+
+def run_story(options: StoryOptions) -> Summary:
+    """Play the story and record it. Raises LtvnError."""
+    import numpy as np
+
+    from ltvn_core.composition import open_predictor, open_simulation, simulated_robot
+    from ltvn_core.predictors.choice import ImageSource
+    from ltvn_core.robots.robot_spec import LOCOBOT
+
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
+    choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
+    spec = simulated_robot(choice.name)
+    predictor = open_predictor(choice.name, options.scene, options.weights, camera=spec.camera)
+    known = _ready_made(options.scene, predictor)
+    simulation = open_simulation(
+        options.scene,
+        seed=options.seed,
+        spec=spec,
+        first_step=0 if known is None else max(known.observations) + 1,
+        start=None if known is None else known.observations[int(rng.choice(list(known.graph.nodes)))].exact_pose,
+    )
+    story = _play_recorded(options, simulation, predictor, known, rng)
+    return StorySummary(
+        absent=len(story.facts.absent),
+        rerouted=story.facts.rerouted,
+        added=story.facts.added,
+        returned=len(story.facts.returned),
+        captions=story.captions,
+        recording=options.recording,
+        scene=simulation.scene.name,
+        predictor=choice.name,
+        wall_s=time.monotonic() - started,
+    )
+
+
+def _play_recorded(
+    options: StoryOptions,
+    simulation: "Simulation",
+    predictor: "Predictor",
+    known: "LoadedMap | None",
+    rng: "np.random.Generator",
+) -> "DoorStory":
+    """Map the scene unless a map is known, and play the story in it."""
+    from ltvn_core.composition import open_method, open_system
+    from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
+    from ltvn_core.evaluation.door_story.story_map import StoryMap
+    from ltvn_core.graph.keyframes import KeyframeStore
+    from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.recording.run_description import RunDescription
+    from ltvn_core.simulation.changes.door_names import door_names
+    from ltvn_core.systems.maintenance import with_maintenance
+    from ltvn_core.systems.registry import DEFAULT_SYSTEM
+    from ltvn_core.verbs.headless_runner import HeadlessRunner
+
+    system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)
+    run = RunDescription(
+        scene=simulation.scene.address,
+        config=options.settings(system, options.predictor) | {"maintenance": STORY_MAINTENANCE},
+        fingerprint=predictor.fingerprint,
+        camera=simulation.robot.spec.camera,
+    )
+    keyframes = KeyframeStore(predictor)
+    with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
+        graph = TopologicalGraph() if known is None else known.graph
+        if known is not None:
+            keyframes.add(list(known.observations.values()))
+            writer.write_map(graph, known.observations.values())
+        runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)
+        if known is None:
+            runner.build(runner.collect(rng, options.loops), rng)
+        story_map = StoryMap(graph, system, runner.world, keyframes.observation, lambda: runner.robot.exact_pose)
+        story = DoorStory(story_map, door_names(simulation.scene))
+        play(story, runner, rng)
+    return story
+
+
+def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator") -> None:
+    """Play a story to its end, and write its captions down."""
+    from ltvn_core.evaluation.door_story.story import CallBack, Change, GoTo
+    from ltvn_core.navigation.episode import run_episode
+    from ltvn_core.navigation.events import Event, Note
+
+    navigator, told, queries = runner.navigator(rng), 0, 0
+
+    def tell() -> None:
+        nonlocal told
+        for text in story.captions[told:]:
+            _LOG.info(text)
+            runner.record(Note(text))
+        told = len(story.captions)
+
+    def consume(event: Event) -> None:
+        runner.record(event)
+        story.take(event)
+        tell()
+
+    def advance() -> None:
+        step = story.next_step(is_idle=False)
+        tell()
+        if isinstance(step, Change):
+            runner.world.apply(step.change)
+        elif isinstance(step, CallBack):
+            navigator.cancel()
+        runner.advance()
+
+    while (step := story.next_step(is_idle=True)) is not None:
+        tell()
+        match step:
+            case CallBack():
+                pass  # No query is under way.
+            case Change(change):
+                runner.world.apply(change)
+            case GoTo(goal):
+                verdict = partial(runner.verdict, queries, goal)
+                run_episode(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)
+                queries += 1
+    tell()
+
+
+def _ready_made(scene: str, predictor: "Predictor") -> "LoadedMap | None":
+    """Return the map that comes with the demo apartment; None elsewhere, and where other weights are in use."""
+    from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
+    from ltvn_core.recording.map_file import load_map
+
+    place = demo_file(DEMO_MAP) if scene == "demo" else None
+    known = None if place is None else load_map(place)
+    return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None

@@ -1,0 +1,93 @@
+"""“Watch it learn” in the page: plays the story of a door that closes and opens again, and tells it in captions.
+
+Owns how the story's steps become commands, and which maintenance the map has meanwhile. The story itself is
+`ltvn_core.evaluation.door_story`. For the session's thread alone.
+"""
+
+from collections.abc import Callable, Sequence
+
+from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, CallBack, Change, DoorStory, GoTo, StoryStep
+from ltvn_core.evaluation.door_story.story_map import StoryMap
+from ltvn_core.navigation.events import Note, Outcome, QueryEnded
+from ltvn_core.simulation.changes.door_names import door_names
+from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.changeable_world import ChangeableWorld
+from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.live_run import LiveRun
+
+ENDED_EARLY = "The story ends here, because somebody took the robot."
+
+
+class StoryTeller:
+    """One story in the page."""
+
+    def __init__(self, live: LiveRun, live_map: LiveMap, world: ChangeableWorld) -> None:
+        """Begin a story; until it is over the map is maintained by what was seen open and closed."""
+        self._live, self._live_map, self._world = live, live_map, world
+        self._system_before = live_map.system
+        live_map.use_system(with_maintenance(live_map.system, STORY_MAINTENANCE))
+        robot = live.robot
+        story_map = StoryMap(
+            live_map.graph, live_map.system, world.world, live_map.keyframes.observation, lambda: robot.drawn_pose
+        )
+        self.story = DoorStory(story_map, door_names(world.world.base))
+        self._graph = live_map.graph
+        self._read = len(live.timeline.events)
+        self._told = 0
+        self._is_calling_back = False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has come to its end."""
+        return self.story.is_over
+
+    @property
+    def captions(self) -> Sequence[str]:
+        """What was told so far."""
+        return tuple(self.story.captions)
+
+    def tick(self, say: Callable[[str], None], *, is_idle: bool) -> c.Command | None:
+        """Go on; returns what to do. Nobody may change the map meanwhile."""
+        self._read_events()
+        step = None if self.is_over else self.story.next_step(is_idle=is_idle)
+        command = self._carry_out(step)
+        if self._graph is not self._live_map.graph and not self.is_over:
+            self.stop("The map was replaced, so the story ends here.")
+        self._tell(say)
+        if self.is_over:
+            self._live_map.use_system(self._system_before)
+        return command
+
+    def stop(self, why: str) -> None:
+        """End it early, with the door open."""
+        self._carry_out(self.story.stop(why))
+
+    def _carry_out(self, step: StoryStep | None) -> c.Command | None:
+        match step:
+            case GoTo(node):
+                return c.NavigateTo(node)
+            case Change(change):
+                self._world.change(change)
+                return None
+            case CallBack():
+                self._is_calling_back = True
+                return c.Cancel()
+            case None:
+                return None
+
+    def _read_events(self) -> None:
+        events = self._live.timeline.events
+        for stamped in events[self._read :]:
+            self.story.take(stamped.event)
+            if isinstance(stamped.event, QueryEnded) and stamped.event.outcome is Outcome.CANCELLED:
+                if not self._is_calling_back and not self.is_over:
+                    self.stop(ENDED_EARLY)
+                self._is_calling_back = False
+        self._read = len(events)
+
+    def _tell(self, say: Callable[[str], None]) -> None:
+        for text in self.captions[self._told :]:
+            self._told += 1
+            self._live.emit(Note(text))
+            say(text)

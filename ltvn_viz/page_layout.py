@@ -16,7 +16,7 @@ from ltvn_core.worlds.world_state import WorldState
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.doors_layer import DoorsLayer
-from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
+from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, EdgesLayer, NodesLayer
 from ltvn_viz.layers.lights_and_camera import add_lights
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layer import RobotLayer
@@ -125,6 +125,7 @@ def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[Pag
         AddedLayer(scene, assets.added_glb),
         DoorsLayer(scene, on_pick=lambda door, client: pages.send_from(client, ToggleDoor(door))),
         NodesLayer(scene, on_pick=lambda node, client: pages.send_from(client, PickNode(node))),
+        BlockedEdgesLayer(scene),
         PlanLayer(scene),
         GoalLayer(scene),
         GhostLayer(scene, assets.robot),

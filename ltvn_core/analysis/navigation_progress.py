@@ -43,6 +43,8 @@ class NavigationProgress(NamedTuple):
     pruned: int = 0
     added: int = 0
     """Edges that navigation added."""
+    blocked: frozenset[EdgeKey] = frozenset()
+    """Edges that were seen blocked when they were seen last."""
     world: WorldState = AS_MADE
     """In simulation, what the world is like."""
 
@@ -101,6 +103,9 @@ def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationP
 
 
 def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> NavigationProgress:
+    if isinstance(event.delta, deltas.PresenceObserved):
+        edge = {(event.delta.source, event.delta.target)}
+        return progress._replace(blocked=progress.blocked - edge if event.delta.present else progress.blocked | edge)
     if isinstance(event.delta, deltas.EdgePruned):
         return progress._replace(pruned=progress.pruned + 1)
     if isinstance(event.delta, deltas.EdgeAdded) and event.query is not None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ltvn_core import palette
 from ltvn_core.analysis.graph_history import GraphArrays
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import EDGE_Z, NODE_Z
 from ltvn_viz.layers.line_segments import LineSegments
@@ -18,6 +19,7 @@ from ltvn_viz.session.snapshot import Snapshot
 
 REDRAW_EVERY_S = 0.6
 """The page rebuilds all lines of a node when any changes, which is slow for a big map."""
+BLOCKED_Z = EDGE_Z + 0.03
 LANE_OFFSET_M = 0.025
 """An edge keeps to the right by this much, so that there and back are two lines."""
 
@@ -75,6 +77,26 @@ class EdgesLayer:
         self._drawn, self._when = graph, self._clock()
         segments = offset_right(graph.poses[:, :2][graph.edges])
         self.lines.draw(points(segments, EDGE_Z), palette.probability_colours(graph.p))
+
+
+class BlockedEdgesLayer:
+    """Edges that were seen blocked when they were seen last, drawn over the others."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Add the empty batch."""
+        self.lines = LineSegments(scene, "/graph/blocked", thickness_px=4.0)
+        self._drawn: frozenset[EdgeKey] = frozenset()
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw them anew when there are others."""
+        blocked, graph = snapshot.moment.progress.blocked, snapshot.moment.graph
+        if blocked == self._drawn:
+            return
+        self._drawn = blocked
+        places = {int(node): pose[:2] for node, pose in zip(graph.ids, graph.poses, strict=True)}
+        ends = [(places[a], places[b]) for a, b in sorted(blocked) if a in places and b in places]
+        segments = offset_right(np.array(ends, np.float64).reshape(-1, 2, 2))
+        self.lines.draw(points(segments, BLOCKED_Z), np.tile(np.array(palette.EDGE_REMOVED, np.uint8), (len(ends), 1)))
 
 
 def offset_right(segments: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -166,7 +166,7 @@ def legend_html() -> str:
         "plan": palette.PLAN,
         "goal": palette.GOAL,
         "new edge": palette.EDGE_ADDED,
-        "pruned edge": palette.EDGE_REMOVED,
+        "pruned or blocked edge": palette.EDGE_REMOVED,
     }
     chips = "".join(
         f'<span style="white-space:nowrap"><span style="display:inline-block;width:.8em;height:.8em;border-radius:2px;'

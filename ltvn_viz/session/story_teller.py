@@ -36,6 +36,7 @@ class StoryTeller:
         self._read = len(live.timeline.events)
         self._told = 0
         self._is_calling_back = False
+        self._is_closed = False
 
     @property
     def is_over(self) -> bool:
@@ -56,8 +57,14 @@ class StoryTeller:
             self.stop("The map was replaced, so the story ends here.")
         self._tell(say)
         if self.is_over:
-            self._live_map.use_system(self._system_before)
+            self.close()
         return command
+
+    def close(self) -> None:
+        """Let the map be maintained again as before the story."""
+        if not self._is_closed:
+            self._is_closed = True
+            self._live_map.use_system(self._system_before)
 
     def stop(self, why: str) -> None:
         """End it early, with the door open."""

@@ -28,6 +28,8 @@ def change_world(state: AppState, command: c.WorldCommand) -> None:
         case c.UndoWorldChange():
             state.world.undo()
         case c.WatchItLearn():
+            if state.story is not None:
+                state.story.close()
             state.story = StoryTeller(state.live, state.live_map, state.world)
         case _:
             assert_never(command)

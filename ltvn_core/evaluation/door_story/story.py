@@ -16,8 +16,6 @@ from ltvn_core.worlds.world_change import DoorMoved, TimePassed, WorldChange
 
 STORY_MAINTENANCE = "persistent"
 """What driving teaches the map in a story."""
-MOST_DRIVES = 3
-"""The robot is sent through the reopened door so many times at most."""
 STEPS_AT_DOOR = 80
 """So often the robot is asked for its next step at a closed door before it is called back."""
 NO_STORY = (
@@ -73,7 +71,8 @@ class DoorStory:
         self._told: set[str] = set()
         self._arrived = False
         self._steps_at_door = 0
-        self._drives = 0
+        self._goals: list[NodeId] = []
+        """Where to go once the door is open again."""
         self._is_called_back = False
 
     @property
@@ -118,8 +117,7 @@ class DoorStory:
             return self._reopen(stage)
         if self._phase is _Phase.WAITING and is_idle:
             self._phase = _Phase.RETURNING
-            self._drives += 1
-            return GoTo(self._next_goal(stage))
+            return GoTo(self._goals.pop(0))
         return None
 
     def stop(self, why: str) -> StoryStep | None:
@@ -151,10 +149,11 @@ class DoorStory:
             self._is_closed = False
             self._tell(f"{self._door[:1].upper()}{self._door[1:]} is opened again. Nobody tells the robot.")
             return Change(DoorMoved(stage.door, is_open=True))
-        wait_s = self._map.wait_s(stage.door, self._next_goal(stage))
+        self._goals = self._goals_again(stage)
+        wait_s = self._map.wait_s(stage.door, self._goals[0])
         self._phase = _Phase.WAITING
         what = "is sent back" if self._arrived else "is sent there again"
-        self._tell(f"{_duration(wait_s)} go by, and the robot {what}. Is the door worth a try by now?")
+        self._tell(f"{_duration(wait_s)} go by, and the robot {what}.")
         return Change(TimePassed(wait_s))
 
     def _wait_a_little(self) -> StoryStep | None:
@@ -166,9 +165,13 @@ class DoorStory:
         self._tell("The map knows no other way, so the robot is called back.")
         return CallBack()
 
-    def _next_goal(self, stage: Stage) -> NodeId:
-        """Return where to go once the door is open again: back, or where the robot did not get to."""
-        return stage.start if self._arrived else stage.goal
+    def _goals_again(self, stage: Stage) -> list[NodeId]:
+        """Return where to go until an edge comes back: where the story began or was to end, and along an edge itself.
+
+        A map has several edges through a door; the shortest way may lead along one that was never seen blocked.
+        """
+        ends = list(self.facts.absent[0]) if self.facts.absent else []
+        return [stage.start, *ends] if self._arrived else [*ends, stage.goal]
 
     def _tell_of_plan(self) -> None:
         if self._stage is None:
@@ -177,9 +180,8 @@ class DoorStory:
         if self._phase is _Phase.GOING and self.facts.absent and not through:
             self.facts.rerouted = True
             self._tell_once("turned", f"The plan turns: round about, by {len(self._plan)} nodes and another door.")
-        if self._phase is _Phase.RETURNING:
-            text = "Yes: the plan leads through the door again." if through else "Not yet: the plan leads round it."
-            self._tell_once("tried again", text)
+        if self._phase is _Phase.RETURNING and through:
+            self._tell_once("tried again", "The plan leads through the door again: it is worth a try by now.")
 
     def _tell_of_map(self, absent: int, added: int, returned: int) -> None:
         facts = self.facts
@@ -200,10 +202,8 @@ class DoorStory:
         if outcome is Outcome.CANCELLED:
             return  # Whoever cancelled it stops the story.
         ended = "arrived" if outcome is Outcome.ARRIVED else f"gives up ({outcome})"
-        if self._phase is _Phase.RETURNING and not self.facts.returned and self._drives < MOST_DRIVES:
+        if self._phase is _Phase.RETURNING and not self.facts.returned and self._goals:
             self._phase = _Phase.WAITING
-            self._arrived = not self._arrived
-            self._tell(f"The robot {ended}. Nothing came back yet, so it drives through the door once more.")
         elif self._phase is _Phase.RETURNING:
             self._phase = _Phase.OVER
             self._tell(f"The robot {ended}. {self._summary()}")

@@ -11,8 +11,8 @@ from ltvn_core.navigation.events import Event, GraphChanged
 class StoryFacts:
     """Counts while the story goes on."""
 
-    absent: set[EdgeKey] = field(default_factory=set)
-    """Edges that were seen blocked, or pruned."""
+    absent: list[EdgeKey] = field(default_factory=list)
+    """Edges that were seen blocked, or pruned, in this order."""
     returned: set[EdgeKey] = field(default_factory=set)
     """Edges of these that were seen open later."""
     nodes_added: int = 0
@@ -31,12 +31,12 @@ class StoryFacts:
             return
         match event.delta:
             case PresenceObserved(source, target, present):
-                if not present:
-                    self.absent.add((source, target))
-                elif (source, target) in self.absent:
+                if not present and (source, target) not in self.absent:
+                    self.absent.append((source, target))
+                elif present and (source, target) in self.absent:
                     self.returned.add((source, target))
             case EdgePruned(source, target):
-                self.absent.add((source, target))
+                self.absent.append((source, target))
             case NodeAdded():
                 self.nodes_added += 1
             case EdgeAdded():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core.evaluation.door_story.story import NO_STORY
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.recording.reader import Recording
 from ltvn_core.worlds.world_change import DoorMoved
@@ -134,3 +135,15 @@ def test_a_robot_in_a_real_world_has_nothing_to_change(tmp_path: Path) -> None:
     assert shown.world is None
     assert shown.message is not None
     assert "Only a simulated world" in shown.message.text
+
+
+def test_where_the_map_has_no_way_through_a_door_the_story_says_so_and_changes_nothing(
+    apartment: ApartmentSession,
+) -> None:
+    system = apartment.session.state.live_map.system
+    shown = apartment.do(c.WatchItLearn())
+    assert shown.story == (NO_STORY,)
+    assert shown.message is not None
+    assert shown.message.text == NO_STORY
+    assert apartment.session.state.live_map.system is system
+    assert all(each.is_open for each in apartment.view.doors)

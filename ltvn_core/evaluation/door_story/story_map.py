@@ -130,7 +130,7 @@ class StoryMap:
         if not edges:
             return []
         ends = self._truth.poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
-        return [edges[k] for k in np.flatnonzero(_are_through(ends, self.world.base.parts.doors[door]))]
+        return [edges[k] for k in np.flatnonzero(_are_through(ends, self.world.base.parts.doors[door])).tolist()]
 
     def _length(self, nodes: Sequence[NodeId]) -> float:
         if len(nodes) < 2:

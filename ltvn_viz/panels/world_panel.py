@@ -17,9 +17,9 @@ class WorldPanel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
+        self.watch, self.story = HtmlBlock(gui), HtmlBlock(gui)
         self.about, self.doors = HtmlBlock(gui), HtmlBlock(gui)
         self.boxes, self.light, self.undo = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
-        self.watch, self.story = HtmlBlock(gui), HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show what there is to change."""

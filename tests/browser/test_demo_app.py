@@ -65,6 +65,9 @@ def test_a_door_is_closed_in_the_panel_and_opened_by_a_click_on_its_doorway(app:
     x, y = on_screen(app.server.viser, page, np.array([first.x, first.y, HANDLE_Z]))
     page.mouse.click(x, y)
     until(lambda: doors(app)[first.door])
+    box = page.get_by_role("button", name="Put down a box")
+    box.click()
+    until(lambda: world.view.boxes or page.get_by_text("cannot stand").count())
     page.get_by_role("tab", name="Drive").click()
 
 

@@ -177,9 +177,9 @@ class DoorStory:
         if self._stage is None:
             return
         through = self._map.passes(self._plan, self._stage.door)
-        if self._phase is _Phase.GOING and self.facts.absent and not through:
+        if self._phase is _Phase.GOING and self._is_closed and not through:
             self.facts.rerouted = True
-            self._tell_once("turned", f"The plan turns: round about, by {len(self._plan)} nodes and another door.")
+            self._tell_once("turned", f"The plan turns: round about, by {len(self._plan)} nodes.")
         if self._phase is _Phase.RETURNING and through:
             self._tell_once("tried again", "The plan leads through the door again: it is worth a try by now.")
 

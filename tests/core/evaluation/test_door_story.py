@@ -79,7 +79,20 @@ def test_a_door_closes_on_the_plan_and_opens_again_and_the_edges_return(story_ma
     assert story.is_over
     assert story.facts.absent == [edge]
     assert story.facts.returned == {edge}
+    assert not story.facts.rerouted
     assert "1 of them are back" in story.captions[-1]
+
+
+def test_a_plan_that_turns_away_from_the_closed_door_is_told(story_map: StoryMap) -> None:
+    story = DoorStory(story_map, door_names(story_map.world.base))
+    story.next_step(is_idle=True)
+    stage = story.stage
+    assert stage is not None
+    story.take(Planned(0, way(story_map, stage), 1.0))
+    story.next_step(is_idle=False)
+    story.take(Planned(0, (stage.start,), 1.0))
+    assert story.facts.rerouted
+    assert "The plan turns" in story.captions[-1]
 
 
 def test_a_story_that_is_stopped_leaves_the_door_open(story_map: StoryMap) -> None:

@@ -120,10 +120,8 @@ def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
 def _goal_images(nodes: tuple[NodeId, ...], snapshot: Snapshot, instead: str) -> str:
     if not nodes:
         return note(instead) if instead else ""
-    # While a query runs a click only chooses the next goal.
-    action = Action.GOAL if snapshot.mode is Mode.TELEOP else Action.SELECT
     images = "".join(
-        f'<img src="/thumb/{node}.jpg" data-ltvn-action="{action}" data-id="{node}" alt="goal {node}" '
+        f'<img src="/thumb/{node}.jpg" data-ltvn-action="{Action.SELECT}" data-id="{node}" alt="goal {node}" '
         f'title="go to node {node}" class="{"lt-chosen" if node == snapshot.selected else ""}">'
         for node in map(int, nodes)
     )

@@ -62,8 +62,8 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             state.fine_tuning.cancel()
         case c.DismissWeights():
             state.fine_tuning.dismiss()
-        case c.SelectGoal(node):
-            state.goals.selected = node
+        case c.ChooseGoal(node):
+            _choose_goal(state, node)
         case c.PickNode(node):
             _pick(state, node)
         case c.ChooseQuestion() | c.PointAt() | c.SubmitText() | c.AskQuestion() | c.FollowLink():
@@ -186,9 +186,15 @@ def _change(state: AppState, deltas: Sequence[GraphDelta]) -> None:
 def _pick(state: AppState, node: NodeId) -> None:
     if state.debugger.is_on:
         state.debugger.point_at(node)
-    elif state.activity is state.teleop:
-        _navigate(state, node)
     elif not isinstance(state.activity, Playback):
+        _choose_goal(state, node)
+
+
+def _choose_goal(state: AppState, node: NodeId) -> None:
+    """Go to a node; while a query runs it is the next goal."""
+    if state.activity is state.teleop:
+        _navigate(state, node)
+    else:
         state.goals.selected = node
 
 

@@ -86,8 +86,8 @@ class DismissWeights(LabelledCommand):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SelectGoal(LabelledCommand):
-    """Choose a node as the goal without going there yet."""
+class ChooseGoal(LabelledCommand):
+    """Choose a node as the goal, and go there if the robot is free; what a click on a goal's image means."""
 
     label: ClassVar[str] = "choose a goal"
     node: NodeId
@@ -330,7 +330,7 @@ Command: TypeAlias = (
     | StopFineTuning
     | UseWeights
     | DismissWeights
-    | SelectGoal
+    | ChooseGoal
     | PickNode
     | NavigateTo
     | NavigateToImage

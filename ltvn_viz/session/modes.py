@@ -47,7 +47,7 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.SubmitText: ANYWHERE,
     c.AskQuestion: ANYWHERE,
     c.PointAt: ANYWHERE,
-    c.SelectGoal: LIVE,
+    c.ChooseGoal: LIVE,
     c.PickNode: ANYWHERE,
     c.NavigateTo: frozenset({Mode.TELEOP}),
     c.NavigateToImage: frozenset({Mode.TELEOP, Mode.REPLAY}),

@@ -43,7 +43,7 @@ PLAIN: dict[Action, Callable[[], c.Command]] = {
 
 ABOUT: dict[Action, Callable[[int], c.Command]] = {
     Action.LEARN: c.FineTune,
-    Action.SELECT: c.SelectGoal,
+    Action.SELECT: c.ChooseGoal,
     Action.FOLLOW: c.FollowLink,
     Action.DOOR: c.ToggleDoor,
     Action.TAKE_BOX: c.TakeBox,

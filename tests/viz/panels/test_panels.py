@@ -176,7 +176,7 @@ def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, 
     panel.show(snapshot)
     assert snapshot.gallery
     for node in snapshot.gallery:
-        assert f'src="/thumb/{node}.jpg" data-ltvn-action="goal" data-id="{node}"' in panel.gallery.content
+        assert f'src="/thumb/{node}.jpg" data-ltvn-action="select" data-id="{node}"' in panel.gallery.content
 
 
 def test_panels_send_nothing_while_nothing_changes(

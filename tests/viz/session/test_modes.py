@@ -159,7 +159,7 @@ def test_hammering_all_commands_breaks_nothing(harness: SessionHarness) -> None:
         made = [
             c.NavigateTo(int(rng.choice(nodes))),
             c.PickNode(int(rng.choice(nodes))),
-            c.SelectGoal(int(rng.choice(nodes))),
+            c.ChooseGoal(int(rng.choice(nodes))),
             c.NavigateToImage(np.zeros((72, 96, 3), np.uint8)),
             c.OpenRecording("nothing.rrd"),
             c.Seek(1.0),

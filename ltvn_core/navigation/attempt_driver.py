@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, relative
 from ltvn_core.navigation.controller import drives_backwards, steer
+from ltvn_core.navigation.depth_points import obstacle_points, transform_points
 from ltvn_core.navigation.detour import find_detour, path_clearance_m
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
-from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points, transform_points
+from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint

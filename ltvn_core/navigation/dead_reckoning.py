@@ -11,8 +11,8 @@ from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation
 from ltvn_core.graph.presence.obstruction import nearby_poses
 from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.depth_points import obstacle_points, transform_points
 from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.obstacle_memory import obstacle_points, transform_points
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import NodeId, Pose, Waypoint
 

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.geometry import relative, rotation
-from ltvn_core.types import Depth, Observation, Pose
+from ltvn_core.geometry import relative
+from ltvn_core.navigation.depth_points import are_solid, points_within, transform_points
+from ltvn_core.types import Observation, Pose
 
 _BEARING_STEP_RAD = math.radians(1.5)
 _EDGE_RAD = math.radians(3.0)
 """So near to the edge of an image nothing is known."""
-_MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
 _RANGE_M = 4.0
 """Images are compared so far."""
 _YOUNGEST_S, _OLDEST_S = 0.3, 3.0
@@ -57,11 +57,13 @@ class MovingObstacles:
         moved = self._moved(observation.stamp, points)
         self.sees_somebody = False
         if observation.depth is not None:
-            seen = self._solid(observation.depth)
-            at = seen @ rotation(float(observation.odometry[2])).T + observation.odometry[:2]
-            bearings = self._bins(np.arctan2(seen[:, 1], seen[:, 0]))[self._moved(observation.stamp, at)]
+            seen = points_within(observation.depth, self._camera, _RANGE_M)
+            solid = are_solid(seen)
+            things = seen[solid, :2]
+            has_moved = self._moved(observation.stamp, transform_points(things, observation.odometry))
+            bearings = self._bins(np.arctan2(things[:, 1], things[:, 0]))[has_moved]
             self.sees_somebody = len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
-            self._scans.append(_Scan(observation.stamp, observation.odometry, self._ranges(observation.depth)))
+            self._scans.append(_Scan(observation.stamp, observation.odometry, self._ranges(seen, solid)))
         return moved
 
     def _moved(self, stamp: float, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -84,23 +86,11 @@ class MovingObstacles:
         free = inside & (beside > away_m + _FREE_BEYOND_M).all(axis=0)
         return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)
 
-    def _points(self, depth: Depth) -> NDArray[np.float64]:
-        """Return every second pixel's point (M, 3) in the robot's frame."""
-        sparse = depth[::2, ::2]
-        rows, columns = np.nonzero((sparse > 0) & (sparse < _RANGE_M))
-        return self._camera.unproject(np.stack([columns, rows], axis=-1) * 2, sparse[rows, columns])
-
-    def _solid(self, depth: Depth) -> NDArray[np.float64]:
-        """Return where (M, 2) something solid stands, in the robot's frame."""
-        seen = self._points(depth)
-        return seen[(seen[:, 2] > _MIN_HEIGHT_M) & (seen[:, 2] < _MAX_HEIGHT_M), :2]
-
-    def _ranges(self, depth: Depth) -> NDArray[np.float64]:
-        seen = self._points(depth)
+    def _ranges(self, seen: NDArray[np.float64], solid: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return (B,) how far away the nearest solid one of the points (M, 3) is per bearing, see `_Scan`."""
         place = np.clip(self._bins(np.arctan2(seen[:, 1], seen[:, 0])), 0, self._count - 1)
         ranges_m = np.zeros(self._count)
         ranges_m[place] = _RANGE_M
-        solid = (seen[:, 2] > _MIN_HEIGHT_M) & (seen[:, 2] < _MAX_HEIGHT_M)
         np.minimum.at(ranges_m, place[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
         return ranges_m
 

@@ -10,21 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative, rotation
+from ltvn_core.navigation.depth_points import RELEVANT_RANGE_M, obstacle_points, transform_points
 from ltvn_core.navigation.moving_obstacles import MovingObstacles
 from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.types import Depth, FrameId, Observation, Pose
+from ltvn_core.types import FrameId, Observation, Pose
 
-_MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
-"""Between these heights above the floor things stop the robot."""
-_RELEVANT_RANGE_M = 1.5
-"""Things farther away cannot matter before the next image."""
 _REMEMBERED_IMAGES = 12
 _UPDATE_AFTER_M = 0.07
 _UPDATE_AFTER_RAD = 0.08
 """An image shows what is ahead for longer than a control step; each costs as much as the rest of the step."""
-_EVERY_PIXEL = 2
 _COLLISION_MEMORY_STEPS = 100
 """A collision is forgotten after so many control steps, because its place is a guess that may close a door."""
 _BUMPER_MARGIN_M = 0.02
@@ -39,28 +34,6 @@ _SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 """From what moves the robot keeps so much more distance."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
-
-
-def obstacle_points(
-    depth: Depth | None, camera: CameraModel, range_m: float = _RELEVANT_RANGE_M
-) -> NDArray[np.float64]:
-    """Return (M, 2) x forward, y left of what a robot could hit within a range, from every second pixel.
-
-    Without depth that is nothing: only the bumper then knows of obstacles.
-    """
-    if depth is None:
-        return np.empty((0, 2))
-    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
-    rows, columns = np.nonzero((sparse > 0) & (sparse < range_m))
-    metres = sparse[rows, columns].astype(np.float64)
-    points = camera.unproject(np.stack([columns, rows], axis=-1) * _EVERY_PIXEL, metres)
-    solid = (points[:, 2] > _MIN_HEIGHT_M) & (points[:, 2] < _MAX_HEIGHT_M)
-    return points[solid, :2]
-
-
-def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
-    """Return (M, 2) points seen from a pose (3,), in the frame that the pose is given in."""
-    return points @ rotation(float(pose[2])).T + pose[:2]
 
 
 def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -148,4 +121,4 @@ class ObstacleMemory:
         points = (np.concatenate([*self._seen, *collision_points, *_widened(self._moving)]) - odometry[:2]) @ rotation(
             float(odometry[2])
         )
-        return points[np.abs(points).max(axis=1) < _RELEVANT_RANGE_M]
+        return points[np.abs(points).max(axis=1) < RELEVANT_RANGE_M]

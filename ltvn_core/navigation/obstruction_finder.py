@@ -16,8 +16,8 @@ from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.presence.obstruction import BODY_M, Obstruction, distances_to_way, nearby_poses
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.depth_points import obstacle_points, transform_points
 from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.obstacle_memory import obstacle_points, transform_points
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import NodeId, Pose, Waypoint
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import ROBUST
+from ltvn_core.navigation.depth_points import obstacle_points
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
-from ltvn_core.navigation.obstacle_memory import ObstacleMemory, obstacle_points
+from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Twist
 from tests.core.flat_world import observation_at

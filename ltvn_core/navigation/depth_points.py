@@ -1,0 +1,45 @@
+"""What a depth image shows of the things that stop a robot, as points on the floor.
+
+Owns which heights are solid and how densely an image is read. Remembers nothing (`navigation.obstacle_memory`).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.geometry import rotation
+from ltvn_core.types import Depth, Pose
+
+RELEVANT_RANGE_M = 1.5
+"""Things farther away cannot matter before the next image."""
+_MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
+"""Between these heights above the floor things stop the robot."""
+_EVERY_PIXEL = 2
+
+
+def points_within(depth: Depth, camera: CameraModel, range_m: float) -> NDArray[np.float64]:
+    """Return the points (M, 3) in the robot's frame that an image shows within a range, from every second pixel."""
+    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+    rows, columns = np.nonzero((sparse > 0) & (sparse < range_m))
+    return camera.unproject(np.stack([columns, rows], axis=-1) * _EVERY_PIXEL, sparse[rows, columns])
+
+
+def are_solid(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which points (M, 3) are at a height at which they stop the robot."""
+    return (points[:, 2] > _MIN_HEIGHT_M) & (points[:, 2] < _MAX_HEIGHT_M)
+
+
+def obstacle_points(depth: Depth | None, camera: CameraModel, range_m: float = RELEVANT_RANGE_M) -> NDArray[np.float64]:
+    """Return (M, 2) x forward, y left of what a robot could hit within a range, from every second pixel.
+
+    Without depth that is nothing: only the bumper then knows of obstacles.
+    """
+    if depth is None:
+        return np.empty((0, 2))
+    points = points_within(depth, camera, range_m)
+    return points[are_solid(points), :2]
+
+
+def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
+    """Return (M, 2) points seen from a pose (3,), in the frame that the pose is given in."""
+    return points @ rotation(float(pose[2])).T + pose[:2]

@@ -13,12 +13,12 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.presence.filter_fit import FittedFilter
 from ltvn_core.evaluation.presence.sequences import PresenceSequence
 from ltvn_core.graph.presence.presence_filter import PresenceTracks
+from ltvn_core.network.metrics.reachability_metrics import calibration_error
 
 FloatArray = NDArray[np.float64]
 
 JUDGED_EVERY_S = 10.0
 """Seconds between two moments that are judged."""
-_BINS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +103,9 @@ def _accuracy(said: FloatArray, present: NDArray[np.bool_]) -> PresenceAccuracy:
     p, truth = said.ravel(), present.ravel()
     told_present = p >= 0.5
     rights = [float((told_present == truth)[truth == each].mean()) for each in (True, False) if (truth == each).any()]
-    bins = np.minimum((p * _BINS).astype(np.intp), _BINS - 1)
-    gaps = [abs(float((p - truth)[bins == each].sum())) for each in range(_BINS)]
     return PresenceAccuracy(
         brier=float(((p - truth) ** 2).mean()),
         balanced_accuracy=float(np.mean(rights)),
-        ece=sum(gaps) / len(p),
+        ece=calibration_error(p, truth),
         moments=len(p),
     )

@@ -96,7 +96,7 @@ def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: 
     goals = [int(picture.get_attribute("data-id") or -1) for picture in pictures.all()]
     away = [np.hypot(*(live_map.keyframes.observation(goal).odometry - pose(app))[:2]) for goal in goals]
     goal, start = goals[int(np.argmax(away))], pose(app)
-    pictures.nth(int(np.argmax(away))).click()
+    page.locator(f'.lt-gallery img[data-id="{goal}"]').click()
     until(lambda: app.session.mode is Mode.NAVIGATING)
     until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
     ended = moment_of(live.timeline).progress.ended

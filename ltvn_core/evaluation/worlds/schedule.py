@@ -39,7 +39,9 @@ class ScheduledQuery:
     at_s: float
     episode: EpisodePlan
     shortest_m: float
-    """Length of the shortest way at that moment."""
+    """Length of the shortest way at that moment,"""
+    detour_m: float
+    """and how much longer that is than in the scene as it was made."""
     closed: tuple[EdgeKey, ...]
     """Edges of the first map that are closed at that moment,"""
     closed_later: tuple[EdgeKey, ...]
@@ -86,7 +88,16 @@ def draw_schedule(
     for at_s in moments:
         now, clearance = closed[at_s]
         episode, shortest_m = _draw(clearance, sorted(graph.nodes), truth, drive_truth, rng)
-        queries.append(ScheduledQuery(at_s, episode, shortest_m, now, closed[at_s + LATER_S][0]))
+        usual_m = float(scene.clearance.path_lengths(episode.start_pose, episode.goal_pose[:2])[0])
+        scheduled = ScheduledQuery(
+            at_s=at_s,
+            episode=episode,
+            shortest_m=shortest_m,
+            detour_m=max(shortest_m - usual_m, 0.0),
+            closed=now,
+            closed_later=closed[at_s + LATER_S][0],
+        )
+        queries.append(scheduled)
     doors = tuple(
         DoorMove(timed.at_s, timed.change.door, timed.change.is_open)
         for timed in script.changes

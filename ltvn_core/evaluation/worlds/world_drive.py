@@ -158,6 +158,7 @@ class WorldDrive:
             nodes=len(graph.nodes),
             edges=len(graph.edges),
             lost_edges=sum(edge not in graph.edges for edge in self._schedule.edges),
+            detour_m=scheduled.detour_m,
         )
 
 

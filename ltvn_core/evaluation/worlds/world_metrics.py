@@ -10,6 +10,8 @@ from ltvn_core.evaluation.encounters import EncounterCounts
 from ltvn_core.evaluation.worlds.world_results import DoorMove, PresenceScore, WorldQuery, WorldResult
 from ltvn_core.network.metrics.success_rate import SuccessRate
 
+LEAST_DETOUR_M = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class WorldMetrics:
@@ -25,6 +27,10 @@ class WorldMetrics:
     spl_low: float
     """95 % interval."""
     spl_high: float
+    detours: int
+    """Queries whose usual way was closed, so that the shortest one was longer by `LEAST_DETOUR_M` or more,"""
+    success_on_detours: float | None
+    """and the share of them whose goals were reached; None if there were none."""
     cut_off: int
     """Failures at whose end there was no way to the goal any more."""
     blocked_tries_per_100: float
@@ -63,6 +69,7 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
     success, spl = estimates([_sample(result) for result in results])
     wilson = SuccessRate.of(sum(query.reached for query in queries), len(queries))
     waits = [wait for result in results for wait in reopening_waits(result.queries, result.doors)]
+    detours = [query.reached for query in queries if query.detour_m >= LEAST_DETOUR_M]
     now, later = [query.now for query in queries], [query.later for query in queries]
     return WorldMetrics(
         queries=len(queries),
@@ -72,6 +79,8 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
         spl=spl.mean,
         spl_low=max(spl.low, 0.0),
         spl_high=min(spl.high, 1.0),
+        detours=len(detours),
+        success_on_detours=_mean(detours) if detours else None,
         cut_off=sum(query.cut_off for query in queries),
         blocked_tries_per_100=100 * _mean(query.blocked_tries for query in queries),
         reopened_after_queries=_mean(waits) if waits else None,

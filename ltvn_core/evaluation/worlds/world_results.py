@@ -72,6 +72,8 @@ class WorldQuery:
     """True edges of the first map that are gone for ever."""
     people: EncounterCounts = field(default_factory=EncounterCounts)
     """Whom the robot met on the way."""
+    detour_m: float = 0.0
+    """How much longer the shortest way was than in the scene as it was made."""
 
     @property
     def spl(self) -> float:

@@ -1,6 +1,6 @@
 """Scripts of worlds by their names, or from a file. What each brings is in a module of its own."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +50,8 @@ _PROCESSES: dict[str, tuple[_Process, ...]] = {
 }
 SCRIPT_NAMES = tuple(_PROCESSES)
 """All names that `make_script` knows."""
+TOGETHER = "+"
+"""Joins the names of scripts that run together."""
 _NEED_DOORS = ("doors", "daily", "telegraph")
 _WITH_PEOPLE = ("people", "all")
 
@@ -60,7 +62,8 @@ def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = W
     The same name, scene, seed and duration give the same script.
 
     Args:
-        name: One of `SCRIPT_NAMES`, or the path of a file, see `script_file`.
+        name: One of `SCRIPT_NAMES`, or several that run together (`doors+moving`), or the path of a file, see
+            `script_file`.
         scene: Where it happens.
         seed: Draws what happens and when; a file has its own.
         duration_s: Seconds from midnight of the first day until which something happens.
@@ -68,28 +71,47 @@ def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = W
     Raises:
         WorldError: There is no such script, its file cannot be read, or the scene cannot carry it out.
     """
-    if name not in _PROCESSES:
+    parts = name.split(TOGETHER)
+    if not set(parts) <= _PROCESSES.keys():
         return _from_file(name, scene)
+    if name == STATIC.name:
+        return STATIC
+    if len(parts) > 1:
+        _check_together(parts)
+    changes = [change for part in parts for change in _changes(part, scene, seed, duration_s)]
+    changes.sort(key=lambda timed: timed.at_s)
+    return WorldScript(name, seed, tuple(changes), PEOPLE if set(parts) & set(_WITH_PEOPLE) else 0)
+
+
+def _changes(name: str, scene: Scene, seed: int, duration_s: float) -> list[TimedChange]:
+    """Return what one named script brings."""
     if name in _NEED_DOORS and not scene.parts.doors:
         raise WorldError(
             f"The scene {scene.name} has no doors, so the script {name!r} would change nothing. Scenes from meshes can "
             "have moving, light and people."
         )
-    if name == STATIC.name:
-        return STATIC
     changes: list[TimedChange] = []
     for number, process in enumerate(_PROCESSES[name]):
         if process is not _mixed or scene.parts.doors:
             changes += process(scene, np.random.default_rng((seed, number)), duration_s)
-    changes.sort(key=lambda timed: timed.at_s)
-    return WorldScript(name, seed, tuple(changes), PEOPLE if name in _WITH_PEOPLE else 0)
+    return changes
+
+
+def _check_together(names: Sequence[str]) -> None:
+    """Raise WorldError if scripts would change the same things."""
+    doors = len(set(names) & set(_NEED_DOORS))
+    if doors > 1 or len(set(names)) < len(names) or set(names) & {"all", STATIC.name}:
+        raise WorldError(
+            f"The world {TOGETHER.join(names)!r} would change the same things twice. Join each name once, at most one "
+            f"of {', '.join(_NEED_DOORS)}, and neither all nor static."
+        )
 
 
 def _from_file(name: str, scene: Scene) -> WorldScript:
     path = Path(name).expanduser()
     if not path.suffix and not path.exists():
         raise WorldError(
-            f"There is no world {name!r}. Choose one of: {', '.join(SCRIPT_NAMES)}; or give the path of a JSON file "
-            "with a script."
+            f"There is no world {name!r}. Choose one of: {', '.join(SCRIPT_NAMES)}; or several of them, as in "
+            "doors+moving; or give the path of a JSON file with a script."
         )
     return read_script(path, scene)

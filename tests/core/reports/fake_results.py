@@ -209,6 +209,7 @@ def make_world_result() -> WorldResult:
             nodes=40,
             edges=100,
             lost_edges=0,
+            detour_m=1.5,
         )
         for number in range(2)
     )

@@ -22,6 +22,7 @@ def query(
     used: tuple[int, ...] = (),
     reached: bool = True,
     present: float = 1.0,
+    detour_m: float = 0.0,
 ) -> WorldQuery:
     return WorldQuery(
         query=number,
@@ -45,6 +46,7 @@ def query(
         nodes=50,
         edges=95,
         lost_edges=number,
+        detour_m=detour_m,
     )
 
 
@@ -105,3 +107,9 @@ def test_calibration_is_judged_over_all_moments_and_not_at_each() -> None:
     found = world_metrics([result([query(0, present=0.5), query(1, present=1.0)])])
     assert found.brier == pytest.approx(0.25)
     assert found.calibration == pytest.approx(0.25)
+
+
+def test_queries_whose_usual_way_is_closed_are_counted_by_themselves() -> None:
+    found = world_metrics([result([query(0, detour_m=2.0), query(1, detour_m=2.0, reached=False), query(2)])])
+    assert (found.detours, found.success_on_detours) == (2, 0.5)
+    assert world_metrics([result([query(0)])]).success_on_detours is None

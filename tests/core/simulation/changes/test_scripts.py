@@ -113,6 +113,19 @@ def test_a_script_returns_from_a_file(scene: Scene, tmp_path: Path) -> None:
     assert make_script(str(tmp_path / "all.json"), scene) == script
 
 
+def test_scripts_run_together_as_they_do_alone(scene: Scene) -> None:
+    both = make_script("doors+moving", scene, seed=2, duration_s=DAY_S).changes
+    alone = [make_script(name, scene, seed=2, duration_s=DAY_S).changes for name in ("doors", "moving")]
+    assert sorted(map(str, both)) == sorted(map(str, (*alone[0], *alone[1])))
+    assert [timed.at_s for timed in both] == sorted(timed.at_s for timed in both)
+
+
+@pytest.mark.parametrize("name", ["doors+daily", "moving+moving", "all+light"])
+def test_scripts_that_would_change_the_same_things_do_not_run_together(scene: Scene, name: str) -> None:
+    with pytest.raises(WorldError, match="the same things twice"):
+        make_script(name, scene)
+
+
 @pytest.mark.parametrize(
     ("text", "why"),
     [

@@ -29,8 +29,8 @@ def world_table(results: Sequence[WorldResult]) -> ReportTable:
     body = tuple(_line(*group) for group in _groups(results))
     caption = (
         "Goals reached with 95 % interval, of them those whose shortest way is at least half a metre longer than in "
-        "the scene as it was made, with their number; SPL against the shortest way of the moment. Brier: squared error of "
-        "predicted presence, over the edges that the world ever closes. Nodes: before and after all queries."
+        "the scene as it was made, with their number; SPL against the shortest way of the moment. Brier: squared error "
+        "of predicted presence, over the edges that the world ever closes. Nodes: before and after all queries."
     )
     return ReportTable(caption=caption, head=head, rows=body, words=3)
 

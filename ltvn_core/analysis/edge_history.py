@@ -24,6 +24,9 @@ from ltvn_core.graph.deltas import (
     NodeNamed,
     PoseRow,
     PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
 )
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import AttemptEnd, Localised
@@ -223,6 +226,8 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
         case EdgeAdded() | BeliefUpdated() | EdgePruned() | NodeDropped():
             return  # It does not fit: the recording is damaged, or its beginning is missing.
         case NodeAdded() | EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
+            return
+        case ViewAdded() | ViewUsed() | ViewDropped():
             return
 
 

@@ -53,6 +53,7 @@ CAUSE_TEXTS = {
     Cause.EXPAND: "because there was no path without it",
     Cause.GOAL: "to tie in a goal",
     Cause.LOAD: "with a map out of a file",
+    Cause.SIGHT: "because of what was seen",
     Cause.HAND: "by hand",
 }
 """How each cause is said."""
@@ -63,6 +64,6 @@ def belief_text(belief: Belief) -> str:
     return f"p = {belief.p:.2f}, mu = {belief.mu:.2f}"
 
 
-def count_text(count: int, thing: str) -> str:
-    """Say how many things there are, such as "3 edges"."""
-    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
+def count_text(count: int, thing: str, things: str = "") -> str:
+    """Say how many things there are, such as "3 edges"; `things` is the plural where it is not made with an s."""
+    return f"{count} {thing}" if count == 1 else f"{count} {things or f'{thing}s'}"

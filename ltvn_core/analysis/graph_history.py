@@ -100,6 +100,8 @@ class GraphHistory:
                 pass  # It is there already.
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It is not drawn.
+            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped():
+                pass
 
     def clear(self) -> None:
         """Let nothing be left of the map from the next change on, because another map begins with it."""

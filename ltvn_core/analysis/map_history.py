@@ -23,6 +23,9 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
 )
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
@@ -108,7 +111,7 @@ class MapHistory:
         return self._known(self._by_edge, edge)
 
     def of_node(self, node: NodeId) -> Sequence[MapChange]:
-        """Return all arrivals and departures of a node in order."""
+        """Return all arrivals and departures of a node, and of its views, in order."""
         return self._known(self._by_node, node)
 
     def belief_before(self, edge: EdgeKey, event: int) -> Belief | None:
@@ -153,7 +156,7 @@ class MapHistory:
                 self._by_edge.setdefault((source, target), []).append(change)
             case NodeAdded(node=node):
                 self._by_node.setdefault(node.id, []).append(change)
-            case NodeDropped(node=node):
+            case NodeDropped(node=node) | ViewAdded(node=node) | ViewUsed(node=node) | ViewDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
             case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
                 pass  # Nobody asks for these by edge or node.

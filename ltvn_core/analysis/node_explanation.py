@@ -8,7 +8,17 @@ from collections.abc import Iterator
 from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, count_text
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MapChange
-from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, NodeAdded, NodeDropped
+from ltvn_core.graph.deltas import (
+    Cause,
+    EdgeAdded,
+    FramesReserved,
+    GraphDelta,
+    NodeAdded,
+    NodeDropped,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
+)
 from ltvn_core.navigation.events import Localised
 from ltvn_core.types import NodeId
 
@@ -46,6 +56,22 @@ def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[Expl
     elif isinstance(change.delta, NodeDropped):
         text = f"Node {node} left {CAUSE_TEXTS[cause]}."
         yield ExplanationStep(text, change.instant, ExplanationKind.GONE, (node,))
+    elif (view := _view_text(change.delta)) is not None:
+        yield ExplanationStep(view, change.instant, ExplanationKind.BELIEF, (node,))
+
+
+def _view_text(delta: GraphDelta) -> str | None:
+    match delta:
+        case ViewAdded(view=view, cause=Cause.LOAD):
+            return f"It came with image {view.frame} as a view, used in {count_text(view.uses, 'query', 'queries')}."
+        case ViewAdded(view=view):
+            return f"It looked different from image {view.frame}, where odometry put the robot here: a view of it now."
+        case ViewUsed(frame=frame):
+            return f"The robot recognised it by its view {frame}."
+        case ViewDropped(frame=frame):
+            return f"Its view {frame} was the least useful one and made room."
+        case _:
+            return None
 
 
 def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[ExplanationStep]:

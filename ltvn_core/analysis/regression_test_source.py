@@ -19,6 +19,9 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
 )
 from ltvn_core.navigation.events import AttemptEnded, GraphChanged, Planned, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId
@@ -159,4 +162,6 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
                 rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
             case EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
                 pass  # It neither leads the robot nor tells what it believes.
+            case ViewAdded() | ViewUsed() | ViewDropped():
+                pass
     return list(rows.values())

@@ -72,6 +72,9 @@ def _change_kind_and_nodes(delta: d.GraphDelta) -> tuple[MarkKind, tuple[NodeId,
             | d.EdgeProtected()
             | d.PresenceObserved()
             | d.NodeNamed()
+            | d.ViewAdded()
+            | d.ViewUsed()
+            | d.ViewDropped()
             | d.FramesReserved()
             | d.FramesReleased()
         ):

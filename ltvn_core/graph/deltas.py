@@ -29,7 +29,8 @@ class Cause(StrEnum):
     LOAD = "load"
     """The map came out of a file."""
     SIGHT = "sight"
-    """What stands in the way of one edge was seen to stand in the way of others, or to be gone."""
+    """What stands in the way of one edge was seen to stand in the way of others, or to be gone; or a place that the
+    robot was at looked different."""
     HAND = "hand"
     """A person did it."""
 
@@ -86,6 +87,20 @@ class Edge:
     """How often that led to the target."""
     protected: bool = False
     """Held by hand: maintenance leaves it alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeView:
+    """What a place looked like at another time than when it became a node."""
+
+    frame: FrameId
+    """The image."""
+    pose: PoseRow
+    """Where it was taken, in the frame of the node."""
+    used_s: float
+    """When the place was last recognised by it, or it was taken, in seconds on the clock of the world."""
+    uses: int = 0
+    """In how many queries the place was recognised by it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +181,35 @@ class NodeNamed:
 
 
 @dataclass(frozen=True, slots=True)
+class ViewAdded:
+    """A node got one more view."""
+
+    node: NodeId
+    view: NodeView
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class ViewUsed:
+    """The robot recognised a node by a view in one more query."""
+
+    node: NodeId
+    frame: FrameId
+    stamp: float
+    """Seconds on the clock of the world."""
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class ViewDropped:
+    """A node lost a view."""
+
+    node: NodeId
+    frame: FrameId
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
 class FramesReserved:
     """Images joined T', the reserve from which the map can be expanded."""
 
@@ -190,6 +234,9 @@ GraphDelta: TypeAlias = (
     | EdgeProtected
     | PresenceObserved
     | NodeNamed
+    | ViewAdded
+    | ViewUsed
+    | ViewDropped
     | FramesReserved
     | FramesReleased
 )

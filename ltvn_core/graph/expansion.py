@@ -24,6 +24,9 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
 )
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
@@ -138,6 +141,6 @@ def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
             return {delta.edge.source, delta.edge.target} <= staying
         case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
             return True
-        case PresenceObserved():
+        case PresenceObserved() | ViewAdded() | ViewUsed() | ViewDropped():
             return True
     assert_never(delta)

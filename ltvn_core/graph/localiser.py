@@ -14,7 +14,7 @@ from ltvn_core.config import LocalisingConfig
 from ltvn_core.graph.loop_closures import AgreementCriterion, LoopClosureVerifier, ObservationSequence
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import Features, NodeId, Waypoint
+from ltvn_core.types import Features, FrameId, NodeId, Waypoint
 
 LOCAL, GLOBAL = "local", "global"
 _MIN_REACHABILITY = 1e-6
@@ -57,6 +57,8 @@ class Localisation(NamedTuple):
     """Score of the runner-up minus score of the best; infinite without a runner-up."""
     scope: str
     """LOCAL or GLOBAL."""
+    view: FrameId | None = None
+    """The view of the node by which it was recognised; None where that was its own image."""
 
 
 class Localiser:
@@ -115,7 +117,9 @@ class Localiser:
         candidates = np.flatnonzero(self._near_enough(matches))
         trusted = matches.reachability.copy()
         for k in candidates[np.argsort(self._scores(matches)[candidates], kind="stable")]:
-            if fits_trail(self._loop_closures, trail, matches.nodes[k], matches.waypoints[k], self._config):
+            if matches.by_view[k] or fits_trail(
+                self._loop_closures, trail, matches.nodes[k], matches.waypoints[k], self._config
+            ):
                 break
             trusted[k] = 0.0
         return matches.with_reachability(trusted)
@@ -148,7 +152,7 @@ def trail_fit_mask(
     """Tell (N,) which matches may be where they seem, after all that was seen on the way here."""
     loop_closures = LoopClosureVerifier(matcher)
     pairs = zip(matches.nodes, matches.waypoints, strict=True)
-    return np.array([fits_trail(loop_closures, trail, *pair, config) for pair in pairs], bool)
+    return matches.by_view | np.array([fits_trail(loop_closures, trail, *pair, config) for pair in pairs], bool)
 
 
 def best_localisation(
@@ -172,6 +176,7 @@ def best_localisation(
         None if second is None else matches.nodes[second],
         margin,
         scope,
+        matches.images[best] if passing[best] and matches.by_view[best] else None,
     )
 
 

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import MatchingConfig
-from ltvn_core.geometry import distance, invert
+from ltvn_core.geometry import compose, distance, invert
+from ltvn_core.graph.deltas import NodeView
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.node_views import NO_VIEWS, ViewConfig, Views
 from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Waypoint
 
 _MAX_NODES_BOTH_WAYS_AT_ONCE = 8
@@ -32,9 +34,16 @@ class Matches:
     """(N,): d(w), Eq. 2."""
     ahead: NDArray[np.bool_]
     """(N,): the network answered for image to node; where false, for node to image, and the waypoint was inverted."""
+    images: tuple[FrameId, ...] = ()
+    """N images that the nodes were recognised by, of which some are views; none where all are the nodes' own."""
 
     def __len__(self) -> int:
         return len(self.nodes)
+
+    @property
+    def by_view(self) -> NDArray[np.bool_]:
+        """(N,): the node was recognised by a view, of which no neighbours in time are known."""
+        return np.array(self.images or self.nodes, np.intp) != np.array(self.nodes, np.intp)
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Matches":
         """Return the chosen ones: a mask (N,) or indices."""
@@ -46,6 +55,7 @@ class Matches:
             waypoints=self.waypoints[kept],
             distances=self.distances[kept],
             ahead=self.ahead[kept],
+            images=tuple(self.images[k] for k in kept) if self.images else (),
         )
 
     def with_reachability(self, reachability: NDArray[np.float64]) -> "Matches":
@@ -60,14 +70,25 @@ class Matches:
             np.concatenate([self.waypoints, other.waypoints]),
             np.concatenate([self.distances, other.distances]),
             np.concatenate([self.ahead, other.ahead]),
+            (*(self.images or self.nodes), *(other.images or other.nodes)) if self.images or other.images else (),
         )
 
 
 class Matcher:
     """Asks the network about pairs of images whose features are at hand."""
 
-    def __init__(self, predictor: Predictor, keyframes: KeyframeStore, config: MatchingConfig) -> None:
-        """Compare against the images in `keyframes`."""
+    def __init__(
+        self,
+        predictor: Predictor,
+        keyframes: KeyframeStore,
+        config: MatchingConfig,
+        *,
+        views: Views = NO_VIEWS,
+        view_config: ViewConfig | None = None,
+    ) -> None:
+        """Compare against the images in `keyframes`; with a `view_config` also with the `views` that nodes have."""
+        self._views = NO_VIEWS if view_config is None else views
+        self._view_config = view_config or ViewConfig()
         self._predictor = predictor
         self._keyframes = keyframes
         self._config = config
@@ -83,7 +104,32 @@ class Matcher:
         return self._keyframes
 
     def match(self, features: Features, nodes: Sequence[NodeId]) -> Matches:
-        """Compare an image (1, F) with the images of `nodes` in one batch."""
+        """Compare an image (1, F) with the images of `nodes`, and with views of those that it does not recognise."""
+        found = self._match_images(features, nodes)
+        return self._with_views(features, found) if self._views else found
+
+    def _with_views(self, features: Features, found: Matches) -> Matches:
+        """Return `found`, in which nodes that are not recognised are seen as their best views show them."""
+        asked = np.flatnonzero(found.reachability <= self._view_config.recognised_above)
+        views = [(k, view) for k in asked for view in self._views.get(found.nodes[k], ())]
+        if not views:
+            return found
+        both = found.concatenated(self._match_views(features, [view for _, view in views]))
+        best = np.arange(len(found))
+        for row, (k, _) in enumerate(views, len(found)):
+            if both.reachability[row] > both.reachability[best[k]]:
+                best[k] = row
+        chosen = both.take(best)
+        return replace(chosen, nodes=found.nodes, images=chosen.nodes)
+
+    def _match_views(self, features: Features, views: Sequence[NodeView]) -> Matches:
+        """Compare an image (1, F) with views; the waypoints lead to the nodes that they are views of."""
+        seen = self._match_images(features, [view.frame for view in views])
+        waypoints = compose(seen.waypoints, invert(np.array([view.pose for view in views])))
+        distances = np.where(np.isfinite(seen.distances), distance(waypoints), np.inf)
+        return replace(seen, waypoints=waypoints, distances=distances)
+
+    def _match_images(self, features: Features, nodes: Sequence[FrameId]) -> Matches:
         if not nodes:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
         targets = self._keyframes.features(nodes)
@@ -161,7 +207,10 @@ class Matcher:
         self, matches: Matches, features: Features, own: Sequence[FrameId]
     ) -> tuple[Features, Features, NDArray[np.intp]]:
         """Return P pairs (P, F), (P, F) beside each match in time, and which match (P,) each pair belongs to."""
-        beside = [self._keyframes.temporal_neighbours(node, self._config.support_gap) for node in matches.nodes]
+        beside = [
+            () if by_view else self._keyframes.temporal_neighbours(node, self._config.support_gap)
+            for node, by_view in zip(matches.nodes, matches.by_view, strict=True)
+        ]
         counts = [len(frames) for frames in beside]
         here = [
             np.repeat(features, sum(counts), axis=0),

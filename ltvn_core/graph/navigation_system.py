@@ -27,6 +27,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
 from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.presence.edge_presence import EdgePresence
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -151,3 +152,5 @@ class NavigationSystem:
     """Lets a map grow image by image; None where a system only builds whole maps."""
     presence: EdgePresence | None = None
     """Tells which edges may not be open now; None where every edge that exists is."""
+    views: ViewConfig | None = None
+    """When nodes get views beside their own image; None where they have none, and those of the map are not used."""

@@ -26,6 +26,9 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
 )
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
@@ -113,6 +116,8 @@ class Planner:
                 self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
             case PresenceObserved():
                 pass  # What is present at the moment comes with the plan.
+            case ViewAdded() | ViewUsed() | ViewDropped():
+                pass  # What places look like leads nowhere.
             case NodeAdded() | NodeDropped():
                 return False  # It moves the rows, so the mirror is built anew.
             case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():

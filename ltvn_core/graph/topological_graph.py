@@ -1,8 +1,8 @@
 """The map: nodes, directed edges with beliefs, and the reserve T'. Changed only by `apply`.
 
-Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node or in the
-reserve but never both, and a name belongs to one node. Does not own images or features (`graph.keyframes`) nor
-decisions (`graph.builder`, `graph.maintenance`).
+Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node, in the
+reserve or a view but never two of them, and a name belongs to one node. Does not own images or features
+(`graph.keyframes`) nor decisions (`graph.builder`, `graph.maintenance`).
 """
 
 import math
@@ -28,7 +28,11 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
 )
+from ltvn_core.graph.node_views import NodeViews, Views
 from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.types import FrameId, NodeId
 
@@ -47,6 +51,7 @@ class TopologicalGraph:
         self._nodes: dict[NodeId, Node] = {}
         self._edges: dict[EdgeKey, Edge] = {}
         self._presence: dict[EdgeKey, tuple[PresenceObservation, ...]] = {}
+        self._views = NodeViews()
         self._reserve: dict[FrameId, None] = {}
         self._names: dict[str, NodeId] = {}
         self._successors: dict[NodeId, dict[NodeId, None]] = {}
@@ -69,6 +74,16 @@ class TopologicalGraph:
     def presence(self) -> Mapping[EdgeKey, tuple[PresenceObservation, ...]]:
         """What was observed of edges that were blocked at some time, oldest first; read only."""
         return MappingProxyType(self._presence)
+
+    @property
+    def views(self) -> Views:
+        """How nodes looked at other times, of those that have such views; read only."""
+        return self._views.by_node
+
+    @property
+    def frames(self) -> tuple[FrameId, ...]:
+        """All images that the map needs: those of nodes, of the reserve and of views."""
+        return (*self._nodes, *self._reserve, *self._views.frames)
 
     @property
     def reserve(self) -> KeysView[FrameId]:
@@ -112,6 +127,12 @@ class TopologicalGraph:
                 self._observe_presence(delta)
             case NodeNamed():
                 self._name_node(delta)
+            case ViewAdded():
+                self._add_view(delta)
+            case ViewUsed():
+                self._views.use(delta)
+            case ViewDropped():
+                self._views.drop(delta.node, delta.frame)
             case FramesReserved():
                 self._add_reserve(delta)
             case FramesReleased():
@@ -125,6 +146,7 @@ class TopologicalGraph:
         history: list[GraphDelta] = [NodeAdded(node, cause) for node in self._nodes.values()]
         history += [EdgeAdded(edge, cause) for edge in self._edges.values()]
         history += presence_deltas(self._presence, cause)
+        history += self._views.deltas(cause)
         if self._reserve:
             history.append(FramesReserved(tuple(self._reserve), cause))
         return tuple(history)
@@ -135,6 +157,7 @@ class TopologicalGraph:
         # Nodes and edges never change, so both graphs may hold the same ones.
         clone._nodes, clone._edges, clone._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
         clone._presence = self._presence.copy()
+        clone._views = self._views.copy()
         clone._names = self._names.copy()
         clone._successors = {node: targets.copy() for node, targets in self._successors.items()}
         clone._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
@@ -144,8 +167,8 @@ class TopologicalGraph:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TopologicalGraph):
             return NotImplemented
-        content = self._nodes, self._edges, self._presence, self._reserve
-        return content == (other._nodes, other._edges, other._presence, other._reserve)
+        content = self._nodes, self._edges, self._presence, self.views, self._reserve
+        return content == (other._nodes, other._edges, other._presence, other.views, other._reserve)
 
     __hash__ = None  # type: ignore[assignment]  # A graph changes, so it cannot be a key.
 
@@ -156,6 +179,7 @@ class TopologicalGraph:
         frame = delta.node.id
         _require(frame not in self._nodes, f"Node {frame} is in the map already.")
         _require(frame not in self._reserve, f"Frame {frame} is in the reserve; release it before it becomes a node.")
+        _require(frame not in self._views.frames, f"Frame {frame} is a view of a node; it cannot also be a node.")
         self._give_name(frame, delta.node.name)
         self._nodes[frame] = delta.node
         self._successors[frame] = {}
@@ -168,6 +192,7 @@ class TopologicalGraph:
         for source, target in incident:
             self._remove_edge(source, target)
         self._names.pop(self._nodes[delta.node].name, None)
+        self._views.forget(delta.node)
         del self._nodes[delta.node], self._successors[delta.node], self._predecessors[delta.node]
 
     def _add_edge(self, delta: EdgeAdded) -> None:
@@ -208,6 +233,13 @@ class TopologicalGraph:
         seen = (*self._presence.get(key, ()), PresenceObservation(delta.present, delta.stamp))
         self._presence[key] = seen[-MOST_PRESENCE_OBSERVATIONS:]
 
+    def _add_view(self, delta: ViewAdded) -> None:
+        self._require_node(delta.node)
+        frame = delta.view.frame
+        _require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be a view.")
+        _require(frame not in self._reserve, f"Frame {frame} is in the reserve; it cannot also be a view.")
+        self._views.add(delta.node, delta.view)
+
     def _name_node(self, delta: NodeNamed) -> None:
         self._require_node(delta.node)
         node = self._nodes[delta.node]
@@ -232,6 +264,7 @@ class TopologicalGraph:
         for frame in delta.frames:
             _require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be in the reserve.")
             _require(frame not in self._reserve, f"Frame {frame} is in the reserve already.")
+            _require(frame not in self._views.frames, f"Frame {frame} is a view; it cannot also be in the reserve.")
         self._reserve.update(dict.fromkeys(delta.frames))
 
     def _release(self, delta: FramesReleased) -> None:

@@ -63,7 +63,7 @@ class NavigationContext:
         world_time: Callable[[], float] | None = None,
     ) -> "NavigationContext":
         """Put the parts together."""
-        matcher = Matcher(predictor, keyframes, system.method.matching)
+        matcher = Matcher(predictor, keyframes, system.method.matching, views=graph.views, view_config=system.views)
         planner = Planner(graph, system.method.planning, weight=system.edge_weight)
         return cls(
             graph=graph,

@@ -44,7 +44,7 @@ class DeadReckoning:
 
     def localise(self) -> Localisation | None:
         """Return the node at which the robot is where that cannot look as it did; None if there is none."""
-        places = self._places()
+        places = self.places()
         if not places:
             return None
         node = min(places, key=lambda each: float(distance(places[each])))
@@ -52,7 +52,7 @@ class DeadReckoning:
 
     def is_at(self, node: NodeId) -> bool:
         """Tell whether the robot stands at a node as at a goal, where that cannot look as it did."""
-        places, judging = self._places(), self._context.method.judging
+        places, judging = self.places(), self._context.method.judging
         if node not in places or abs(places[node][2]) > judging.arrive_yaw_rad:
             return False
         return self._at(node, places[node]) is not None
@@ -63,8 +63,8 @@ class DeadReckoning:
             return None
         return Localisation(node, away, _CERTAIN, waypoint, None, np.inf, LOCAL)
 
-    def _places(self) -> dict[NodeId, Waypoint]:
-        """Return the nodes around where the robot was recognised last, each (3,) in its frame now."""
+    def places(self) -> dict[NodeId, Waypoint]:
+        """Return the nodes around where the robot was recognised last, each (3,) in its frame now; none if unknown."""
         if (
             self._context.system.presence is None
             or self._seen is None

@@ -55,7 +55,7 @@ class GoalCheck:
 
     def _fits_trail(self, goal: NodeMatch) -> bool:
         config = self._context.method.localising
-        return fits_trail(
+        return goal.by_view or fits_trail(
             self._context.loop_closures, self._perception.trail_from_here, self._goal, goal.waypoint, config
         )
 

@@ -25,6 +25,8 @@ class NodeMatch(NamedTuple):
     """d(w), Eq. 2."""
     waypoint: Waypoint
     """(3,): the node in the robot's frame."""
+    by_view: bool = False
+    """It was recognised by one of its views, not by its own image."""
 
     def with_waypoint(self, waypoint: Waypoint) -> "NodeMatch":
         """Return the same match with a better waypoint."""
@@ -95,7 +97,7 @@ class Perception:
         if node not in self._node_matches:
             found = self._matcher.match(image, (node,))
             self._node_matches[node] = NodeMatch(
-                float(found.reachability[0]), float(found.distances[0]), found.waypoints[0]
+                float(found.reachability[0]), float(found.distances[0]), found.waypoints[0], bool(found.by_view[0])
             )
         return self._node_matches[node]
 

@@ -35,6 +35,7 @@ from ltvn_core.navigation.map_learner import MapLearner
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.navigation.view_learner import ViewLearner
 from ltvn_core.navigation.way_planner import WayPlanner
 from ltvn_core.types import NodeId, Twist
 
@@ -57,6 +58,7 @@ class QueryRunner:
         self._memory = QueryMemory(context.method.planning, context.method.localising)
         self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.spec)
         self._reckoning = DeadReckoning(context, motion, perception)
+        self._view_learner = ViewLearner(context, motion, perception, self._reckoning, query)
         self._goal_check = GoalCheck(context, motion, perception, goal, self._memory, self._reckoning)
         self._way_planner = WayPlanner(context, self._memory, goal)
         self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query)
@@ -105,7 +107,7 @@ class QueryRunner:
             features = self._perception.features
             prior = LocalisationPrior(self._memory.plan, self._perception.trail_from_here, self._memory.doubted)
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
-            self._reckoning.recognise(localisation)
+            yield from self._view_learner.learn(localisation)
             if localisation.node is None:
                 localisation = self._reckoning.localise() or localisation
         frame = self._perception.observation.step
@@ -223,7 +225,7 @@ class QueryRunner:
 
     def _fits_trail(self, target: NodeId, seen: NodeMatch) -> bool:
         config = self._method.localising
-        return fits_trail(
+        return seen.by_view or fits_trail(
             self._context.loop_closures, self._perception.trail_from_here, target, seen.waypoint, config, to_blame=True
         )
 

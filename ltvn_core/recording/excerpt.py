@@ -12,7 +12,7 @@ from uuid import uuid4
 
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
-from ltvn_core.graph.deltas import NodeAdded
+from ltvn_core.graph.deltas import NodeAdded, ViewAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
     AttemptEnded,
@@ -151,7 +151,7 @@ def _frames(
     wanted = {frame for frame, stamp in stamps if from_s <= stamp <= to_s}
     wanted.update(*(_named(stamped) for stamped in found.ongoing + found.events))
     if not named_only:
-        wanted |= {*found.graph_before.nodes, *found.graph_before.reserve}
+        wanted |= set(found.graph_before.frames)
     return tuple(frame for frame in recording.frames if frame in wanted)
 
 
@@ -171,6 +171,8 @@ def _named(stamped: StampedEvent) -> Iterator[FrameId]:
             yield from (each for each in (source, target, frame) if each is not None)
         case GraphChanged(delta=NodeAdded(node=node)):
             yield node.id
+        case GraphChanged(delta=ViewAdded(view=view)):
+            yield view.frame
         case StateChanged() | Collided() | GraphChanged() | WorldChanged() | QueryEnded() | Judged() | Note():
             return
 

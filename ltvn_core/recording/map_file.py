@@ -1,4 +1,4 @@
-"""Maps in files: a map is a recording that holds the frames of its nodes and its reserve, and the deltas that make it.
+"""Maps in files: a recording that holds the frames of a map's nodes, reserve and views, and the deltas that make it.
 
 Owns saving, loading and the check of the weights. Building is elsewhere.
 """
@@ -25,7 +25,7 @@ class LoadedMap:
 
     graph: TopologicalGraph
     observations: Mapping[FrameId, Observation]
-    """Images of all nodes and of the reserve."""
+    """Images of all nodes, of the reserve and of views."""
     meta: RecordingMetadata
 
 
@@ -43,8 +43,8 @@ def save_map(
 ) -> None:
     """Write a map to a new file, which appears only when it is whole.
 
-    Takes the images of all nodes and of the reserve; others are left out. Those that the file `origin` holds are copied
-    as they lie there, because pictures lose a little each time they are compressed.
+    Takes the images of all nodes, of the reserve and of views; others are left out. Those that the file `origin` holds
+    are copied as they lie there, because pictures lose a little each time they are compressed.
     Raises MapError when an image is missing, RecordingError when the file exists or cannot be written.
     """
     wanted = _frames_of(graph)
@@ -92,7 +92,7 @@ def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
 
 
 def _frames_of(graph: TopologicalGraph) -> frozenset[FrameId]:
-    return frozenset(graph.nodes) | frozenset(graph.reserve)
+    return frozenset(graph.frames)
 
 
 def _stored_frames(origin: Path, wanted: frozenset[FrameId]) -> Iterator[EncodedFrame]:

@@ -9,6 +9,7 @@ from ltvn_core.config import PAPER, ROBUST, BeliefConfig
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.ltvn import LifelongMaintenance
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
+from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.presence.edge_filters import edge_filter
 from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
@@ -29,12 +30,13 @@ def with_maintenance(system: NavigationSystem, name: str, *, truth: EdgePresence
         OptionError: There is no such name, or nobody knows the truth.
     """
     if name == "static":
-        return replace(system, maintenance=NoMaintenance(), presence=None)
+        return replace(system, maintenance=NoMaintenance(), presence=None, views=None)
     if name in ("paper", "robust"):
         preset = PAPER if name == "paper" else ROBUST
         method = replace(system.method, believing=_believing(preset.believing, system.method.believing))
-        return replace(system, maintenance=LifelongMaintenance(method), presence=None)
-    return replace(system, maintenance=PresenceMaintenance(system.method), presence=_presence(name, truth))
+        return replace(system, maintenance=LifelongMaintenance(method), presence=None, views=None)
+    maintenance = PresenceMaintenance(system.method)
+    return replace(system, maintenance=maintenance, presence=_presence(name, truth), views=ViewConfig())
 
 
 def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:

@@ -126,8 +126,8 @@ class HeadlessRunner:
         return random_goals(list(self.graph.nodes), count, rng)
 
     def map_observations(self) -> list[Observation]:
-        """Return the images that belong to the map: those of its nodes and of its reserve."""
-        return [self.keyframes.observation(frame) for frame in (*self.graph.nodes, *self.graph.reserve)]
+        """Return the images that belong to the map: those of its nodes, of its reserve and of views."""
+        return [self.keyframes.observation(frame) for frame in self.graph.frames]
 
     def advance(self) -> None:
         """Let a control step pass."""

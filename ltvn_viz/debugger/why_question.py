@@ -11,7 +11,7 @@ from typing import Never
 from ltvn_core import palette
 from ltvn_core.analysis import edge_explanation
 from ltvn_core.analysis.edge_history import EdgeHistory, edge_history
-from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep
+from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep, count_text
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import distance
@@ -21,6 +21,7 @@ from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
 from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.debugger.svg_figures import image_figure
 from ltvn_viz.session.commands import ChooseQuestion, PointAt
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
@@ -74,6 +75,7 @@ class WhyQuestion(Question[Never]):
             edge_explanation.explain_node(context.timeline, node, at=context.instant),
             builder,
         )
+        self._views(context, node, builder)
         if before not in (None, node):
             asked = builder.link(f"Why is there no edge {before} → {node}?", PointAt(before, node))
             builder.add_html(f"<div>{asked}</div>")
@@ -83,6 +85,19 @@ class WhyQuestion(Question[Never]):
         links = [builder.link(f"{ids[0]} → {ids[1]}", PointAt(*ids)) for ids in [*gone][-_GONE:] if len(ids) == 2]
         if links:
             builder.add_html(f"<div>Edges that were pruned here: {', '.join(links)}.</div>")
+
+    @staticmethod
+    def _views(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> None:
+        """Show how the place looked when it became a node, and how at other times."""
+        if not (views := context.graph.views.get(node, ())):
+            return
+        captions = {node: "when the map was made"} | {
+            view.frame: f"view {view.frame}, used in {count_text(view.uses, 'query', 'queries')}" for view in views
+        }
+        images = (
+            image_figure(context.observation(frame), caption, context.camera) for frame, caption in captions.items()
+        )
+        builder.add_html(f'<div class="lt-pair">{"".join(images)}</div>')
 
     def _edge(self, context: DebugContext, edge: EdgeKey, builder: AnswerBuilder) -> None:
         back = builder.link("the way back", PointAt(edge[1], edge[0]))

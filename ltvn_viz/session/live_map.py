@@ -176,8 +176,8 @@ class LiveMap:
                     yield judge_goal_reached(event.query, exact, truth)
 
     def map_observations(self) -> Sequence[Observation]:
-        """Return the pictures that make up the map: of its nodes and its reserve."""
-        return [self.keyframes.observation(frame) for frame in sorted([*self.graph.nodes, *self.graph.reserve])]
+        """Return the pictures that make up the map: of its nodes, its reserve and its views."""
+        return [self.keyframes.observation(frame) for frame in sorted(self.graph.frames)]
 
     def node_images(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
         """Return the pictures of those of `frames` that are still at hand."""

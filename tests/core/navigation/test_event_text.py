@@ -29,6 +29,9 @@ DELTAS: tuple[d.GraphDelta, ...] = (
     d.EdgeProtected(1, 2, False, d.Cause.HAND),
     d.PresenceObserved(1, 2, False, 3.0, d.Cause.ATTEMPT),
     d.NodeNamed(4, "kitchen", True, d.Cause.HAND),
+    d.ViewAdded(4, d.NodeView(30, HERE, 3.0), d.Cause.SIGHT),
+    d.ViewUsed(4, 30, 9.0, d.Cause.SIGHT),
+    d.ViewDropped(4, 30, d.Cause.SIGHT),
     d.FramesReserved((5, 6), d.Cause.ONLINE),
     d.FramesReleased((5,), d.Cause.EXPAND),
 )

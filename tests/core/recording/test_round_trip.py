@@ -26,8 +26,12 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
+    NodeView,
     PoseRow,
     PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, WorldChanged
@@ -70,6 +74,9 @@ deltas: st.SearchStrategy[GraphDelta] = st.one_of(
     st.builds(EdgeProtected, ids, ids, st.booleans(), causes),
     st.builds(PresenceObserved, ids, ids, st.booleans(), finite, causes),
     st.builds(NodeNamed, ids, st.text(max_size=8), st.booleans(), causes),
+    st.builds(ViewAdded, ids, st.builds(NodeView, ids, poses, finite, ids), causes),
+    st.builds(ViewUsed, ids, ids, finite, causes),
+    st.builds(ViewDropped, ids, ids, causes),
     st.builds(FramesReserved, frames, causes),
     st.builds(FramesReleased, frames, causes),
 )

@@ -1,0 +1,131 @@
+"""How places come to have other views: what the robot sees where odometry puts it at a node that it does not recognise.
+
+Owns which image is offered as a view, and the proof that it was taken there: the robot must recognise a node before and
+another time after it, and odometry must agree with both. How many views a node keeps is `graph.node_views`'s.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ltvn_core.geometry import distance, invert, relative, wrap_angle
+from ltvn_core.graph.deltas import Cause, NodeView, ViewUsed
+from ltvn_core.graph.localiser import Localisation
+from ltvn_core.graph.node_views import ViewConfig, view_deltas
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.dead_reckoning import DeadReckoning
+from ltvn_core.navigation.events import Event
+from ltvn_core.navigation.motion import MotionExecutor
+from ltvn_core.navigation.perception import Perception
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose
+
+_TRUSTED_M = 4.0
+"""So far odometry is believed after a node was recognised."""
+_GAP_M, _GAP_RAD = 0.35, 0.35
+"""Where a node is recognised, and where odometry expects it, may be so far apart."""
+_ASIDE_M, _ASIDE_RAD = 0.3, 0.3
+"""From nearer a place than this, recognising it or its like once more proves nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """An image that may become a view."""
+
+    node: NodeId
+    pose: Pose
+    """(3,) where it was taken, in the frame of the node."""
+    observation: Observation
+    features: Features
+    """(1, F)."""
+
+    @property
+    def distance(self) -> float:
+        """From the node, as d."""
+        return float(distance(self.pose))
+
+
+class ViewLearner:
+    """Finds views on the way of one query."""
+
+    def __init__(
+        self,
+        context: NavigationContext,
+        motion: MotionExecutor,
+        perception: Perception,
+        reckoning: DeadReckoning,
+        query: int,
+    ) -> None:
+        """Know of no candidate yet; `reckoning` knows where the robot is by odometry."""
+        self._context, self._config, self._query = context, context.system.views, query
+        self._motion, self._perception, self._reckoning = motion, perception, reckoning
+        self._candidates: dict[NodeId, _Candidate] = {}
+        self._used: set[FrameId] = set()
+        self._recognised_at_m = -np.inf
+
+    def learn(self, localisation: Localisation) -> Iterator[Event]:
+        """Use a localisation: as proof of where the robot was before, and to look for views here."""
+        config = self._config
+        if config is None:
+            self._reckoning.recognise(localisation)
+            return
+        if localisation.node is not None and localisation.reachability > self._context.method.localising.reachability:
+            yield from self._count_use(localisation.node, localisation.view)
+            yield from self._prove(localisation, config)
+            self._reckoning.recognise(localisation)
+            self._recognised_at_m = self._motion.path_m
+        if self._motion.path_m - self._recognised_at_m > _TRUSTED_M:
+            self._candidates.clear()
+        else:
+            self._look(config)
+
+    def _count_use(self, node: NodeId, frame: FrameId | None) -> Iterator[Event]:
+        """Count a view once in a query."""
+        if frame is not None and frame not in self._used:
+            self._used.add(frame)
+            used = ViewUsed(node, frame, self._now_s, Cause.SIGHT)
+            yield from self._context.apply_deltas([used], self._query)
+
+    def _prove(self, localisation: Localisation, config: ViewConfig) -> Iterator[Event]:
+        """Make views of the candidates where a node is where odometry expects it; else forget them."""
+        proven = [each for each in self._candidates.values() if self._is_aside(each)]
+        if not proven:
+            return
+        expected = self._reckoning.places().get(localisation.node) if localisation.node is not None else None
+        self._candidates.clear()
+        if expected is None:
+            return
+        gap = relative(expected, localisation.waypoint)
+        if np.hypot(gap[0], gap[1]) < _GAP_M and abs(float(wrap_angle(gap[2]))) < _GAP_RAD:
+            for candidate in proven:
+                yield from self._add(candidate, config)
+
+    def _is_aside(self, candidate: _Candidate) -> bool:
+        """Tell whether the robot has left the place where an image was taken."""
+        moved = relative(candidate.observation.odometry, self._motion.odometry)
+        return bool(np.hypot(moved[0], moved[1]) > _ASIDE_M or abs(moved[2]) > _ASIDE_RAD)
+
+    def _add(self, candidate: _Candidate, config: ViewConfig) -> Iterator[Event]:
+        graph, keyframes, frame = self._context.graph, self._context.keyframes, candidate.observation.step
+        if candidate.node not in graph.nodes or frame in graph.frames:
+            return
+        keyframes.add([candidate.observation], candidate.features)
+        view = NodeView(frame, pose_row(candidate.pose), self._now_s)
+        yield from self._context.apply_deltas(view_deltas(graph.views, candidate.node, view, config), self._query)
+
+    def _look(self, config: ViewConfig) -> None:
+        """Take the image as a candidate for the nearest node, if that is near and is not recognised."""
+        places = self._reckoning.places() if self._perception.is_usable else {}
+        if not places:
+            return
+        node = min(places, key=lambda each: float(distance(places[each])))
+        candidate = _Candidate(node, invert(places[node]), self._perception.observation, self._perception.features)
+        known = self._candidates.get(node)
+        least = config.distance if known is None else known.distance
+        if candidate.distance < least and self._perception.node_match(node).reachability <= config.recognised_above:
+            self._candidates[node] = candidate
+
+    @property
+    def _now_s(self) -> float:
+        return self._context.world_time_s(self._motion.stamp)

@@ -28,7 +28,7 @@ from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance
 from ltvn_core.systems.registry import recorded_system
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
@@ -226,6 +226,7 @@ def _new_recording(
             "system": live_map.system.name,
             "predictor": options.predictor,
             "method": asdict(live_map.system.method),
+            "maintenance": recorded_maintenance(live_map.system),
         },
         fingerprint=live_map.fingerprint,
         camera=robot.spec.camera,

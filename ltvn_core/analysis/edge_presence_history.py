@@ -4,9 +4,10 @@ Owns these questions for one edge or for the whole map at a moment, as pure func
 in words and draws nothing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TypeAlias
 
 import numpy as np
 
@@ -142,3 +143,20 @@ def presence_changes(
         for edge in now
         if presence_state(before[edge]) is not presence_state(now[edge])
     )
+
+
+MapAtTime: TypeAlias = tuple[TopologicalGraph, float]
+"""A map, and a time on the clock of its world."""
+
+
+def presence_difference(
+    here: MapAtTime, there: MapAtTime, presence_filter: PresenceFilter, *, edges: Mapping[EdgeKey, EdgeKey]
+) -> tuple[PresenceChange, ...]:
+    """Return the edges of two maps that one holds for something else than the other, named as they are here.
+
+    `edges` are those of both: of the map here to that there. What was never seen blocked is open.
+    """
+    now, before = (presence_as_if(graph, presence_filter, at_s) for graph, at_s in (here, there))
+    known = {edge: other for edge, other in edges.items() if edge in now or other in before}
+    changes = (PresenceChange(edge, before.get(other, 1.0), now.get(edge, 1.0)) for edge, other in known.items())
+    return tuple(each for each in changes if presence_state(each.before) is not presence_state(each.now))

@@ -45,6 +45,12 @@ class NavigationProgress(NamedTuple):
     """Edges that navigation added."""
     blocked: frozenset[EdgeKey] = frozenset()
     """Edges that were seen blocked when they were seen last."""
+    seen_blocked: int = 0
+    """How many observations told that an edge is blocked, those too that came with the map."""
+    obstructions: int = 0
+    """How often in the latest task something was seen to block edges."""
+    obstructed_s: float | None = None
+    """When that was last, on the clock of the world."""
     world: WorldState = AS_MADE
     """In simulation, what the world is like."""
 
@@ -59,6 +65,7 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
             return progress._replace(navigator=state)
         case e.QueryStarted(query, goal):
             fresh = progress._replace(query=query, goal=goal, plan=(), attempt=None, localised=None)
+            fresh = fresh._replace(obstructions=0, obstructed_s=None)
             return fresh._replace(ended=None, judged=None, failures={}, queries=progress.queries + 1)
         case e.Localised():
             return progress._replace(localised=event)
@@ -104,10 +111,22 @@ def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationP
 
 def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> NavigationProgress:
     if isinstance(event.delta, deltas.PresenceObserved):
-        edge = {(event.delta.source, event.delta.target)}
-        return progress._replace(blocked=progress.blocked - edge if event.delta.present else progress.blocked | edge)
+        return _after_look(progress, event, event.delta)
     if isinstance(event.delta, deltas.EdgePruned):
         return progress._replace(pruned=progress.pruned + 1)
     if isinstance(event.delta, deltas.EdgeAdded) and event.query is not None:
         return progress._replace(added=progress.added + 1)
     return progress
+
+
+def _after_look(
+    progress: NavigationProgress, event: e.GraphChanged, seen: deltas.PresenceObserved
+) -> NavigationProgress:
+    edge = {(seen.source, seen.target)}
+    if seen.present:
+        return progress._replace(blocked=progress.blocked - edge)
+    looked = progress._replace(blocked=progress.blocked | edge, seen_blocked=progress.seen_blocked + 1)
+    # One obstruction blocks several edges at one moment.
+    if event.query is None or seen.stamp == progress.obstructed_s:
+        return looked
+    return looked._replace(obstructions=progress.obstructions + 1, obstructed_s=seen.stamp)

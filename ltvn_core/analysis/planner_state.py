@@ -25,6 +25,8 @@ class PlannerState:
     """How often each edge had failed in this query, each time at the price of `Planning.failure_penalty`."""
     localised: Localised | None = None
     """The localisation that told the source."""
+    tries: int = 0
+    """How often something was in the way in this query."""
 
 
 def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:
@@ -39,4 +41,5 @@ def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> Plan
         goal=progress.goal,
         failures=progress.failures,
         localised=progress.localised,
+        tries=progress.obstructions,
     )

@@ -1,4 +1,4 @@
-"""Changes for a what-if question: another edge, belief, goal, start or threshold.
+"""Changes for a what-if question: another edge, belief, goal, start, threshold or time.
 
 Owns these changes as data. `analysis.what_if_scenario` puts them into effect on a copy of the map.
 """
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias
 
+from ltvn_core.analysis.world_clock import WorldTime
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.types import NodeId
 
@@ -76,4 +77,11 @@ class WithThreshold:
     value: float
 
 
-WhatIfChange: TypeAlias = WithEdge | WithoutEdge | WithBelief | WithGoal | WithStart | WithThreshold
+@dataclass(frozen=True, slots=True)
+class WithTime:
+    """It is later, and nobody looked meanwhile."""
+
+    time: WorldTime
+
+
+WhatIfChange: TypeAlias = WithEdge | WithoutEdge | WithBelief | WithGoal | WithStart | WithThreshold | WithTime

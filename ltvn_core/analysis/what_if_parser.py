@@ -1,4 +1,5 @@
-"""Imagined changes as a person types them: "without 12->40", "p(12->40) = 0.1", "goal 120", "D_c = 1.3".
+"""Imagined changes as a person types them: "without 12->40", "p(12->40) = 0.1", "goal 120", "D_c = 1.3",
+"at 18:00".
 
 Owns the short text form, both ways. What a change does is `analysis.what_if_scenario`.
 """
@@ -16,7 +17,9 @@ from ltvn_core.analysis.what_if_changes import (
     WithoutEdge,
     WithStart,
     WithThreshold,
+    WithTime,
 )
+from ltvn_core.analysis.world_clock import TIME_EXAMPLES, format_world_time, parse_world_time
 from ltvn_core.errors import OptionError
 
 WHAT_IF_EXAMPLES = (
@@ -27,6 +30,7 @@ WHAT_IF_EXAMPLES = (
     "goal 120",
     "from 12",
     *(f"{threshold} = 1.3" for threshold in WhatIfThreshold),
+    *TIME_EXAMPLES,
 )
 """One of each form, for help texts."""
 
@@ -34,6 +38,7 @@ _EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"
 _PRESENCE = re.compile(rf"(with|without)\s+{_EDGE}", re.IGNORECASE)
 _BELIEF = re.compile(rf"(p|mu)\s*\(\s*{_EDGE}\s*\)\s*=\s*(\S+)", re.IGNORECASE)
 _PLACE = re.compile(r"(goal|from)\s+(\d+)", re.IGNORECASE)
+_TIME = re.compile(r"(at|in)\s.*|\d{1,2}:\d{2}", re.IGNORECASE)
 _THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
 _THRESHOLDS = {threshold.value.lower(): threshold for threshold in WhatIfThreshold}
 
@@ -49,6 +54,8 @@ def parse_what_if_change(text: str) -> WhatIfChange:
         return WithBelief(*edge, p=value) if found[1].lower() == "p" else WithBelief(*edge, mu=value)
     if found := _PLACE.fullmatch(words):
         return WithGoal(int(found[2])) if found[1].lower() == "goal" else WithStart(int(found[2]))
+    if _TIME.fullmatch(words):
+        return WithTime(parse_world_time(words))
     found = _THRESHOLD.fullmatch(words)
     if found and (threshold := _THRESHOLDS.get(found[1].lower())) is not None:
         return WithThreshold(threshold, parse_number(found[2], text, "nothing to imagine"))
@@ -72,4 +79,6 @@ def format_what_if_change(change: WhatIfChange) -> str:
             return f"from {source}"
         case WithThreshold(threshold, value):
             return f"{threshold.value} = {value!r}"
+        case WithTime(time):
+            return format_world_time(time)
     assert_never(change)

@@ -6,19 +6,21 @@ Owns the comparison of both plans. Works on copies: neither the map nor the reco
 
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from ltvn_core.analysis.planner_state import PlannerState
 from ltvn_core.analysis.what_if_changes import WhatIfChange
 from ltvn_core.analysis.what_if_scenario import (
     EdgeWeightFactory,
+    PresenceMoment,
     WhatIfScenario,
     apply_what_if_changes,
     ltvn_edge_weight,
 )
 from ltvn_core.config import Method
 from ltvn_core.graph.planner import NO_PATH, GraphPath, Planner
+from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 
@@ -33,6 +35,8 @@ class EdgeCostParts:
     """What the weight of the edge adds: -weight * ln p in the paper's system."""
     penalty: float
     """For failures earlier in the query."""
+    open_p: float = 1.0
+    """How probably it is open then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +55,10 @@ class PlanDifference:
     """Edges that only the new path has, in order."""
     notes: tuple[str, ...]
     """What these plans cannot tell about the changes, for a person."""
+    old_open: Mapping[EdgeKey, float] = field(default_factory=dict)
+    """How probably the edges are open that were ever seen blocked,"""
+    new_open: Mapping[EdgeKey, float] = field(default_factory=dict)
+    """and how probably they would be."""
 
     @property
     def sentence(self) -> str:
@@ -71,43 +79,62 @@ def replan(
     changes: Sequence[WhatIfChange],
     *,
     edge_weight_of: EdgeWeightFactory = ltvn_edge_weight,
+    presence: PresenceMoment | None = None,
 ) -> PlanDifference:
     """Plan twice, as it was and as it would be under `changes`, taken in order.
 
-    `edge_weight_of` are those of the system that planned; the paper's own unless another is named.
+    `edge_weight_of` are those of the system that planned; the paper's own unless another is named. With `presence` both
+    plans take into account what is open.
     Costs two copies of the map and two searches. Raises MapError where a change names a node or an edge that is not in
     the map, OptionError for values that cannot be.
     """
-    before = WhatIfScenario(graph=graph, planner_state=planner_state, method=method, edge_weight_of=edge_weight_of)
+    before = WhatIfScenario(
+        graph=graph,
+        planner_state=planner_state,
+        method=method,
+        edge_weight_of=edge_weight_of,
+        presence=presence,
+    )
     after = apply_what_if_changes(before, changes)
-    old, new = _plan(before), _plan(after)
+    old_open, new_open = _open_edges(before), _open_edges(after)
+    old, new = _plan(before, old_open), _plan(after, new_open)
     old_keys, new_keys = (tuple(itertools.pairwise(path.nodes)) for path in (old, new))
     return PlanDifference(
         old=old,
         new=new,
-        old_edges=tuple(_cost_parts(before, key) for key in old_keys),
-        new_edges=tuple(_cost_parts(after, key) for key in new_keys),
+        old_edges=tuple(_cost_parts(before, key, old_open) for key in old_keys),
+        new_edges=tuple(_cost_parts(after, key, new_open) for key in new_keys),
         removed_edges=tuple(key for key in old_keys if key not in new_keys),
         added_edges=tuple(key for key in new_keys if key not in old_keys),
         notes=tuple(after.notes),
+        old_open=old_open,
+        new_open=new_open,
     )
 
 
-def _plan(scenario: WhatIfScenario) -> GraphPath:
+def _open_edges(scenario: WhatIfScenario) -> Mapping[EdgeKey, float]:
+    return {} if scenario.presence is None else scenario.presence.probabilities(scenario.graph)
+
+
+def _plan(scenario: WhatIfScenario, open_edges: Mapping[EdgeKey, float]) -> GraphPath:
     source, goal = scenario.planner_state.source, scenario.planner_state.goal
     if source is None or goal is None:
         missing = "where the robot is" if source is None else "where it should go"
         scenario.notes.append(f"There is no plan because nobody knows {missing}; set it as a change.")
         return NO_PATH
-    penalty = scenario.method.planning.failure_penalty
-    penalties = {edge: count * penalty for edge, count in scenario.planner_state.failures.items()}
-    return Planner(scenario.graph, scenario.method.planning, weight=scenario.weight).plan(source, goal, penalties)
+    planning, asked = scenario.method.planning, scenario.planner_state
+    penalties = {edge: count * planning.failure_penalty for edge, count in asked.failures.items()}
+    planner = Planner(scenario.graph, planning, weight=scenario.weight)
+    return plan_by_presence(
+        planner, source, goal, penalties, open_edges, belief_weight=planning.belief_weight, tries=asked.tries
+    )
 
 
-def _cost_parts(scenario: WhatIfScenario, key: EdgeKey) -> EdgeCostParts:
+def _cost_parts(scenario: WhatIfScenario, key: EdgeKey, open_edges: Mapping[EdgeKey, float]) -> EdgeCostParts:
     belief, planning = scenario.graph.edges[key].belief, scenario.method.planning
     penalty = scenario.planner_state.failures.get(key, 0) * planning.failure_penalty
-    return EdgeCostParts(edge=key, mu=belief.mu, doubt=scenario.weight(belief) - belief.mu, penalty=penalty)
+    doubt = scenario.weight(belief) - belief.mu
+    return EdgeCostParts(edge=key, mu=belief.mu, doubt=doubt, penalty=penalty, open_p=open_edges.get(key, 1.0))
 
 
 def _path_text(path: GraphPath) -> str:

@@ -10,6 +10,7 @@ from typing import TypeAlias, assert_never
 
 import numpy as np
 
+from ltvn_core.analysis.edge_presence_history import presence_as_if
 from ltvn_core.analysis.manual_edits import add_edge
 from ltvn_core.analysis.planner_state import PlannerState
 from ltvn_core.analysis.what_if_changes import (
@@ -21,13 +22,16 @@ from ltvn_core.analysis.what_if_changes import (
     WithoutEdge,
     WithStart,
     WithThreshold,
+    WithTime,
 )
+from ltvn_core.analysis.world_clock import WorldTime, clock_text, time_ahead
 from ltvn_core.config import BeliefConfig, Method
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
 from ltvn_core.graph.maintenance import should_prune
 from ltvn_core.graph.planner import EdgeWeight, edge_cost
+from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
@@ -40,6 +44,19 @@ def ltvn_edge_weight(method: Method) -> EdgeWeight:
     return partial(edge_cost, config=method.planning)
 
 
+@dataclass(frozen=True, slots=True)
+class PresenceMoment:
+    """What a planner knows by that looks at what is open: the filter, and the time."""
+
+    presence_filter: PresenceFilter
+    at_s: float
+    """On the clock of the world."""
+
+    def probabilities(self, graph: TopologicalGraph) -> dict[EdgeKey, float]:
+        """Return how probably the edges of a map are open then that were ever seen blocked."""
+        return presence_as_if(graph, self.presence_filter, self.at_s)
+
+
 @dataclass(slots=True)
 class WhatIfScenario:
     """A map with the question and the thresholds of one moment."""
@@ -48,6 +65,8 @@ class WhatIfScenario:
     planner_state: PlannerState
     method: Method
     edge_weight_of: EdgeWeightFactory = ltvn_edge_weight
+    presence: PresenceMoment | None = None
+    """None where every edge that exists is held to be open."""
     notes: list[str] = field(default_factory=list)
     """What a plan here cannot tell, for a person."""
 
@@ -68,6 +87,7 @@ def apply_what_if_changes(scenario: WhatIfScenario, changes: Sequence[WhatIfChan
         planner_state=scenario.planner_state,
         method=scenario.method,
         edge_weight_of=scenario.edge_weight_of,
+        presence=scenario.presence,
     )
     for change in changes:
         _apply_change(other, change)
@@ -89,8 +109,21 @@ def _apply_change(scenario: WhatIfScenario, change: WhatIfChange) -> None:
             scenario.planner_state = replace(scenario.planner_state, source=_node(scenario.graph, source))
         case WithThreshold(threshold, value):
             _set_threshold(scenario, threshold, value)
+        case WithTime(time):
+            _wait(scenario, time)
         case _:
             assert_never(change)
+
+
+def _wait(scenario: WhatIfScenario, time: WorldTime) -> None:
+    if scenario.presence is None or not scenario.graph.presence:
+        scenario.notes.append("No edge was ever seen blocked here, so time changes nothing.")
+        return
+    at_s = time_ahead(time, scenario.presence.at_s)
+    scenario.presence = replace(scenario.presence, at_s=at_s)
+    # Whoever sets off later begins another query.
+    scenario.planner_state = replace(scenario.planner_state, tries=0, failures={})
+    scenario.notes.append(f"It would be {clock_text(at_s)}, if nobody looked until then.")
 
 
 def _weighs_belief(edge_weight_of: EdgeWeightFactory, method: Method) -> bool:

@@ -12,6 +12,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.presence.edge_filters import edge_filter
 from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
+from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 
@@ -50,6 +51,23 @@ def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:
             "Choose another maintenance."
         )
     return truth
+
+
+def recorded_filter(name: str) -> PresenceFilter | None:
+    """Return what judged which edges are open in a run whose recording names a maintenance, which may be empty.
+
+    None where its plans took no account of that, `persistent` where the recording does not say.
+    """
+    if name in ("static", "paper", "robust"):
+        return None
+    return edge_filter(name if name in _FILTERED else "persistent")
+
+
+def recorded_maintenance(system: NavigationSystem) -> str:
+    """Return the name of the filter that judges which edges are open in a system; empty where none does."""
+    presence = system.presence
+    judges = presence.presence_filter if isinstance(presence, FilteredPresence) else None
+    return next((name for name in _FILTERED if edge_filter(name) is judges), "")
 
 
 def _believing(preset: BeliefConfig, measured: BeliefConfig) -> BeliefConfig:

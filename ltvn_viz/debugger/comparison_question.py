@@ -1,31 +1,56 @@
-"""Compare: this map against another one, or against what it was before the first query, with figures and in colours."""
+"""Compare: this map against another one, or against what it was before, with figures and in colours.
 
-from collections.abc import Mapping, Sequence
+What changed since yesterday is the same question: edges that are closed now, or open again, and what is new.
+"""
+
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MapMetrics, compare_maps, map_metrics
+from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference
+from ltvn_core.analysis.node_matching import MatchedBy
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.world_clock import (
+    DAY_S,
+    TimeAway,
+    WorldTime,
+    names_time,
+    parse_world_time,
+    time_behind,
+    world_time_at,
+)
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph.deltas import Edge
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.events import Judged, QueryEnded, StampedEvent
-from ltvn_core.recording.reader import Recording
-from ltvn_core.types import NodeId, Pose
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.events import Judged, QueryEnded, WorldChanged
+from ltvn_core.palette import Rgb8
+from ltvn_core.types import NodeId
 from ltvn_viz.debugger.background_cache import LatestAnswer
+from ltvn_viz.debugger.compared_map import (
+    BEFORE_FIRST_QUERY,
+    ComparedMap,
+    MapComparison,
+    compare,
+    first_query_event,
+    map_at_time,
+    map_before_first_query,
+    map_of_moment,
+    opened_map,
+)
 from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.presence_changes import add_presence_changes, add_world_changes, presence_strokes
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.svg_figures import legend_item
 from ltvn_viz.session.commands import PointAt, QuestionRequest
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
 
-BEFORE_FIRST_QUERY = "before its first query"
 CHOOSE_ANOTHER = "choose another"
 _NAMES, _ROWS, _STROKES = 10, 20, 4000
-_ASKS = "Name of a recording"
+_ASKS = "Name of a recording, or a time (1 h ago, at 18:00)"
+_TIMES = (TimeAway(-600.0), TimeAway(-3600.0), TimeAway(-DAY_S))
+_NAMED_TIMES = ("ten minutes ago", "an hour ago", "yesterday at this time")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,29 +70,15 @@ class ChooseAnother(QuestionRequest):
     """Go back to the list of what to compare with."""
 
 
-ComparisonRequest: TypeAlias = CompareWithStart | CompareWithRecording | ChooseAnother
+@dataclass(frozen=True, slots=True)
+class CompareWithTime(QuestionRequest):
+    """Compare with this run at an earlier time of the world."""
+
+    time: WorldTime
 
 
-@dataclass(frozen=True, eq=False)
-class ComparedMap:
-    """One of the two maps, and what happened to it."""
-
-    name: str
-    scene: str
-    graph: TopologicalGraph
-    events: Sequence[StampedEvent]
-    poses: Mapping[NodeId, Pose]
-
-
-@dataclass(frozen=True, eq=False)
-class MapComparison:
-    """The answer."""
-
-    here: ComparedMap
-    there: ComparedMap
-    figures: tuple[MapMetrics, MapMetrics]
-    difference: MapDifference | None
-    """None across scenes."""
+ComparisonRequest: TypeAlias = CompareWithStart | CompareWithRecording | CompareWithTime | ChooseAnother
+_Other: TypeAlias = CompareWithStart | CompareWithRecording | CompareWithTime
 
 
 class ComparisonQuestion(Question[ComparisonRequest]):
@@ -79,9 +90,9 @@ class ComparisonQuestion(Question[ComparisonRequest]):
 
     def __init__(self) -> None:
         """Compare with nothing yet."""
-        self._other: CompareWithStart | CompareWithRecording | None = None
+        self._other: _Other | None = None
         self._latest = LatestAnswer()
-        self._start: tuple[Timeline, int, ComparedMap] | None = None
+        self._earlier: tuple[Hashable, Timeline, ComparedMap] | None = None
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer recordings, or show what is different in the chosen one."""
@@ -97,15 +108,9 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         if there is None:
             builder.add_pending(f"Opening {_title(self._other)}")
             return builder.build()
-        here = (
-            context.name,
-            context.scene,
-            context.graph,
-            context.timeline.events[: context.timeline.count_until(context.instant)],
-        )
-        poses = _poses(context, context.graph)
-        question = ("compare", context.name, context.revision(QueryEnded, Judged), there.name)
-        found = self._latest(context.in_background, question, lambda: _compared(ComparedMap(*here, poses), there))
+        question = "compare", context.name, context.revision(QueryEnded, Judged, WorldChanged), there.name
+        here, judge = map_of_moment(context), context.known_filter
+        found = self._latest(context.in_background, question, lambda: compare(here, there, judge))
         if found is None:
             builder.add_pending("Comparing")
             return builder.build()
@@ -113,14 +118,18 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         return _difference(builder, found, selection)
 
     def handle_text(self, context: DebugContext, text: str) -> None:
-        """Take the name of the other recording; raises RecordingError if there is none of that name."""
-        self.handle_request(context, CompareWithRecording(text.strip()))
+        """Take the name of the other recording, or a time; raises RecordingError, OptionError."""
+        request = CompareWithTime(parse_world_time(text)) if names_time(text) else CompareWithRecording(text.strip())
+        self.handle_request(context, request)
 
     def handle_request(self, context: DebugContext, request: ComparisonRequest) -> None:
         """Take the other map, or none; raises RecordingError if there is no recording of that name."""
         match request:
             case CompareWithRecording(name):
                 context.library.path(name)
+                self._other = request
+            case CompareWithTime(time):
+                time_behind(time, context.world_s)
                 self._other = request
             case CompareWithStart():
                 self._other = request
@@ -130,18 +139,25 @@ class ComparisonQuestion(Question[ComparisonRequest]):
                 assert_never(request)
         self._latest.forget()
 
-    def _there(self, context: DebugContext, other: CompareWithStart | CompareWithRecording) -> ComparedMap | None:
-        if isinstance(other, CompareWithStart):
-            run = context.timeline, _first_query_event(context.timeline)
-            if self._start is None or self._start[:2] != run:
-                self._start = *run, _before(context)
-            return self._start[2]
-        path = context.library.path(other.name)
-        return context.in_background(("open", other.name, path.stat().st_mtime_ns), lambda: _opened(path))
+    def _there(self, context: DebugContext, other: _Other) -> ComparedMap | None:
+        if isinstance(other, CompareWithRecording):
+            path = context.library.path(other.name)
+            return context.in_background(("open", other.name, path.stat().st_mtime_ns), lambda: opened_map(path))
+        # A time ago moves on with the moment; a minute more or less makes no other comparison.
+        moment = round(context.world_s / 60) if isinstance(other, CompareWithTime) else 0
+        key = other, first_query_event(context.timeline), moment
+        if self._earlier is None or self._earlier[:2] != (key, context.timeline):
+            made = (
+                map_at_time(context, other.time)
+                if isinstance(other, CompareWithTime)
+                else map_before_first_query(context)
+            )
+            self._earlier = key, context.timeline, made
+        return self._earlier[2]
 
 
-def _title(other: CompareWithStart | CompareWithRecording) -> str:
-    return other.name if isinstance(other, CompareWithRecording) else f"this run, {BEFORE_FIRST_QUERY}"
+def _title(other: _Other) -> str:
+    return other.name if isinstance(other, CompareWithRecording) else "what was before"
 
 
 def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
@@ -152,6 +168,7 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
         if context.timeline.queries
         else []
     )
+    offered += _offered_times(context, builder)
     offered += [builder.request_link(name, CompareWithRecording(name)) for name in names[:_NAMES]]
     for each in offered:
         builder.add_html(f"<div>{each}</div>")
@@ -164,37 +181,16 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
     return builder.build(input_hint=_ASKS)
 
 
-def _before(context: DebugContext) -> ComparedMap:
-    first = _first_query_event(context.timeline)
-    graph = context.timeline.graph_before(first)
-    return ComparedMap(
-        BEFORE_FIRST_QUERY, context.scene, graph, context.timeline.events[:first], _poses(context, graph)
-    )
-
-
-def _first_query_event(timeline: Timeline) -> int:
-    """Return the number of the event with which the first query begins, or of the next event to come."""
-    return timeline.queries[0].first if timeline.queries else len(timeline.events)
-
-
-def _opened(path: Path) -> ComparedMap:
-    recording = Recording.open(path)
-    poses = recording.poses
-    drawn = poses.odometry if poses.exact is None else poses.exact
-    where = dict(zip(poses.steps.tolist(), drawn, strict=True))
-    return ComparedMap(path.name, recording.meta.scene, recording.final_graph(), recording.events, where)
-
-
-def _poses(context: DebugContext, graph: TopologicalGraph) -> dict[NodeId, Pose]:
-    return {node: pose for node in graph.nodes if (pose := context.pose(node)) is not None}
-
-
-def _compared(here: ComparedMap, there: ComparedMap) -> MapComparison:
-    both = map_metrics(here.graph, here.events), map_metrics(there.graph, there.events)
-    difference = None
-    if here.scene == there.scene:
-        difference = compare_maps(here.graph, there.graph, poses_a=here.poses, poses_b=there.poses)
-    return MapComparison(here, there, both, difference)
+def _offered_times(context: DebugContext, builder: AnswerBuilder) -> list[str]:
+    """Offer the times that lie within the run."""
+    if not context.timeline.events:
+        return []
+    began_s = world_time_at(context.timeline, context.timeline.instant(0))
+    return [
+        f"this run, {builder.request_link(name, CompareWithTime(time))}"
+        for name, time in zip(_NAMED_TIMES, _TIMES, strict=True)
+        if context.world_s + time.seconds > began_s
+    ]
 
 
 def _metrics_table(builder: AnswerBuilder, found: MapComparison) -> None:
@@ -225,7 +221,12 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
         f"{legend_item(palette.EDGE_REMOVED, f'only there: {len(difference.edges_only_b)}')} "
         f"{legend_item(palette.PLAN, f'believed differently: {believed}')}</div>"
     )
-    builder.add_text(f"{len(difference.nodes)} nodes are in both, known by their {difference.matched_by}.")
+    builder.add_text(
+        f"{len(difference.nodes)} nodes are in both, known by their {difference.matched_by}; "
+        f"{len(difference.nodes_only_a)} only here, {len(difference.nodes_only_b)} only there."
+    )
+    add_presence_changes(found, builder)
+    add_world_changes(found, builder)
     nodes = builder.add_selected_edge(selection)
     if difference.differing:
         back = {other: node for node, other in difference.nodes.items()}
@@ -233,7 +234,14 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
         builder.add_table(("edge", "p here", "p there", "of all ways"), rows)
         if len(difference.differing) > _ROWS:
             builder.add_text(f"… and {len(difference.differing) - _ROWS} more that matter less.")
-    return builder.build(Overlay(strokes=_strokes(found, difference), nodes=nodes))
+    strokes = *_strokes(found, difference), *presence_strokes(found)
+    return builder.build(Overlay(strokes=strokes, nodes={**_new_nodes(difference), **nodes}))
+
+
+def _new_nodes(difference: MapDifference) -> dict[NodeId, Rgb8]:
+    if difference.matched_by is not MatchedBy.ID:
+        return {}  # The map of another drive has hardly a node of this one.
+    return dict.fromkeys(difference.nodes_only_a[:_STROKES], palette.EDGE_ADDED)
 
 
 def _row(builder: AnswerBuilder, each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> tuple[str, ...]:

@@ -11,8 +11,11 @@ from typing import NamedTuple
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
+from ltvn_core.graph.presence.edge_filters import PERSISTENT
+from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, is_usable
@@ -69,6 +72,8 @@ class DebugContext:
     """Fingerprint of the network that the run was made with; empty where nobody knows."""
     system: str
     """Name of the system that planned, as the recording says; empty where it does not say."""
+    presence_filter: PresenceFilter | None
+    """What judges which edges are open; None where plans take no account of it."""
     live_map: LiveMap | None
     """The live map and its images, to be touched within `in_background` alone; None in replay."""
     live: Timeline
@@ -96,6 +101,21 @@ class DebugContext:
     def graph(self) -> TopologicalGraph:
         """The map at the moment; linear in its changes when it is asked first."""
         return self.timeline.graph_at(self.instant)
+
+    @property
+    def known_filter(self) -> PresenceFilter:
+        """What judges which edges are open, in runs too whose plans take no account of it."""
+        return self.presence_filter or PERSISTENT
+
+    @cached_property
+    def world_s(self) -> float:
+        """The time of the world at the moment, seconds from midnight of its first day."""
+        return latest_known_time(self.graph, world_time_at(self.timeline, self.instant))
+
+    @property
+    def was_seen_blocked(self) -> bool:
+        """Tell whether any edge was seen blocked at any time of the run, also after the moment."""
+        return self.timeline.progress_before(len(self.timeline.events)).seen_blocked > 0
 
     @property
     def view(self) -> PredictorView:

@@ -8,6 +8,9 @@ from collections.abc import Callable
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import LtvnError
+from ltvn_core.graph.presence.edge_presence import FilteredPresence
+from ltvn_core.graph.presence.presence_filter import PresenceFilter
+from ltvn_core.systems.maintenance import recorded_filter
 from ltvn_core.types import FrameId, Observation
 from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.debugger.context import DebugContext
@@ -50,6 +53,7 @@ class DebugContextBuilder:
             predictor=state.live_map.predictor if compared is None else compared.predictor,
             weights=state.live_map.fingerprint if replay is None else replay.weights,
             system=state.live_map.system.name if replay is None else replay.system,
+            presence_filter=_live_filter(state) if replay is None else recorded_filter(replay.maintenance),
             live_map=state.live_map if replay is None else None,
             live=state.live.timeline,
             in_background=self._in_background,
@@ -68,6 +72,11 @@ class DebugContextBuilder:
             self._known_events = len(run.events)
             self._due = self._clock() + _COUNT_EVERY_S
         return self._known_events
+
+
+def _live_filter(state: AppState) -> PresenceFilter | None:
+    presence = state.live_map.system.presence
+    return presence.presence_filter if isinstance(presence, FilteredPresence) else None
 
 
 def _live_observation(state: AppState) -> Callable[[FrameId], Observation | None]:

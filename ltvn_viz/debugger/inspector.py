@@ -46,7 +46,8 @@ class Inspector:
         self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
         self.words = {question.word: question.name for question in questions}
         self._contexts = DebugContextBuilder(BackgroundCache(worker, self.mark_stale))
-        self.shown = Inspection(offered=(QuestionName.NONE, *self._questions), serial=first_serial)
+        self.names = (QuestionName.NONE, *self._questions)
+        self.shown = Inspection(offered=(QuestionName.NONE,), serial=first_serial)
         self._key: object = None
         self._context: DebugContext | None = None
         self._drawn: OrderedDict[int, tuple[Command, ...]] = OrderedDict()
@@ -99,6 +100,7 @@ class Inspector:
         """Let the question on show look again if anything changed that it may show."""
         question = self._questions.get(self.shown.question)
         self._context = context = self.context(state, moment)
+        self._offer(context)
         run = context.name, context.timeline, context.known_events
         key = self.shown.question, self.shown.selection, run, context.step, context.viewpoint
         if question is None or key == self._key:
@@ -111,6 +113,14 @@ class Inspector:
         if answer != self.shown.answer:
             self.shown = replace(self.shown, answer=answer, serial=self.shown.serial + 1)
             self._remember()
+
+    def _offer(self, context: DebugContext) -> None:
+        """Offer what can be answered in this run, and the question on show in any case."""
+        questions = self._questions.values()
+        names = [each.name for each in questions if each.is_offered(context) or each.name == self.shown.question]
+        offered = (QuestionName.NONE, *names)
+        if offered != self.shown.offered:
+            self.shown = replace(self.shown, offered=offered)
 
     def notify(self, text: str) -> None:
         """Tell the page that asks something."""

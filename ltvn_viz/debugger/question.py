@@ -98,6 +98,10 @@ class Question(ABC, Generic[RequestT]):
     is_for_watchers: ClassVar[bool] = False
     """A page without the seat may ask it too: nothing that it does is noticed elsewhere, and it opens no file."""
 
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether the question can be answered in this run at all; asked often, so it must be quick."""
+        return True
+
     @abstractmethod
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Return what there is to see now; called when case or selection changed, in the session's thread."""

@@ -13,7 +13,7 @@ from ltvn_core.analysis.planner_state import PlannerState
 from ltvn_core.analysis.threshold_dry_run import PruneCounts, prune_dry_run, rebuild_dry_run
 from ltvn_core.analysis.what_if_changes import WhatIfChange, WhatIfThreshold, WithGoal, WithStart, WithThreshold
 from ltvn_core.analysis.what_if_replanning import PlanDifference, replan
-from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory
+from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PresenceMoment
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -42,12 +42,15 @@ def plan_both_ways(
     method: Method,
     changes: tuple[WhatIfChange, ...],
     edge_weight_of: EdgeWeightFactory,
+    presence: PresenceMoment | None,
 ) -> WhatIfOutcome:
-    """Plan as it was and as it would be; costs two copies of the map and two searches."""
+    """Plan as it was and as it would be; costs two copies of the map and two searches, or eight where edges may be
+    closed.
+    """
     if not all(isinstance(each, WithGoal | WithStart) for each in changes):
         situation = _placed(situation, changes)
     try:
-        plans = replan(graph, situation, method, changes, edge_weight_of=edge_weight_of)
+        plans = replan(graph, situation, method, changes, edge_weight_of=edge_weight_of, presence=presence)
     except LtvnError as error:
         return str(error)
     levels = [

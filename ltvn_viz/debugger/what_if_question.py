@@ -17,9 +17,11 @@ from ltvn_core.analysis.what_if_changes import (
     WithoutEdge,
     WithStart,
     WithThreshold,
+    WithTime,
 )
 from ltvn_core.analysis.what_if_parser import format_what_if_change, parse_what_if_change
 from ltvn_core.analysis.what_if_replanning import EdgeCostParts, PlanDifference
+from ltvn_core.analysis.world_clock import clock_text
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
@@ -34,6 +36,7 @@ from ltvn_viz.debugger.what_if_planning import (
     plan_both_ways,
     with_imagined_thresholds,
 )
+from ltvn_viz.debugger.what_if_times import OFFERED_TIMES, add_open_edges, presence_moment
 from ltvn_viz.session.commands import PointAt, QuestionRequest
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
@@ -70,7 +73,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     name = QuestionName.WHAT_IF
     word = QuestionName.WHAT_IF.word
     is_for_watchers = True
-    about = "Imagine an edge, a belief, the goal or a threshold to be otherwise. The map and the recording stay as is."
+    about = "Imagine an edge, a belief, the goal, a threshold or the time to be otherwise. Map and run stay as is."
 
     def __init__(self) -> None:
         """Begin with the world as it is."""
@@ -81,12 +84,14 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         """Show what is imagined and what would come of it."""
         builder = AnswerBuilder()
         self._offers(context, selection, builder)
+        if context.graph.presence:
+            _offer_times(context, builder)
         self._imagined(builder)
         overlay = EMPTY_OVERLAY
         if self._changes:
             overlay = self._compared(context, builder)
             self._rebuilt(context, builder)
-        return builder.build(overlay, input_hint="What if (D_c = 1.3, R_p = 0.3, goal 120 …)")
+        return builder.build(overlay, input_hint="What if (D_c = 1.3, goal 120, at 18:00 …)")
 
     def handle_text(self, context: DebugContext, text: str) -> None:
         """Imagine one thing more, or "forget" one or "all". Raises OptionError, MapError."""
@@ -137,9 +142,12 @@ class WhatIfQuestion(Question[WhatIfRequest]):
             context.timeline.change_count_before(context.timeline.count_until(context.instant)),
             situation.source,
             situation.goal,
+            # A second more or less makes no difference to what is open.
+            round(context.world_s) if context.graph.presence else 0,
         )
         question = "what if", context.name, self._told, *known, *situation.failures.items()
-        plan = partial(plan_both_ways, graph, situation, context.method, changes, how.edge_weight_of)
+        presence = presence_moment(context)
+        plan = partial(plan_both_ways, graph, situation, context.method, changes, how.edge_weight_of, presence)
         outcome: WhatIfOutcome | None = context.in_background(question, plan)
         if outcome is None:
             builder.add_pending("Planning both ways")
@@ -190,7 +198,7 @@ def _about(change: WhatIfChange) -> Hashable:
             return "mu" if p is None else "p", source, target
         case WithThreshold(threshold):
             return threshold
-        case WithGoal() | WithStart():
+        case WithGoal() | WithStart() | WithTime():
             return type(change)
     assert_never(change)
 
@@ -208,12 +216,23 @@ def _about_node(selection: Selection) -> tuple[WhatIfChange, ...]:
     return () if selection.node is None else (WithGoal(selection.node), WithStart(selection.node))
 
 
+def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:
+    """Offer other times, where some edges are not always open."""
+    if context.presence_filter is None:
+        builder.add_text("Plans of this run take no account of what is open at which time.")
+        return
+    links = (builder.request_link(format_what_if_change(each), ImagineChange(each)) for each in OFFERED_TIMES)
+    builder.add_html(f"<div>It is {clock_text(context.world_s)}. What if it were {' · '.join(links)}</div>")
+
+
 def _say(answer: WhatIfResult, builder: AnswerBuilder) -> None:
     plans = answer.plans
     if answer.pruned is not None:
         builder.add_text(answer.pruned.sentence)
     for note in plans.notes:
         builder.add_text(note)
+    if plans.old_open != plans.new_open:
+        add_open_edges(plans, builder)
     asked = answer.asked
     if asked.source is not None and asked.goal is not None:
         builder.add_html(f"<div>From {asked.source} to {asked.goal}: <b>{escape(plans.sentence)}</b></div>")
@@ -227,12 +246,12 @@ def _table(plans: PlanDifference, builder: AnswerBuilder) -> None:
         known = {each.edge: each for each in plans.old_edges}
         rows = [_row(builder, "now", each) for each in plans.new_edges if known.get(each.edge) != each]
     if rows:
-        builder.add_table(("plan", "edge", "length", "doubt", "failed"), rows[:_ROWS])
+        builder.add_table(("plan", "edge", "length", "doubt", "failed", "p open"), rows[:_ROWS])
 
 
 def _row(builder: AnswerBuilder, plan: str, priced: EdgeCostParts) -> tuple[str, ...]:
     source, target = priced.edge
-    numbers = (f"{each:.2f}" for each in (priced.mu, priced.doubt, priced.penalty))
+    numbers = (f"{each:.2f}" for each in (priced.mu, priced.doubt, priced.penalty, priced.open_p))
     return plan, builder.link(f"{source} → {target}", PointAt(source, target)), *numbers
 
 

@@ -55,6 +55,11 @@ class Debugger(Protocol):
         ...
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all questions, those too that are not offered now."""
+        ...
+
+    @property
     def words(self) -> Mapping[str, str]:
         """The names of the questions by their words in an address."""
         ...

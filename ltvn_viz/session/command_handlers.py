@@ -156,7 +156,7 @@ def _inspect(state: AppState, command: c.DebuggerCommand) -> None:
     debugger = state.debugger
     match command:
         case c.ChooseQuestion(name):
-            debugger.choose(next((each for each in debugger.shown.offered if each == name), QuestionName.NONE))
+            debugger.choose(next((each for each in debugger.names if each == name), QuestionName.NONE))
         case c.PointAt(node, target):
             debugger.point_at(node, target)
         case c.SubmitText(text):

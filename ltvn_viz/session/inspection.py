@@ -38,6 +38,8 @@ class QuestionName(StrEnum):
     BLAME = "Why is it so?", "blame"
     TIME = "What happened when?", "time"
     WHAT_IF = "What if?", "what-if"
+    PRESENCE = "When is it open?", "presence"
+    TRIED = "Why did it try the door?", "tried"
     WHERE = "Where am I?", "where"
     BREAK = "Stop when …", "break"
     COMPARE = "What is different?", "compare"

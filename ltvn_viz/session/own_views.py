@@ -52,7 +52,7 @@ def refresh_next_own_view(state: AppState, moment: RunMoment) -> None:
 def _copy_of_shared(state: AppState, page: ClientId, moment: RunMoment) -> Debugger:
     """Begin an own view with what the page shows already."""
     view, shared = state.new_own_debugger(page), state.debugger.shown
-    if shared.question in view.shown.offered:
+    if shared.question in view.names:
         view.choose(shared.question)
     if shared.selection.edge is not None:
         view.point_at(*shared.selection.edge)
@@ -86,7 +86,7 @@ def _carry_out(state: AppState, view: Debugger, command: c.Command | None) -> No
 
 
 def _choose(view: Debugger, name: str) -> None:
-    known = next((each for each in view.shown.offered if each == name), None)
+    known = next((each for each in view.names if each == name), None)
     if known is None:
         view.notify(f"“{name}” is for the page that drives. Take over to ask it.")
     else:

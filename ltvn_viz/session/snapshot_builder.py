@@ -70,8 +70,8 @@ class SnapshotBuilder:
         activity, making = state.activity, state.maker.work
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
         self.moment = snapshot.moment
-        if state.debugger.is_on:
-            state.debugger.refresh(state, snapshot.moment)
+        # Even while no question is on show: which ones are offered depends on the run.
+        state.debugger.refresh(state, snapshot.moment)
         if self._clock() >= self._own_due:
             self._own_due = self._clock() + OWN_VIEW_EVERY_S
             refresh_next_own_view(state, snapshot.moment)

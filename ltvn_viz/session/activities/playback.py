@@ -54,16 +54,19 @@ class Playback:
         camera: CameraModel = LOCOBOT.camera,
         weights: str = "",
         system: str = "",
+        maintenance: str = "",
         is_imported: bool = False,
         method: ReplayMethod | None = None,
     ) -> None:
         """Show the recording `name`, made in `scene`, from its beginning.
 
         `camera` took its images, `weights` is the fingerprint of the network that it was made with, `system` the name
-        of what planned, if known. `is_imported` says that another program took the images, with whatever carried the
-        camera. `method` compares the images; None does it as the robot does.
+        of what planned and `maintenance` of what driving taught the map, if known. `is_imported` says that another
+        program took the images, with whatever carried the camera. `method` compares the images; None does it as the
+        robot does.
         """
         self.name, self.scene, self.weights, self.system = name, scene, weights, system
+        self.maintenance = maintenance
         self.camera_model, self.is_imported = camera, is_imported
         self.method = method
         self.timeline, self._observations = timeline, observations
@@ -153,6 +156,7 @@ def open_replay(library: RecordingLibrary, name: str, choose_method: MethodChoic
         camera=meta.camera,
         weights=meta.fingerprint,
         system=str(meta.config.get("system", "")),
+        maintenance=str(meta.config.get("maintenance") or ""),
         is_imported=meta.config.get("verb") == IMPORTED,
         method=choose_method(meta),
     )

@@ -104,7 +104,9 @@ def test_a_question_that_takes_no_text_says_so(harness: SessionHarness) -> None:
 def test_our_questions_keep_the_words_of_links_that_were_sent(tmp_path: Path) -> None:
     words = SessionHarness(tmp_path).state.debugger.words
 
-    assert " ".join(words) == "edge blame time what-if where break compare truth failures coach hand share"
+    assert (
+        " ".join(words) == "edge blame time what-if presence tried where break compare truth failures coach hand share"
+    )
     assert len(set(words.values())) == len(words)
     with pytest.raises(OptionError, match="edge, blame"):
         commands_from_link("tool=explode", words)

@@ -1,0 +1,180 @@
+"""The clock of the world: what time it was at a moment of a run, and how people write and read such times.
+
+Presence is observed on this clock, which may be another than the robot's: in simulation, time goes by between queries.
+Owns the text form of a time, both ways. Days count from 1.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.deltas import Cause, PresenceObserved
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged, StampedEvent, WorldChanged
+
+DAY_S = 86400.0
+_HOUR_S, _MINUTE_S = 3600.0, 60.0
+_UNITS_S = {"s": 1.0, "min": _MINUTE_S, "h": _HOUR_S, "d": DAY_S}
+
+_TIME_OF_DAY = re.compile(r"(?:at\s+)?(?:day\s+(\d+),?\s+)?(\d{1,2}):(\d{2})", re.IGNORECASE)
+_WAIT = re.compile(r"in\s+(\d+(?:\.\d+)?)\s*(s|min|h|d)", re.IGNORECASE)
+_AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)\s+ago", re.IGNORECASE)
+TIME_EXAMPLES = ("at 18:00", "at day 2 18:00", "in 30 min", "in 1 h")
+"""One of each form of a time to come, for help texts."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOfDay:
+    """So many seconds after midnight, of the present day or of day `day`, counted from 1."""
+
+    seconds: float
+    day: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TimeAway:
+    """So many seconds from now; negative is before."""
+
+    seconds: float
+
+
+WorldTime: TypeAlias = TimeOfDay | TimeAway
+"""A time as people name it."""
+
+
+def world_time_at(timeline: Timeline, instant: Instant) -> float:
+    """Return the time of the world at a moment of a run, seconds from midnight of its first day.
+
+    The last event that tells both clocks says it; without any, the robot's clock is the world's. Linear in the events
+    since.
+    """
+    return _time_after(timeline, timeline.count_until(instant), instant.stamp)
+
+
+def world_time_before(timeline: Timeline, event: int) -> float:
+    """Return the time of the world just before event number `event`; costs as much as `world_time_at`."""
+    return _time_after(timeline, event, timeline.instant(event - 1).stamp if event else timeline.start_s)
+
+
+def _time_after(timeline: Timeline, count: int, stamp: float) -> float:
+    for number in reversed(range(count)):
+        told = _told_time(timeline.events[number])
+        if told is not None:
+            return told + max(0.0, stamp - timeline.instant(number).stamp)
+    return stamp
+
+
+def event_count_at(timeline: Timeline, at_s: float) -> int:
+    """Return how many events of a run happened up to a time of the world; linear in the events."""
+    count, offset_s = 0, 0.0
+    for number, stamped in enumerate(timeline.events):
+        stamp = timeline.instant(number).stamp
+        told = _told_time(stamped)
+        offset_s = offset_s if told is None else told - stamp
+        if stamp + offset_s <= at_s:
+            count = number + 1
+    return count
+
+
+def latest_known_time(graph: TopologicalGraph, now_s: float) -> float:
+    """Return a time that no observation of a map lies behind; a map may come from a run whose clock was ahead."""
+    return max([now_s, *(seen[-1].stamp_s for seen in graph.presence.values())])
+
+
+def _told_time(stamped: StampedEvent) -> float | None:
+    match stamped.event:
+        case WorldChanged(at_s=at_s):
+            return at_s
+        case GraphChanged(delta=PresenceObserved(stamp=seen_s, cause=cause)) if cause is not Cause.LOAD:
+            return seen_s
+        case _:
+            return None
+
+
+def names_time(text: str) -> bool:
+    """Tell whether a text has the form of a time, though perhaps there is no such time."""
+    words = " ".join(text.split())
+    return any(form.fullmatch(words) for form in (_TIME_OF_DAY, _WAIT, _AGO))
+
+
+def parse_world_time(text: str) -> WorldTime:
+    """Read a time as people write it. Raises OptionError, which lists the valid forms, for anything else."""
+    words = " ".join(text.split())
+    if found := _TIME_OF_DAY.fullmatch(words):
+        day, hours, minutes = found.groups()
+        if int(hours) < 24 and int(minutes) < 60 and day != "0":
+            seconds = int(hours) * _HOUR_S + int(minutes) * _MINUTE_S
+            return TimeOfDay(seconds, None if day is None else int(day))
+    elif found := _WAIT.fullmatch(words):
+        return TimeAway(float(found[1]) * _UNITS_S[found[2].lower()])
+    elif found := _AGO.fullmatch(words):
+        return TimeAway(-float(found[1]) * _UNITS_S[found[2].lower()])
+    raise OptionError(
+        f"{text[:60]!r} is no time; write one of: {', '.join(TIME_EXAMPLES)}. Hours go to 23, days count from 1."
+    )
+
+
+def format_world_time(time: WorldTime) -> str:
+    """Return what one types for a time; parsing it gives the same time, if it is of whole minutes."""
+    if isinstance(time, TimeOfDay):
+        day = "" if time.day is None else f"day {time.day} "
+        return f"at {day}{_hours_text(time.seconds)}"
+    length = _exact_text(abs(time.seconds))
+    return f"in {length}" if time.seconds >= 0 else f"{length} ago"
+
+
+def time_ahead(time: WorldTime, now_s: float) -> float:
+    """Return when a named time comes next, seconds on the clock of the world. Raises OptionError if it is over."""
+    at_s = _resolved(time, now_s)
+    if isinstance(time, TimeOfDay) and time.day is None and at_s < now_s:
+        at_s += DAY_S
+    if at_s < now_s:
+        raise OptionError(f"It is {clock_text(now_s)} already; imagine a later time, such as in 1 h.")
+    return at_s
+
+
+def time_behind(time: WorldTime, now_s: float) -> float:
+    """Return when a named time was last, seconds on the clock of the world. Raises OptionError if it is to come."""
+    at_s = _resolved(time, now_s)
+    if isinstance(time, TimeOfDay) and time.day is None and at_s > now_s:
+        at_s -= DAY_S
+    if at_s > now_s:
+        raise OptionError(f"It is only {clock_text(now_s)}; name an earlier time, such as 1 h ago.")
+    return at_s
+
+
+def _resolved(time: WorldTime, now_s: float) -> float:
+    if isinstance(time, TimeAway):
+        return now_s + time.seconds
+    day = math.floor(now_s / DAY_S) if time.day is None else time.day - 1
+    return day * DAY_S + time.seconds
+
+
+def clock_text(seconds: float) -> str:
+    """Return a time on the clock of the world, such as "day 2, 18:00"; a clock that never shows a day is a count."""
+    if seconds < 0 or seconds >= 1000 * DAY_S:  # Counted from elsewhere, as by a robot in the real world.
+        return f"{seconds:.0f} s"
+    return f"day {math.floor(seconds / DAY_S) + 1}, {_hours_text(seconds % DAY_S)}"
+
+
+def duration_text(seconds: float) -> str:
+    """Return a length of time in the unit that suits it, such as "20 min"."""
+    if seconds < 2 * _MINUTE_S:
+        return f"{seconds:.0f} s"
+    if seconds < 2 * _HOUR_S:
+        return f"{seconds / _MINUTE_S:.0f} min"
+    return f"{seconds / _HOUR_S:.1f} h" if seconds < 2 * DAY_S else f"{seconds / DAY_S:.1f} days"
+
+
+def _hours_text(seconds: float) -> str:
+    minutes = math.floor(seconds / _MINUTE_S)
+    return f"{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def _exact_text(seconds: float) -> str:
+    unit = next((unit for unit in ("d", "h", "min") if seconds and seconds % _UNITS_S[unit] == 0), "s")
+    return f"{seconds / _UNITS_S[unit]:g} {unit}"

@@ -1,0 +1,158 @@
+"""Two maps that are compared, each with what was known at its moment: another recording's, or this run's at a time.
+
+Owns finding the other one. The differences are computed in `ltvn_core.analysis`.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ltvn_core.analysis.edge_presence_history import PresenceChange, presence_difference
+from ltvn_core.analysis.map_comparison import MapDifference, MapMetrics, compare_maps, map_metrics
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.world_clock import (
+    WorldTime,
+    clock_text,
+    event_count_at,
+    format_world_time,
+    latest_known_time,
+    time_behind,
+    world_time_before,
+)
+from ltvn_core.graph.presence.presence_filter import PresenceFilter
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import StampedEvent, WorldChanged
+from ltvn_core.recording.reader import Recording
+from ltvn_core.types import NodeId, Pose
+from ltvn_core.worlds.world_change import PersonLeft, PersonMoved, WorldChange
+from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_viz.debugger.context import DebugContext
+
+BEFORE_FIRST_QUERY = "before its first query"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ComparedMap:
+    """One of the two maps, and what happened to it."""
+
+    name: str
+    scene: str
+    graph: TopologicalGraph
+    events: Sequence[StampedEvent]
+    poses: Mapping[NodeId, Pose]
+    world_s: float
+    """The time of the world then, seconds from midnight of its first day."""
+
+    @property
+    def world(self) -> WorldState:
+        """In simulation, what the world was like; linear in the events."""
+        state = AS_MADE
+        for stamped in self.events:
+            if isinstance(stamped.event, WorldChanged):
+                state = state.after(stamped.event.change)
+        return state
+
+
+@dataclass(frozen=True, eq=False)
+class MapComparison:
+    """The answer."""
+
+    here: ComparedMap
+    there: ComparedMap
+    figures: tuple[MapMetrics, MapMetrics]
+    difference: MapDifference | None
+    """None across scenes."""
+    presence: tuple[PresenceChange, ...]
+    """Edges of both that are held for something else here than there."""
+    world: tuple[WorldChange, ...]
+    """In simulation, what made the world of there that of here; people come and go and are left out."""
+
+
+def map_of_moment(context: DebugContext) -> ComparedMap:
+    """Return the map on show."""
+    count = context.timeline.count_until(context.instant)
+    return ComparedMap(
+        name=context.name,
+        scene=context.scene,
+        graph=context.graph,
+        events=context.timeline.events[:count],
+        poses=_poses(context, context.graph),
+        world_s=context.world_s,
+    )
+
+
+def map_before_first_query(context: DebugContext) -> ComparedMap:
+    """Return the map as it was before the run's first query."""
+    return _map_before(context, first_query_event(context.timeline), BEFORE_FIRST_QUERY)
+
+
+def map_at_time(context: DebugContext, time: WorldTime) -> ComparedMap:
+    """Return the map of this run as it was at an earlier time of the world; raises OptionError for a later one.
+
+    Where the run began later, as it was when that began.
+    """
+    at_s = time_behind(time, context.world_s)
+    count = event_count_at(context.timeline, at_s)
+    named = f"{format_world_time(time)}, {clock_text(at_s)}"
+    if not context.timeline.graph_before(count).nodes:
+        named = f"when the run began, later than {clock_text(at_s)}"
+        return _map_before(context, first_query_event(context.timeline), named)
+    return _map_before(context, count, named, at_s)
+
+
+def _map_before(context: DebugContext, count: int, name: str, at_s: float | None = None) -> ComparedMap:
+    timeline = context.timeline
+    graph = timeline.graph_before(count)
+    world_s = world_time_before(timeline, count) if at_s is None else at_s
+    return ComparedMap(
+        name=name,
+        scene=context.scene,
+        graph=graph,
+        events=timeline.events[:count],
+        poses=_poses(context, graph),
+        world_s=latest_known_time(graph, world_s),
+    )
+
+
+def first_query_event(timeline: Timeline) -> int:
+    """Return the number of the event with which the first query begins, or of the next event to come."""
+    return timeline.queries[0].first if timeline.queries else len(timeline.events)
+
+
+def opened_map(path: Path) -> ComparedMap:
+    """Open the map at the end of a recording; raises RecordingError."""
+    recording = Recording.open(path)
+    poses = recording.poses
+    drawn = poses.odometry if poses.exact is None else poses.exact
+    graph = recording.final_graph()
+    return ComparedMap(
+        name=path.name,
+        scene=recording.meta.scene,
+        graph=graph,
+        events=recording.events,
+        poses=dict(zip(poses.steps.tolist(), drawn, strict=True)),
+        world_s=latest_known_time(graph, _last_time(recording.events)),
+    )
+
+
+def _last_time(events: Iterable[StampedEvent]) -> float:
+    timeline = Timeline.of(events)
+    return world_time_before(timeline, len(timeline.events))
+
+
+def _poses(context: DebugContext, graph: TopologicalGraph) -> dict[NodeId, Pose]:
+    return {node: pose for node in graph.nodes if (pose := context.pose(node)) is not None}
+
+
+def compare(here: ComparedMap, there: ComparedMap, presence_filter: PresenceFilter) -> MapComparison:
+    """Return how this map differs from another; as slow as `compare_maps`."""
+    both = map_metrics(here.graph, here.events), map_metrics(there.graph, there.events)
+    if here.scene != there.scene:
+        return MapComparison(here, there, both, None, (), ())
+    difference = compare_maps(here.graph, there.graph, poses_a=here.poses, poses_b=there.poses)
+    presence = presence_difference(
+        (here.graph, here.world_s), (there.graph, there.world_s), presence_filter, edges=difference.edges
+    )
+    changes = there.world.changes_to(here.world)
+    world = tuple(each for each in changes if not isinstance(each, PersonMoved | PersonLeft))
+    return MapComparison(here, there, both, difference, presence, world)

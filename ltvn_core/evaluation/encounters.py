@@ -1,14 +1,17 @@
 """Encounters of the robot with people: how near they came, and whether an attentive driver would have touched anybody.
 
 A person never walks into the robot, and steps aside when it comes too near, as far as there is room
-(`simulation.changes.walking_person`). So a touch is the robot's doing. An attentive driver would have avoided it if the
-robot drove towards the person, and either backwards, which is to drive blindly, or with the person in the camera's view
-and nothing between them in the last second before. Reads exact poses; needs no navigation.
+(`simulation.changes.walking_person`). An attentive driver would have avoided a touch if the robot drove towards the
+person, and either backwards, which is to drive blindly, or although the camera had had the person in view, with nothing
+between them, in the last seconds before, early enough to brake. What touches a robot that stands, or that drives away,
+was none of the driver's doing, and neither is what came out of sight at the last moment. Reads exact poses; needs no
+navigation.
 """
 
 import math
+from collections import deque
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,13 +20,17 @@ from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.physics import PERSON_RADIUS_M
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.types import Pose
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Pose, Twist
 from ltvn_core.worlds.world_change import PersonMoved
 
 BEGINS_M, ENDS_M = 1.5, 2.0
 """An encounter begins when a person is nearer than the first, and ends when farther than the second; from surface to
 surface, as all distances here."""
-_ATTENTION_S = 1.0
+_ATTENTION_S = 3.0
+"""A driver knows of whoever was in view so lately,"""
+_LOOK_S = 0.1
+"""and needs so long to notice them, before the robot brakes."""
+_VIEWS = 40
 _TOUCH_M = 0.003
 
 
@@ -39,8 +46,14 @@ class Encounter:
     """Whether the person had to step aside."""
     avoidable: bool = False
     """Whether an attentive driver would not have touched the person."""
-    seen_s: float = -math.inf
-    """When the camera had the person in view last."""
+    stood_s: float = 0.0
+    """So long the robot stood still meanwhile."""
+    seen_s: deque[float] = field(default_factory=lambda: deque(maxlen=_VIEWS))
+    """When the camera had the person in view, the last times."""
+
+    def was_seen(self, first_s: float, last_s: float) -> bool:
+        """Tell whether the camera had the person in view between two moments."""
+        return any(first_s <= seen_s <= last_s for seen_s in self.seen_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +68,10 @@ class EncounterCounts:
     """Touches that an attentive driver would have avoided."""
     closest_m: float | None = None
     """Least distance from surface to surface; None where nobody was met."""
+    closest_each_m: tuple[float, ...] = ()
+    """The same of each encounter, in whole millimetres."""
+    stood_s: float = 0.0
+    """So long the robot stood still in encounters; twice where there were two at once."""
 
     @classmethod
     def of(cls, encounters: Sequence[Encounter]) -> "EncounterCounts":
@@ -65,6 +82,8 @@ class EncounterCounts:
             touched=sum(each.touched for each in encounters),
             avoidable=sum(each.avoidable for each in encounters),
             closest_m=min((each.closest_m for each in encounters), default=None),
+            closest_each_m=tuple(round(each.closest_m, 3) for each in encounters),
+            stood_s=round(sum(each.stood_s for each in encounters), 1),
         )
 
     def __add__(self, other: "EncounterCounts") -> "EncounterCounts":
@@ -76,6 +95,8 @@ class EncounterCounts:
             touched=self.touched + other.touched,
             avoidable=self.avoidable + other.avoidable,
             closest_m=min(closest, default=None),
+            closest_each_m=self.closest_each_m + other.closest_each_m,
+            stood_s=round(self.stood_s + other.stood_s, 1),
         )
 
 
@@ -93,7 +114,7 @@ class EncounterLog:
         self,
         stamp: float,
         robot: Pose,
-        linear_m_s: float,
+        speeds: Twist,
         people: Sequence[PersonMoved],
         clearance: ClearanceMap,
         stepping_aside: Collection[str] = (),
@@ -103,7 +124,7 @@ class EncounterLog:
         Args:
             stamp: Seconds on the robot's clock.
             robot: Where it is, (3,).
-            linear_m_s: How fast its wheels drive.
+            speeds: How fast its wheels drive and turn it.
             people: Where they are.
             clearance: What hides them.
             stepping_aside: Who makes room for the robot, see `World.stepping_aside`.
@@ -118,12 +139,12 @@ class EncounterLog:
                 encounter = self._under_way[person.person] = Encounter(person.person, away_m)
             encounter.closest_m = min(encounter.closest_m, away_m)
             if self._is_in_view(robot, np.array(person.pose), clearance):
-                encounter.seen_s = stamp
+                encounter.seen_s.append(stamp)
             if away_m <= _TOUCH_M and not encounter.touched:
                 encounter.touched = True
-                towards = gap[0] * linear_m_s > 0
-                attentive = linear_m_s < 0 or stamp - encounter.seen_s <= _ATTENTION_S
-                encounter.avoidable = bool(towards and attentive)
+                towards = bool(gap[0] * speeds.linear_m_s > 0)
+                encounter.avoidable = towards and self._is_avoidable(stamp, speeds.linear_m_s, encounter)
+            encounter.stood_s += CONTROL_STEP_S * (speeds == ZERO_TWIST)
             encounter.gave_way |= person.person in stepping_aside
             if away_m > ENDS_M:
                 self.over.append(self._under_way.pop(person.person))
@@ -136,7 +157,7 @@ class EncounterLog:
             self.take(
                 robot.stamp,
                 robot.exact_pose,
-                robot.speeds.linear_m_s,
+                robot.speeds,
                 world.state.people,
                 world.scene.clearance,
                 world.stepping_aside,
@@ -150,6 +171,13 @@ class EncounterLog:
     def _part(self, present: set[str]) -> None:
         for name in self._under_way.keys() - present:
             self.over.append(self._under_way.pop(name))
+
+    def _is_avoidable(self, stamp: float, linear_m_s: float, encounter: Encounter) -> bool:
+        """Tell whether a driver who looks would have braked before a touch at `stamp`."""
+        if linear_m_s < 0:
+            return True
+        brake_s = _LOOK_S + linear_m_s / self._spec.accelerations.linear_braking_m_s2
+        return encounter.was_seen(stamp - _ATTENTION_S, stamp - brake_s)
 
     def _is_in_view(self, robot: Pose, person: Pose, clearance: ClearanceMap) -> bool:
         gap = relative(robot, person)

@@ -18,6 +18,7 @@ from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
 from ltvn_core.evaluation.results import EpisodeResult, FailureCause
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.events import Event, Outcome
 from ltvn_core.navigation.navigator import Navigator
@@ -79,7 +80,7 @@ class EpisodeRunner:
         self.system = system
         self.noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
         self._perturbations = perturbations
-        self._world = world
+        self._world, self._bystanders = world, Bystanders()
         self._next_frame = max(self.keyframes.frames) + 1
 
     @property
@@ -110,7 +111,9 @@ class EpisodeRunner:
         with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
             parts = self.graph, self.keyframes, self.predictor, self.system.method, rng
             looking = wrap_robot(self._looking(robot, query))
-            navigator = Navigator(looking, *parts, system=self.system, world_time=self._world_time)
+            navigator = Navigator(
+                looking, *parts, system=self.system, bystanders=self._bystanders, world_time=self._world_time
+            )
 
             def consume_event(event: Event) -> None:
                 classifier.consume(event, robot.exact_pose)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import DrivingConfig
-from ltvn_core.geometry import compose, relative
+from ltvn_core.geometry import compose, invert, relative
+from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.controller import drives_backwards, steer
 from ltvn_core.navigation.depth_points import obstacle_points, transform_points
 from ltvn_core.navigation.detour import find_detour, path_clearance_m
@@ -30,6 +31,8 @@ _FRAMES_AROUND_NODE = 8
 """So many images of the drive before and after a node tell what stands around it."""
 _LOOK_AGAIN_STEPS = 3
 """Who waits looks again after so many control steps."""
+_CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
+"""So near to a person the robot drives at no more than the second; a metre farther away, by the third more."""
 _FINAL_APPROACH_M = 0.3
 """So near, the waypoint is not predicted anew."""
 
@@ -47,13 +50,22 @@ class AttemptResult:
 class AttemptDriver:
     """Drives one attempt."""
 
-    def __init__(self, motion: MotionExecutor, perception: Perception, config: DrivingConfig, spec: RobotSpec) -> None:
-        """Drive with `motion`, looking through `perception`."""
+    def __init__(
+        self,
+        motion: MotionExecutor,
+        perception: Perception,
+        config: DrivingConfig,
+        spec: RobotSpec,
+        *,
+        bystanders: Bystanders | None = None,
+    ) -> None:
+        """Drive with `motion`, looking through `perception`; `bystanders` are the people met before."""
         self._motion = motion
         self._perception = perception
         self._config, self._detour_config = config, replace(config, position_tolerance_m=_DETOUR_TOLERANCE_M)
         self._spec = spec
-        self._obstacles = ObstacleMemory(spec, watches_movement=config.patience_s > 0)
+        patient = config.patience_s > 0
+        self._obstacles = ObstacleMemory(spec, bystanders=(bystanders or Bystanders()) if patient else None)
         self._patience_steps = 0
         self._backwards = self._turned_round = False
         self._detour: Pose | None = None
@@ -107,7 +119,7 @@ class AttemptDriver:
         """Forget how the last attempt went."""
         behind = drives_backwards(waypoint)
         # Who backs up sees nobody come, so with people about the robot turns round, too.
-        about = self._obstacles.saw_movement(self._motion.stamp)
+        about = self._obstacles.people_are_about(self._motion.stamp)
         self._turned_round = behind and (about or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
         self._detour, self._detours_left = None, self._config.bends
@@ -164,16 +176,43 @@ class AttemptDriver:
         """Return a command as near to `twist` as what stands around allows, None if nothing does."""
         if not self._config.depth_veto or not twist.linear_m_s:
             return twist
-        if self._obstacles.is_outdated(self._motion.odometry):
+        odometry, backwards = self._motion.odometry, twist.linear_m_s < 0
+        if self._obstacles.is_outdated(odometry, self._motion.stamp):
             self._obstacles.add(self._perception.observation)
-        points = self._obstacles.nearby_points(self._motion.odometry, backwards=twist.linear_m_s < 0)
+        points = self._obstacles.nearby_points(odometry, backwards=backwards)
+        twist = self._careful(twist)
         return collision_free_command(twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m)
+
+    def _careful(self, twist: Twist) -> Twist:
+        """Return a command slowed down for the people near the way, those passed already left out."""
+        odometry = self._motion.odometry
+        people = transform_points(self._obstacles.people(self._motion.stamp), invert(odometry))
+        people = people[people[:, 0] * np.sign(twist.linear_m_s) > 0]
+        if not len(people):
+            return twist
+        gap_m = float(np.hypot(*people.T).min()) - self._spec.radius_m - BODY_M
+        limit = _SLOW_M_S + _SLOWER_1_S * max(gap_m - _CAREFUL_M, 0.0)
+        return Twist(float(np.clip(twist.linear_m_s, -limit, limit)), twist.angular_rad_s)
 
     def solid_points(self) -> NDArray[np.float64]:
         """Return (M, 2) what stands near the robot, in its frame, as far as images of the last moments showed."""
-        return self._obstacles.nearby_points(self._motion.odometry)
+        return self._obstacles.nearby_points(self._motion.odometry, keeping_from_people=False)
+
+    def wander(self, length_m: float) -> Generator[Event | Tick, None, None]:
+        """Drive straight on at half speed, if nothing stands in the way; stop where somebody comes."""
+        ahead = Twist(self._config.speed_m_s / 2, 0.0)
+        if self.avoid_obstacles(ahead, length_m) == ahead:
+            yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=self._nobody_comes)
+
+    def _nobody_comes(self) -> bool:
+        if not self._obstacles.people_are_about(self._motion.stamp):
+            return True
+        ahead = Twist(self._config.speed_m_s / 2, 0.0)
+        return self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
+        if self._obstacles.people_are_about(self._motion.stamp):
+            return  # The camera looks the other way; a robot that is not driven on touches nobody.
         length_m = self._config.back_off_m if backwards else -self._config.back_off_m
         yield from self._motion.drive_straight(length_m, self._config.speed_m_s / 2)
 

@@ -17,6 +17,7 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Predictor
@@ -36,6 +37,8 @@ class NavigationContext:
     matcher: Matcher
     planner: Planner
     loop_closures: LoopClosureVerifier
+    bystanders: Bystanders = field(default_factory=Bystanders)
+    """The people around the robot."""
     world_time: Callable[[], float] | None = None
     """Tells the time of the world in seconds where it is another one than that of the robot's clock."""
     attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
@@ -60,6 +63,7 @@ class NavigationContext:
         rng: np.random.Generator,
         spec: RobotSpec,
         *,
+        bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
     ) -> "NavigationContext":
         """Put the parts together."""
@@ -72,6 +76,7 @@ class NavigationContext:
             system=system,
             rng=rng,
             spec=spec,
+            bystanders=bystanders or Bystanders(),
             world_time=world_time,
             matcher=matcher,
             planner=planner,

@@ -20,6 +20,8 @@ _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
 """How far beside the waypoint the way may end, because the waypoint is predicted."""
 _SAMPLES = 24
+_FAR_M = 0.5
+"""What is farther from a way than this is not looked for."""
 _COMFORT_MARGIN_M = 0.06
 """A detour is preferred that leaves so much beside the robot."""
 _CLEARANCE_COST = 20.0
@@ -52,7 +54,7 @@ def find_detour(
 
 
 def path_clearance_m(goal: NDArray[np.float64], points: NDArray[np.float64]) -> float:
-    """Return the least metres from the straight way to `goal` (2,) to anything solid, `points` (M, 2)."""
+    """Return the least metres from the straight way to `goal` (2,) to anything solid, `points` (M, 2); inf if far."""
     if len(points) <= MAX_NOISE_POINTS:
         return float("inf")
     return float(_path_clearances_m(KDTree(points), np.zeros((1, 2)), goal[None])[0])
@@ -79,6 +81,6 @@ def _path_clearances_m(tree: KDTree, starts: NDArray[np.float64], ends: NDArray[
 
 
 def _obstacle_distances_m(tree: KDTree, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (...) metres from places (..., 2) to the nearest believable point."""
-    gaps, _ = tree.query(places, k=MAX_NOISE_POINTS + 1)
+    """Return (...) metres from places (..., 2) to the nearest believable point, inf where it is far."""
+    gaps, _ = tree.query(places, k=MAX_NOISE_POINTS + 1, distance_upper_bound=_FAR_M)
     return np.asarray(gaps)[..., -1]

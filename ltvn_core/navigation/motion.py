@@ -3,7 +3,7 @@
 Owns the counts and their limits. Every step hands control back to the caller with a `Tick`.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -88,11 +88,13 @@ class MotionExecutor:
                 return
             yield from self.move(Twist(0.0, float(sign * min(rate_rad_s, max(0.2, left / CONTROL_STEP_S)))))
 
-    def drive_straight(self, length_m: float, speed_m_s: float) -> Iterator[Event | Tick]:
-        """Drive straight by a length, backwards if negative, until a collision."""
+    def drive_straight(
+        self, length_m: float, speed_m_s: float, *, goes_on: Callable[[], bool] = lambda: True
+    ) -> Iterator[Event | Tick]:
+        """Drive straight by a length, backwards if negative, until a collision; `goes_on` is asked before each step."""
         start = self.path_m
         for _ in range(2 + int(2 * abs(length_m) / (speed_m_s * CONTROL_STEP_S))):
-            if self.path_m - start >= abs(length_m):
+            if self.path_m - start >= abs(length_m) or not goes_on():
                 return
             collisions_before = self.collisions
             yield from self.move(Twist(float(np.sign(length_m) * speed_m_s), 0.0))

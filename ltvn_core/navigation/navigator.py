@@ -15,6 +15,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import Event, NavigatorState, QueryEnded, QueryStarted, StateChanged, Tick
 from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
@@ -37,16 +38,25 @@ class Navigator:
         rng: np.random.Generator,
         *,
         system: NavigationSystem | None = None,
+        bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
     ) -> None:
         """Navigate in `graph`, whose images `keyframes` holds; both change on the way if the system maintains.
 
         Without a `system` it is the paper's with `method`; with one, that system's own thresholds hold.
+        `bystanders` are the people that the robot met before, under another navigator.
         `world_time` tells the time in seconds where the world has another clock than the robot.
         """
         self._robot = robot
         self._context = NavigationContext.create(
-            graph, keyframes, predictor, system or ltvn_system(method), rng, robot.spec, world_time=world_time
+            graph,
+            keyframes,
+            predictor,
+            system or ltvn_system(method),
+            rng,
+            robot.spec,
+            bystanders=bystanders,
+            world_time=world_time,
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, rotation
+from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.depth_points import RELEVANT_RANGE_M, obstacle_points, transform_points
-from ltvn_core.navigation.moving_obstacles import MovingObstacles
+from ltvn_core.navigation.moving_obstacles import MOVING_POINTS, MovingObstacles
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
 
@@ -25,11 +26,14 @@ _COLLISION_MEMORY_STEPS = 100
 _BUMPER_MARGIN_M = 0.02
 """What was hit is assumed this far outside the robot."""
 _AHEAD_M, _ASIDE_M = 1.1, 0.5
-"""What moves within this rectangle before the robot is close ahead,"""
-_ABOUT_S = 30.0
-"""Who was seen moving is about for so long."""
-_MOVING_POINTS = 8
-"""if so many points of it do."""
+"""What moves within this rectangle before the robot is close ahead."""
+_ATTENTIVE_S = 0.08
+"""With people near, an image older than this is replaced, even if the robot has not moved."""
+_KEEP_M = 0.12
+"""The robot keeps so much more distance from people,"""
+_AROUND = np.linspace(-np.pi, np.pi, 40, endpoint=False).repeat(3)
+_RING = (BODY_M + _KEEP_M) * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
+"""as if they were so wide; each point counts three times, so that it is not taken for noise."""
 _SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 """From what moves the robot keeps so much more distance."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
@@ -51,25 +55,30 @@ class _Collision(NamedTuple):
 class ObstacleMemory:
     """Solid points of the last images, kept where odometry puts them."""
 
-    def __init__(self, spec: RobotSpec, *, watches_movement: bool = False) -> None:
-        """Know nothing yet; one that `watches_movement` keeps apart what moves."""
+    def __init__(self, spec: RobotSpec, *, bystanders: Bystanders | None = None) -> None:
+        """Know nothing yet; one that is given `bystanders` keeps apart what moves, and tells them of it."""
         self._camera = spec.camera
         self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()
-        self._movement = MovingObstacles(spec.camera) if watches_movement else None
+        self._bystanders = bystanders
+        self._movement = None if bystanders is None else MovingObstacles(spec.camera, bystanders)
         self._moving = np.empty((0, 2))
         """(M, 2) what moves, where the newest image saw it, in the odometry frame."""
-        self._moved_at = -np.inf
-        self._last_step = -1
+        self._last_step, self._last_stamp = -1, -np.inf
         self._last_pose: Pose | None = None
 
-    def is_outdated(self, odometry: Pose) -> bool:
-        """Tell whether a robot at `odometry` (3,) has moved so far since the last image that a new image is needed."""
+    def is_outdated(self, odometry: Pose, stamp: float) -> bool:
+        """Tell whether a robot at `odometry` (3,) at `stamp` seconds needs a new image.
+
+        It does where it has moved since the last, and all the time while people are near.
+        """
         if self._last_pose is None:
             return True
         gap = relative(self._last_pose, odometry)
-        return bool(np.hypot(gap[0], gap[1]) > _UPDATE_AFTER_M or abs(gap[2]) > _UPDATE_AFTER_RAD)
+        if np.hypot(gap[0], gap[1]) > _UPDATE_AFTER_M or abs(gap[2]) > _UPDATE_AFTER_RAD:
+            return True
+        return stamp - self._last_stamp > _ATTENTIVE_S and len(self.people(stamp)) > 0
 
     def add(self, observation: Observation) -> None:
         """Remember what an image shows; the same image again changes nothing, and one without depth hides nothing."""
@@ -77,7 +86,7 @@ class ObstacleMemory:
             return
         while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
             self._collisions.popleft()
-        self._last_step, self._last_pose = observation.step, observation.odometry
+        self._last_step, self._last_stamp, self._last_pose = observation.step, observation.stamp, observation.odometry
         if not observation.has_depth:
             return
         here = obstacle_points(observation.depth, self._camera)
@@ -85,19 +94,21 @@ class ObstacleMemory:
         if self._movement is not None:
             moving = self._movement.moving(observation, points)
             points, self._moving = points[~moving], points[moving]
-            if len(self._moving) >= _MOVING_POINTS or self._movement.sees_somebody:
-                self._moved_at = observation.stamp
         self._seen.append(points)
 
-    def saw_movement(self, stamp: float) -> bool:
-        """Tell whether anything moved in sight not long before `stamp` seconds, so that it may be anywhere now."""
-        return stamp - self._moved_at < _ABOUT_S
+    def people(self, stamp: float) -> NDArray[np.float64]:
+        """Return (N, 2) where people are at `stamp` seconds, as far as is known, in the odometry frame."""
+        return np.empty((0, 2)) if self._bystanders is None else self._bystanders.near(stamp)
+
+    def people_are_about(self, stamp: float) -> bool:
+        """Tell whether anybody was seen moving not long before `stamp` seconds, so that they may be anywhere now."""
+        return self._bystanders is not None and self._bystanders.are_about(stamp)
 
     def moves_ahead(self, odometry: Pose) -> bool:
         """Tell whether something moves close ahead of a robot at `odometry` (3,)."""
         ahead, left = ((self._moving - odometry[:2]) @ rotation(float(odometry[2]))).T
         close = (ahead > 0) & (ahead < _AHEAD_M) & (np.abs(left) < _ASIDE_M)
-        return bool(np.count_nonzero(close) >= _MOVING_POINTS)
+        return bool(np.count_nonzero(close) >= MOVING_POINTS)
 
     def bump(self, odometry: Pose, *, backwards: bool) -> None:
         """Remember a collision before, or behind, a robot at `odometry` (3,).
@@ -110,15 +121,18 @@ class ObstacleMemory:
         rim = self._bumper_m * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
         self._collisions.append(_Collision(self._last_step, odometry[:2] + rim, backwards))
 
-    def nearby_points(self, odometry: Pose, *, backwards: bool = False) -> NDArray[np.float64]:
+    def nearby_points(
+        self, odometry: Pose, *, backwards: bool = False, keeping_from_people: bool = True
+    ) -> NDArray[np.float64]:
         """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby.
 
         What was hit while backing up counts only for backing up; for the way ahead the camera knows better.
+        Around people there are points at the distance to be kept, too, unless these are not wanted.
         """
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
-        if not self._seen and not collision_points:
+        people = [place + _RING for place in self.people(self._last_stamp)] if keeping_from_people else []
+        known = [*self._seen, *collision_points, *_widened(self._moving), *people]
+        if not known:
             return np.empty((0, 2))
-        points = (np.concatenate([*self._seen, *collision_points, *_widened(self._moving)]) - odometry[:2]) @ rotation(
-            float(odometry[2])
-        )
+        points = (np.concatenate(known) - odometry[:2]) @ rotation(float(odometry[2]))
         return points[np.abs(points).max(axis=1) < RELEVANT_RANGE_M]

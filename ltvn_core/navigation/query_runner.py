@@ -37,7 +37,7 @@ from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import QueryMemory
 from ltvn_core.navigation.view_learner import ViewLearner
 from ltvn_core.navigation.way_planner import WayPlanner
-from ltvn_core.types import NodeId, Twist
+from ltvn_core.types import NodeId
 
 _AT_NODE_DISTANCE = 0.3
 """A node nearer than this d need not be approached once more."""
@@ -56,7 +56,9 @@ class QueryRunner:
         self._motion, self._perception = motion, perception
         self._goal, self._query = goal, query
         self._memory = QueryMemory(context.method.planning, context.method.localising)
-        self._attempt_driver = AttemptDriver(motion, perception, context.method.driving, context.spec)
+        self._attempt_driver = AttemptDriver(
+            motion, perception, context.method.driving, context.spec, bystanders=context.bystanders
+        )
         self._reckoning = DeadReckoning(context, motion, perception)
         self._view_learner = ViewLearner(context, motion, perception, self._reckoning, query)
         self._goal_check = GoalCheck(context, motion, perception, goal, self._memory, self._reckoning)
@@ -256,15 +258,13 @@ class QueryRunner:
             yield from self._remember_novel()
         if memory.consecutive_failures >= recovering.give_up_after_looks:
             raise QueryAborted(memory.give_up_outcome)
-        ahead = Twist(self._method.driving.speed_m_s / 2, 0.0)
         around = memory.consecutive_failures % recovering.looks_per_turn == 0
         if around:
             # Perhaps it was wrong about the way here, and about where it is not.
             self._perception.trail.clear()
             memory.clear_doubts()
-        wander_m = recovering.wander_m if around and usable else 0.0
-        if wander_m and self._attempt_driver.avoid_obstacles(ahead, wander_m) == ahead:
-            yield from self._motion.drive_straight(wander_m, ahead.linear_m_s)
+        if recovering.wander_m and around and usable:
+            yield from self._attempt_driver.wander(recovering.wander_m)
         yield from self._turn(recovering.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:

@@ -1,4 +1,4 @@
-"""What people look like: two legs, a coat, arms and a head, in clothes of their own."""
+"""What people look like: two legs, a long wide coat, arms and a head, in clothes of their own."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -13,6 +13,11 @@ from ltvn_core.simulation.physics import PERSON_HEIGHT_M, PERSON_RADIUS_M
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 from ltvn_core.simulation.surfaces import Surfaces, joined
 from ltvn_core.worlds.world_change import Outline, PersonMoved
+
+_HEM_M, _WAIST_M = 0.12, 0.85
+"""From how high to how high the wide part of the coat reaches,"""
+_INSIDE_M = 0.002
+"""and how far inside of what can be touched it stays."""
 
 
 def person_outline(person: PersonMoved) -> Outline:
@@ -61,7 +66,9 @@ def _body(seed: int) -> Surfaces:
     for side in (-1, 1):
         builder.cylinder(trousers, (0.0, 0.11 * side, 0.0), 0.1, 0.85, top_radius=0.13)
         builder.cylinder(coat, (0.0, 0.2 * side, 0.75), 0.05, 0.65, sides=8)
-    builder.cylinder(coat, (0.0, 0.0, 0.7), 0.2, 0.72, top_radius=0.17, sides=16)
+    # As wide as what a robot can touch: the camera must not see thin legs where the bumper meets a wide body.
+    builder.cylinder(coat, (0.0, 0.0, _HEM_M), PERSON_RADIUS_M - _INSIDE_M, _WAIST_M - _HEM_M, sides=24)
+    builder.cylinder(coat, (0.0, 0.0, _WAIST_M), 0.22, 1.42 - _WAIST_M, top_radius=0.17, sides=16)
     builder.cylinder(skin, (0.0, 0.0, 1.42), 0.09, 0.2)
     builder.cylinder(hair, (0.0, 0.0, 1.62), 0.1, 0.08, top_radius=0.06)
     return builder.build()

@@ -7,6 +7,7 @@ from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.physics import PERSON_RADIUS_M
+from ltvn_core.types import Twist
 from ltvn_core.worlds.world_change import PersonMoved
 
 OPEN = ClearanceMap(np.pad(np.zeros((160, 160), bool), 1, constant_values=True), np.array([-4.05, -4.05]))
@@ -17,7 +18,7 @@ def drive(yaw: float, speed_m_s: float, until_m: float, *, stepping_aside: tuple
     """Drive from the origin along x, looking along `yaw`, until so far before a person who stands 3 m away."""
     log, person = EncounterLog(), PersonMoved("Ada", (3.0, 0.0, 0.0))
     for step, x in enumerate(np.linspace(0.0, 3.0 - until_m, 50)):
-        log.take(step / 10, np.array([x, 0.0, yaw]), speed_m_s, (person,), OPEN, stepping_aside)
+        log.take(step / 10, np.array([x, 0.0, yaw]), Twist(speed_m_s, 0.0), (person,), OPEN, stepping_aside)
     return log
 
 
@@ -46,3 +47,42 @@ def test_counts_add_up() -> None:
     total = met + touched + EncounterCounts()
     assert (total.encounters, total.gave_way, total.touched, total.avoidable) == (2, 1, 1, 1)
     assert total.closest_m == touched.closest_m
+    assert total.closest_each_m == (*met.closest_each_m, *touched.closest_each_m)
+
+
+def approach(bearings: list[float], speed_m_s: float) -> bool:
+    """Return whether the touch of a person, who is at these bearings at each step, is held against the robot."""
+    log = EncounterLog()
+    for step, bearing in enumerate(bearings):
+        away_m = TOUCHING_M - 0.02 if step == len(bearings) - 1 else TOUCHING_M + 0.5
+        place = (away_m * np.cos(bearing), away_m * np.sin(bearing), 0.0)
+        log.take(step / 10, np.zeros(3), Twist(speed_m_s, 0.0), (PersonMoved("Ada", place),), OPEN)
+    (encounter,) = log.finish()
+    assert encounter.touched
+    return encounter.avoidable
+
+
+AHEAD, ASIDE = 0.2, 1.4
+
+
+@pytest.mark.parametrize(
+    ("bearings", "speed_m_s", "avoidable"),
+    [
+        ([AHEAD] * 5 + [ASIDE] * 20, 0.3, True),
+        ([AHEAD] * 5 + [ASIDE] * 40, 0.3, False),
+        ([ASIDE] * 20 + [AHEAD], 0.3, False),
+        ([AHEAD] * 20, 0.0, False),
+        ([ASIDE + 0.4] * 20, 0.3, False),
+    ],
+    ids=[
+        "seen two seconds ago",
+        "seen long ago",
+        "seen too late to brake",
+        "the robot stands",
+        "the robot drives away",
+    ],
+)
+def test_a_driver_is_to_remember_whom_it_saw_and_not_to_foresee_whom_it_could_not(
+    bearings: list[float], speed_m_s: float, avoidable: bool
+) -> None:
+    assert approach(bearings, speed_m_s) is avoidable

@@ -18,7 +18,7 @@ from ltvn_core.simulation.physics import PERSON_RADIUS_M
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.types import CONTROL_STEP_S, Twist
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Twist
 from ltvn_core.worlds.world_change import PersonMoved
 
 BEFORE_M = 1.2
@@ -46,7 +46,7 @@ def test_people_walk_and_never_touch_a_robot_that_stands(robot: SimulatedRobot, 
     world, log, ways = the_world(robot), EncounterLog(), []
     for _ in range(600):
         robot.advance(CONTROL_STEP_S)
-        log.take(robot.stamp, robot.exact_pose, 0.0, world.state.people, scene.clearance)
+        log.take(robot.stamp, robot.exact_pose, ZERO_TWIST, world.state.people, scene.clearance)
         ways.append([person.pose[:2] for person in world.state.people])
     walked_m = np.abs(np.diff(ways, axis=0)).sum(axis=(0, 2))
     assert (walked_m > 3).all()
@@ -89,7 +89,7 @@ def test_a_person_is_solid_seen_and_not_pushed(robot: SimulatedRobot, scene: Sce
     for _ in range(40):
         robot.drive(Twist(0.5, 0.0))
         robot.advance(CONTROL_STEP_S)
-        log.take(robot.stamp, robot.exact_pose, robot.speeds.linear_m_s, world.state.people, scene.clearance)
+        log.take(robot.stamp, robot.exact_pose, robot.speeds, world.state.people, scene.clearance)
     assert robot.collisions == 1
     assert world.state.people == (person,)
     gap_m = np.linalg.norm(robot.exact_pose[:2] - person.pose[:2])

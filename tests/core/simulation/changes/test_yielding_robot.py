@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.composition import open_simulation
+from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
@@ -27,6 +28,10 @@ def robot() -> Iterator[SimulatedRobot]:
     simulation.robot.close()
 
 
+def watching() -> ObstacleMemory:
+    return ObstacleMemory(LOCOBOT, bystanders=Bystanders())
+
+
 def person_before(pose: Pose, ahead_m: float, left_m: float) -> PersonMoved:
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     x, y = pose[0] + cos * ahead_m - sin * left_m, pose[1] + sin * ahead_m + cos * left_m
@@ -44,30 +49,30 @@ def look(robot: SimulatedRobot, memory: ObstacleMemory, times: int = 1) -> list[
 
 
 def test_who_walks_across_moves_and_who_has_stopped_does_not(robot: SimulatedRobot) -> None:
-    memory, pose = ObstacleMemory(LOCOBOT, watches_movement=True), robot.exact_pose
+    memory, pose = watching(), robot.exact_pose
     assert look(robot, memory, 4) == [False] * 4
     for left_m in (0.6, 0.35, 0.1):
         robot.apply(person_before(pose, 0.9, left_m))
         moved = look(robot, memory)
     assert moved == [True]
-    assert memory.saw_movement(robot.stamp)
+    assert memory.people_are_about(robot.stamp)
     assert look(robot, memory, 3)[-1] is False, "who stands is an obstacle like others"
     assert len(memory.nearby_points(robot.state().odometry)) > 20
 
 
 def test_who_walks_far_away_is_noticed_and_not_waited_for(robot: SimulatedRobot) -> None:
-    memory, pose = ObstacleMemory(LOCOBOT, watches_movement=True), robot.exact_pose
+    memory, pose = watching(), robot.exact_pose
     assert look(robot, memory, 4) == [False] * 4
-    assert not memory.saw_movement(robot.stamp)
+    assert not memory.people_are_about(robot.stamp)
     robot.apply(person_before(pose, 1.7, 0.1))
     assert look(robot, memory) == [False]
-    assert memory.saw_movement(robot.stamp)
+    assert memory.people_are_about(robot.stamp)
 
 
 def test_the_robot_keeps_more_distance_from_what_moves(robot: SimulatedRobot) -> None:
     pose, nearest_m = robot.exact_pose, list[float]()
     for watches in (False, True):
-        memory = ObstacleMemory(LOCOBOT, watches_movement=watches)
+        memory = watching() if watches else ObstacleMemory(LOCOBOT)
         look(robot, memory, 4)
         robot.apply(person_before(pose, 1.0, 0.0))
         look(robot, memory)
@@ -79,7 +84,7 @@ def test_the_robot_keeps_more_distance_from_what_moves(robot: SimulatedRobot) ->
 
 
 def test_nothing_moves_while_the_robot_drives_about_in_a_world_that_stands_still(robot: SimulatedRobot) -> None:
-    memory, moved = ObstacleMemory(LOCOBOT, watches_movement=True), list[bool]()
+    memory, moved = watching(), list[bool]()
     rng = np.random.default_rng(0)
     for _ in range(40):
         twist = Twist(float(rng.uniform(0, 0.5)), float(rng.uniform(-1, 1)))
@@ -87,7 +92,7 @@ def test_nothing_moves_while_the_robot_drives_about_in_a_world_that_stands_still
             robot.drive(twist)
             robot.advance(CONTROL_STEP_S)
         memory.add(robot.observe())
-        moved.append(memory.moves_ahead(robot.state().odometry) or memory.saw_movement(robot.stamp))
+        moved.append(memory.moves_ahead(robot.state().odometry) or memory.people_are_about(robot.stamp))
     assert not any(moved)
 
 

@@ -1,0 +1,134 @@
+"""The people around the robot: who was seen to move, and where they were last, also when the camera looks elsewhere.
+
+Somebody is remembered until an image sees through the place, or for some seconds where none shows it. Told by movement
+alone (`navigation.moving_obstacles`); a person who never moved is an obstacle like others. Decides nothing.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from ltvn_core.geometry import relative
+from ltvn_core.navigation.depth_scan import DepthScan
+
+BODY_M = 0.25
+"""Radius of somebody seen from above."""
+_KEPT_S = 8.0
+"""So long somebody is remembered where no image shows the place."""
+_ABOUT_S = 1800.0
+"""Where anybody was seen moving, somebody may come from anywhere for so long."""
+_ONE_BODY_M = 0.3
+"""Moving points nearer to each other than this belong to one body."""
+_POINTS = 8
+"""So many moving points are somebody."""
+_STEP_M = 0.7
+"""Who is seen moving so near to where somebody was is the same one."""
+_MIDDLE_M = 0.1
+"""The middle of a body is looked at over so much to both sides."""
+_THROUGH_M = 0.08
+"""An image sees through a place where it sees nothing until so far before the middle of the body."""
+
+
+class Bystander(NamedTuple):
+    """Somebody who was seen to move."""
+
+    place: NDArray[np.float64]
+    """(2,) the middle of the body in the odometry frame."""
+    seen_s: float
+    """When it was seen there last."""
+
+
+class Bystanders:
+    """Remembers people for a navigator, through all its queries."""
+
+    def __init__(self) -> None:
+        """Know nobody yet."""
+        self._moved_s = -math.inf
+        self._known: list[Bystander] = []
+
+    def are_about(self, stamp: float) -> bool:
+        """Tell whether anybody was seen so lately before `stamp` seconds that they may be anywhere now."""
+        return 0 <= stamp - self._moved_s < _ABOUT_S
+
+    def near(self, stamp: float) -> NDArray[np.float64]:
+        """Return (N, 2) where people are at `stamp` seconds, as far as is known, in the odometry frame."""
+        kept = [each.place for each in self._known if 0 <= stamp - each.seen_s < _KEPT_S]
+        return np.array(kept, np.float64).reshape(-1, 2)
+
+    def noticed(self, stamp: float) -> None:
+        """Remember that somebody moves, too far away to say where."""
+        self._moved_s = stamp
+
+    def look(self, scan: DepthScan, moving: NDArray[np.float64]) -> None:
+        """Take in an image: its scan, and the points (M, 2) in the odometry frame that have moved."""
+        stamp = scan.stamp
+        seen = [Bystander(_centred(_middle(scan, body), scan), stamp) for body in _bodies(moving)]
+        if seen:
+            self._moved_s = stamp
+        others = [
+            each
+            for each in self._known
+            if 0 <= stamp - each.seen_s < _KEPT_S
+            and all(math.dist(each.place, other.place) > _STEP_M for other in seen)
+        ]
+        looked = (_looked_for(each, scan) for each in others)
+        self._known = [*seen, *(each for each in looked if each is not None)]
+
+
+def _bodies(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return the moving points (M, 2) of each body, (K, 2)."""
+    if len(moving) < _POINTS:
+        return []
+    near = KDTree(moving).sparse_distance_matrix(KDTree(moving), _ONE_BODY_M, output_type="coo_matrix")
+    count, labels = connected_components(near, directed=False)
+    bodies = [moving[labels == label] for label in range(count)]
+    return [body for body in bodies if len(body) >= _POINTS]
+
+
+def _middle(scan: DepthScan, body: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (2,) the middle of a body of which an image shows the nearer side, (K, 2)."""
+    gaps = body - scan.pose[:2]
+    away_m = np.hypot(*gaps.T)
+    direction = (gaps / np.maximum(away_m, 1e-6)[:, None]).mean(axis=0)
+    direction /= max(float(np.hypot(*direction)), 1e-6)
+    return scan.pose[:2] + (float(np.quantile(away_m, 0.1)) + BODY_M) * direction
+
+
+def _looked_for(known: Bystander, scan: DepthScan) -> Bystander | None:
+    """Return somebody as an image shows them: still there, nearer or farther; out of view as before; None if gone."""
+    ahead, left, _ = relative(scan.pose, np.array([*known.place, 0.0]))
+    away_m = math.hypot(ahead, left)
+    half_rad = math.asin(min(1.0, _MIDDLE_M / max(away_m, _MIDDLE_M)))
+    bearing = math.atan2(left, ahead)
+    ranges_m = scan.between(bearing - half_rad, bearing + half_rad)
+    if ranges_m is None:
+        return known
+    nearest_m = float(ranges_m.min())
+    if nearest_m > away_m - _THROUGH_M:
+        return None
+    if nearest_m < away_m - 2 * BODY_M:
+        return known  # Something stands before the place.
+    gap = known.place - scan.pose[:2]
+    place = scan.pose[:2] + gap / max(away_m, 1e-6) * (nearest_m + BODY_M)
+    return Bystander(_centred(place, scan), scan.stamp)
+
+
+def _centred(place: NDArray[np.float64], scan: DepthScan) -> NDArray[np.float64]:
+    """Return where the middle of a body near `place` (2,) is, if what the image shows there is as wide as a body."""
+    bearings, ranges_m = scan.things()
+    gap = place - scan.pose[:2]
+    aside = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * ranges_m[:, None] - gap
+    here = np.hypot(*aside.T) < 2 * BODY_M
+    here &= ranges_m < np.min(ranges_m, where=here, initial=np.inf) + BODY_M
+    if not here.any():
+        return place
+    nearest_m, turn = float(ranges_m[here].min()), math.atan2(gap[1], gap[0])
+    across = np.angle(np.exp(1j * (bearings[here] - turn)))
+    if not BODY_M < nearest_m * np.ptp(across) < 2.4 * BODY_M:
+        return place
+    middle = turn + float(across.min() + across.max()) / 2
+    return scan.pose[:2] + (nearest_m + BODY_M) * np.array([math.cos(middle), math.sin(middle)])

@@ -1,0 +1,72 @@
+"""What one depth image saw from above: per bearing how far away the nearest solid thing is.
+
+Owns bearings and their edges. Compares nothing.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.types import Pose
+
+RANGE_M = 4.0
+"""Images are read so far."""
+EDGE_RAD = math.radians(3.0)
+"""So near to the edge of an image nothing is known."""
+_BEARING_STEP_RAD = math.radians(1.5)
+
+
+class DepthScan(NamedTuple):
+    """One image from above."""
+
+    stamp: float
+    pose: Pose
+    """(3,) by odometry."""
+    half_rad: float
+    """Half the camera's horizontal field of view."""
+    ranges_m: NDArray[np.float64]
+    """(B,) to the nearest solid thing per bearing, from the right; `RANGE_M` where there is none, 0 where nothing is
+    known."""
+
+    @classmethod
+    def of(
+        cls, camera: CameraModel, stamp: float, pose: Pose, seen: NDArray[np.float64], solid: NDArray[np.bool_]
+    ) -> "DepthScan":
+        """Read an image from the points (M, 3) that it shows in the robot's frame, and which of them are solid."""
+        half_rad = camera.horizontal_fov_rad / 2
+        ranges_m = np.zeros(int(2 * half_rad / _BEARING_STEP_RAD) + 1)
+        place = np.clip(bearing_bins(np.arctan2(seen[:, 1], seen[:, 0]), half_rad), 0, len(ranges_m) - 1)
+        ranges_m[place] = RANGE_M
+        np.minimum.at(ranges_m, place[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
+        return cls(stamp, pose, half_rad, ranges_m)
+
+    def inside(self, bearing: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which bearings (...) the image shows, its edges left out."""
+        return np.abs(bearing) < self.half_rad - EDGE_RAD
+
+    def beside(self, bearing: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (3, ...) the ranges at bearings (...) and next to them on both sides."""
+        place = np.clip(bearing_bins(bearing, self.half_rad), 1, len(self.ranges_m) - 2)
+        return self.ranges_m[np.stack([place - 1, place, place + 1])]
+
+    def things(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return bearings (K,) in the odometry frame and ranges (K,) of the things that the image shows."""
+        seen = np.flatnonzero((self.ranges_m > 0) & (self.ranges_m < RANGE_M))
+        return (seen + 0.5) * _BEARING_STEP_RAD - self.half_rad + self.pose[2], self.ranges_m[seen]
+
+    def between(self, first_rad: float, last_rad: float) -> NDArray[np.float64] | None:
+        """Return (K,) all known ranges between two bearings; None where the image does not show all of these."""
+        ends = np.array([first_rad, last_rad])
+        if not self.inside(ends).all():
+            return None
+        first, last = bearing_bins(ends, self.half_rad)
+        ranges_m = self.ranges_m[first : last + 1]
+        return ranges_m[ranges_m > 0] if ranges_m.any() else None
+
+
+def bearing_bins(bearing: NDArray[np.float64], half_rad: float) -> NDArray[np.intp]:
+    """Return in which place of a scan bearings (...) are."""
+    return np.floor((bearing + half_rad) / _BEARING_STEP_RAD).astype(np.intp)

@@ -4,12 +4,17 @@ Owns that guess, and telling by depth that a place cannot look as it did when th
 not recognise where it is gets no answer. Decides nothing.
 """
 
+from collections.abc import Collection, Sequence
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation
 from ltvn_core.graph.presence.obstruction import nearby_poses
+from ltvn_core.graph.presence.presence_maintenance import was_driven
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.depth_points import obstacle_points, transform_points
 from ltvn_core.navigation.motion import MotionExecutor
@@ -35,6 +40,7 @@ class DeadReckoning:
         """Know nothing yet."""
         self._context, self._motion, self._perception = context, motion, perception
         self._seen: tuple[NodeId, Waypoint, Pose] | None = None
+        self._arrival: tuple[NodeId, Waypoint, Pose] | None = None
 
     def recognise(self, localisation: Localisation) -> None:
         """Remember where the robot recognised a node, if that is sure."""
@@ -50,12 +56,38 @@ class DeadReckoning:
         node = min(places, key=lambda each: float(distance(places[each])))
         return self._at(node, places[node])
 
+    def arrive(self, segment: Sequence[NodeId], *, is_recognised: bool) -> bool:
+        """Tell whether the robot stands at the last node of a segment, and remember that.
+
+        It is there by odometry, and it is recognised or cannot look as it did. Edges that were never driven do not tell
+        where they lead: at the end of a false one, too, every place looks different.
+        """
+        graph, target = self._context.graph, segment[-1]
+        edges = [edge for edge in pairwise(segment) if edge in graph.edges]
+        places = self.places(without=[edge for edge in edges if not was_driven(graph, graph.edges[edge])])
+        is_there = target in places and self._stands_at(places[target])
+        changed = is_there and (is_recognised or self._looks_different(target, places[target]))
+        self._arrival = (target, places[target], self._motion.odometry) if changed else None
+        return changed
+
+    def take_arrival(self) -> Localisation | None:
+        """Return where the robot has arrived by reckoning, if it has not moved since; once."""
+        arrival, self._arrival = self._arrival, None
+        if arrival is None or arrival[0] not in self._context.graph.nodes:
+            return None
+        node, waypoint, odometry = arrival
+        if not np.array_equal(odometry, self._motion.odometry):
+            return None
+        return Localisation(node, float(distance(waypoint)), _CERTAIN, waypoint, None, np.inf, LOCAL)
+
     def is_at(self, node: NodeId) -> bool:
         """Tell whether the robot stands at a node as at a goal, where that cannot look as it did."""
-        places, judging = self.places(), self._context.method.judging
-        if node not in places or abs(places[node][2]) > judging.arrive_yaw_rad:
-            return False
-        return self._at(node, places[node]) is not None
+        places = self.places()
+        return node in places and self._stands_at(places[node]) and self._at(node, places[node]) is not None
+
+    def _stands_at(self, waypoint: Waypoint) -> bool:
+        within = float(distance(waypoint)) <= _AT_NODE_DISTANCE
+        return within and abs(float(waypoint[2])) <= self._context.method.judging.arrive_yaw_rad
 
     def _at(self, node: NodeId, waypoint: Waypoint) -> Localisation | None:
         away = float(distance(waypoint))
@@ -63,8 +95,11 @@ class DeadReckoning:
             return None
         return Localisation(node, away, _CERTAIN, waypoint, None, np.inf, LOCAL)
 
-    def places(self) -> dict[NodeId, Waypoint]:
-        """Return the nodes around where the robot was recognised last, each (3,) in its frame now; none if unknown."""
+    def places(self, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Waypoint]:
+        """Return the nodes around where the robot was recognised last, each (3,) in its frame now; none if unknown.
+
+        `without`: edges that are not believed here.
+        """
         if (
             self._context.system.presence is None
             or self._seen is None
@@ -73,7 +108,8 @@ class DeadReckoning:
             return {}
         node, waypoint, odometry = self._seen
         here = compose(invert(waypoint), relative(odometry, self._motion.odometry))
-        return {other: relative(here, pose) for other, pose in nearby_poses(self._context.graph, node).items()}
+        poses = nearby_poses(self._context.graph, node, without=without)
+        return {other: relative(here, pose) for other, pose in poses.items()}
 
     def _looks_different(self, node: NodeId, waypoint: Waypoint) -> bool:
         """Compare how far it is to the next thing in each direction, now and when the node's image was taken."""

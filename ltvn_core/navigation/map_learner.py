@@ -9,6 +9,8 @@ from collections.abc import Generator, Iterator, Sequence
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.planner import GraphPath
+from ltvn_core.graph.presence.obstruction import edges_obstructed
+from ltvn_core.graph.presence.presence_observations import is_open
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import OBSTRUCTED_ENDS, AttemptEnd, Event
@@ -16,7 +18,7 @@ from ltvn_core.navigation.judgement import AttemptVerdict
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstruction_finder import ObstructionFinder
 from ltvn_core.navigation.perception import NodeMatch, Perception
-from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId
 
 _EDGES_IN_SIGHT = 4
@@ -48,20 +50,28 @@ class MapLearner:
         """Remember where the robot is before an attempt."""
         self._obstructions.depart(localisation)
 
-    def sees_closed(self, path: GraphPath, node_match: NodeMatch) -> Generator[Event, None, bool]:
-        """Look ahead where the subgoal is not recognised; tell whether something new closes the way there."""
+    def look(self, path: GraphPath) -> Generator[Event, None, bool]:
+        """Look around before an attempt; tell whether something new closes the way ahead, so that it is not tried."""
         context = self._context
-        if context.system.presence is None or node_match.reachability >= context.method.driving.departure_reachability:
+        presence = context.system.presence
+        if presence is None:
             return False
-        obstruction = self._obstructions.find(path.nodes[: _EDGES_IN_SIGHT + 1])
-        if obstruction is None:
+        now_s, in_sight = self._now_s, path.nodes[: _EDGES_IN_SIGHT + 1]
+        obstruction = self._obstructions.find(in_sight)
+        if obstruction is None or not (across := edges_obstructed(context.graph, obstruction)):
+            deltas = presence.observe_open(context.graph, self._obstructions.open_ways(), now_s)
+            yield from context.apply_deltas(deltas, self._query)
             return False
-        deltas = context.system.presence.observe(context.graph, obstruction, self._now_s)
-        yield from context.apply_deltas(deltas, self._query)
-        closed = {(each.source, each.target) for each in deltas}
-        ahead = set(itertools.pairwise(path.nodes[: _EDGES_IN_SIGHT + 1]))
-        self._memory.obstructions += bool(closed & ahead)
-        return bool(closed & ahead)
+        self._memory.saw_change = True
+        yield from context.apply_deltas(presence.observe(context.graph, obstruction, now_s), self._query)
+        ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across)
+        closed = [edge for edge in ahead if not is_open(context.graph, edge)]
+        if not closed or self._memory.obstructions >= MOST_OBSTRUCTIONS:
+            return False
+        self._memory.obstructions += 1
+        for edge in closed:
+            self._memory.record_failure(edge)  # So that in this query other ways are tried first.
+        return True
 
     def learn(
         self,

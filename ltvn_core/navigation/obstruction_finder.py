@@ -13,10 +13,13 @@ from scipy.spatial import KDTree
 
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.localiser import Localisation
-from ltvn_core.graph.presence.obstruction import BODY_M, Obstruction, distances_to_way, nearby_poses
+from ltvn_core.graph.presence.obstruction import BODY_M, Obstruction, distances_to_way, nearby_poses, ways_nearby
+from ltvn_core.graph.presence.presence_observations import is_open
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.depth_points import obstacle_points, transform_points
+from ltvn_core.navigation.free_view import FreeView
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import NodeId, Pose, Waypoint
@@ -51,6 +54,7 @@ class ObstructionFinder:
         self._context, self._motion = context, motion
         self._perception, self._driver = perception, driver
         self._departure: tuple[Waypoint, Pose] | None = None
+        self._node: NodeId | None = None
         self._needed_share = _KNOWN_SHARE
 
     def depart(self, localisation: Localisation) -> None:
@@ -58,7 +62,21 @@ class ObstructionFinder:
         unsure = localisation.reachability < _SURE_REACHABILITY
         self._needed_share = _KNOWN_SHARE_IF_UNSURE if unsure else _KNOWN_SHARE
         believed = localisation.reachability > self._context.method.localising.reachability
+        self._node = localisation.node
         self._departure = (localisation.waypoint, self._motion.odometry) if believed else None
+
+    def open_ways(self) -> list[EdgeKey]:
+        """Return the edges that were closed when they were last seen and whose ways are seen to be free now."""
+        if self._departure is None or self._node is None:
+            return []
+        graph, node = self._context.graph, self._node
+        closed = {key for key in graph.presence if not is_open(graph, key)}
+        if not closed:
+            return []
+        back = invert(self._here())
+        view = FreeView(self._perception.observation.depth, self._context.spec.camera)
+        ways = {key: way for key, way in ways_nearby(graph, node).items() if key in closed}
+        return [key for key, way in ways.items() if view.shows_free(transform_points(way, back))]
 
     def find(self, segment: Sequence[NodeId], *, blocked: bool = False) -> Obstruction | None:
         """Return what is new around the robot on its way along nodes, None if nothing is.
@@ -67,8 +85,7 @@ class ObstructionFinder:
         """
         if self._context.system.presence is None or self._departure is None or len(segment) < 2:
             return None
-        node_seen, odometry = self._departure
-        here = compose(invert(node_seen), relative(odometry, self._motion.odometry))
+        here = self._here()
         solid = _thinned(transform_points(self._solid_points(), here))
         is_new = self._is_new(solid, segment[0], here)
         new = solid[is_new]
@@ -78,6 +95,12 @@ class ObstructionFinder:
         if not stopped and len(new) < _LEAST_POINTS:
             return None
         return Obstruction(node=segment[0], points=new, known=solid[~is_new], stopped=stopped)
+
+    def _here(self) -> Pose:
+        """Return where the robot is (3,) in the frame of the node that it set off from."""
+        assert self._departure is not None
+        node_seen, odometry = self._departure
+        return compose(invert(node_seen), relative(odometry, self._motion.odometry))
 
     def _solid_points(self) -> NDArray[np.float64]:
         """Return (M, 2) what the robot sees now, and saw near it in the last moments, in its frame."""

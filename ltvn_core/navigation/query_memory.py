@@ -13,6 +13,9 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId
 
+MOST_OBSTRUCTIONS = 4
+"""A robot that has found its way closed so often in one query hopes no longer that what it sees there is wrong."""
+
 
 class QueryMemory:
     """Edges driven and failed in one query."""
@@ -40,6 +43,8 @@ class QueryMemory:
         """The node that was approached last instead of its successor."""
         self.obstructions = 0
         """How often something was seen to lie across the way."""
+        self.saw_change = False
+        """Something was seen to close an edge, so that places nearby may look different."""
         self.doubted: set[NodeId] = set()
         """Nodes the robot does not believe to be at any more."""
 

@@ -5,7 +5,7 @@ Owns that order and the events that tell about it. The decisions are elsewhere: 
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -110,7 +110,9 @@ class QueryRunner:
             prior = LocalisationPrior(self._memory.plan, self._perception.trail_from_here, self._memory.doubted)
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
             yield from self._view_learner.learn(localisation)
-            if localisation.node is None:
+            if (arrived := self._reckoning.take_arrival()) is not None:
+                localisation = arrived
+            elif localisation.node is None:
                 localisation = self._reckoning.localise() or localisation
         frame = self._perception.observation.step
         yield Localised(
@@ -149,7 +151,7 @@ class QueryRunner:
         source, target = _ends(segment)
         self._memory.approached = target if source is None else None
         self._map_learner.depart(localisation)
-        if source is not None and (yield from self._map_learner.sees_closed(path, node_match)):
+        if (yield from self._map_learner.look(path)):
             yield from self._motion.wait_one_step()
             return False
         result = yield from self._drive(segment, node_match)
@@ -201,7 +203,7 @@ class QueryRunner:
             yield self._ended(attempt, source, target, end, AttemptVerdict(False, f"cut short: {over.outcome.value}"))
             raise
         yield from self._enter(NavigatorState.JUDGING)
-        verdict = self._judge(source, target, result)
+        verdict = self._judge(segment, result)
         yield self._ended(attempt, source, target, result.end, verdict)
         usable = yield from self._perception.can_compare()
         if source is not None and usable:
@@ -210,12 +212,13 @@ class QueryRunner:
             self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
         return result
 
-    def _judge(self, source: NodeId | None, target: NodeId, result: AttemptResult) -> AttemptVerdict:
+    def _judge(self, segment: Sequence[NodeId], result: AttemptResult) -> AttemptVerdict:
+        source, target = _ends(segment)
         driven_too_often = source is not None and self._memory.count_drive((source, target))
         if not self._perception.is_usable:
             return AttemptVerdict(False, "the image at the end has no depth, so nothing can be said", hindered=True)
         seen, left = self._perception.node_match(target), relative(self._motion.odometry, result.goal)
-        return judge_attempt(
+        verdict = judge_attempt(
             seen.reachability,
             seen.distance,
             left,
@@ -224,6 +227,11 @@ class QueryRunner:
             hindered=result.end in _INCONCLUSIVE_ENDS,
             driven_too_often=driven_too_often,
         )
+        may_have_arrived = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
+        recognised = self._memory.saw_change and seen.reachability > self._method.localising.reachability
+        if may_have_arrived and self._reckoning.arrive(segment, is_recognised=recognised):
+            return AttemptVerdict(True, "by odometry the robot is there, and the world has changed")
+        return verdict
 
     def _fits_trail(self, target: NodeId, seen: NodeMatch) -> bool:
         config = self._method.localising
@@ -287,7 +295,7 @@ class QueryRunner:
             yield StateChanged(state)
 
 
-def _ends(segment: tuple[NodeId, ...]) -> tuple[NodeId | None, NodeId]:
+def _ends(segment: Sequence[NodeId]) -> tuple[NodeId | None, NodeId]:
     """Return where an attempt begins and ends; to a single node the robot only makes its approach."""
     source = None if len(segment) == 1 else segment[0]
     return source, segment[-1]

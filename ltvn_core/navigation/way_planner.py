@@ -3,11 +3,17 @@
 Owns what a plan takes into account. Finds no path itself (`graph.planner`, `graph.presence.presence_plan`).
 """
 
-from ltvn_core.graph.planner import GraphPath
+import math
+
+from ltvn_core.graph.planner import NO_PATH, GraphPath
+from ltvn_core.graph.presence.edge_presence import EdgeProbabilities
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId
+
+_LEAST_P = 1e-3
+"""No edge is less probably open."""
 
 
 class WayPlanner:
@@ -24,7 +30,7 @@ class WayPlanner:
         open_now = {} if presence is None else presence.probabilities(context.graph, context.world_time_s(stamp))
         if not open_now:
             return context.planner.plan(start, self._goal, penalties)
-        return plan_by_presence(
+        path = plan_by_presence(
             context.planner,
             start,
             self._goal,
@@ -33,6 +39,17 @@ class WayPlanner:
             belief_weight=context.method.planning.belief_weight,
             tries=self._memory.obstructions,
         )
+        return path if path.nodes else self._hope(start, open_now)
+
+    def _hope(self, start: NodeId, open_now: EdgeProbabilities) -> GraphPath:
+        """Return the way through what is most probably open after all, a few times a query; somebody may have erred."""
+        context, memory = self._context, self._memory
+        if memory.obstructions >= MOST_OBSTRUCTIONS:
+            return NO_PATH
+        costs, belief_weight = dict(memory.penalties), context.method.planning.belief_weight
+        for edge, p in open_now.items():
+            costs[edge] = costs.get(edge, 0.0) - belief_weight * math.log(max(p, _LEAST_P))
+        return context.planner.plan(start, self._goal, costs)
 
     def exists(self, start: NodeId) -> bool:
         """Tell whether the map has a way at all, open or not."""

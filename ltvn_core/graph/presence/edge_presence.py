@@ -10,7 +10,7 @@ from ltvn_core.graph.deltas import PresenceObserved
 from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.graph.presence.obstruction import Obstruction
 from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceTracks, follow_histories
-from ltvn_core.graph.presence.presence_observations import obstructed_deltas
+from ltvn_core.graph.presence.presence_observations import obstructed_deltas, seen_open_deltas
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 EdgeProbabilities: TypeAlias = Mapping[EdgeKey, float]
@@ -26,6 +26,12 @@ class EdgePresence(Protocol):
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
         """Return what the map learns of something new that was seen from afar."""
+        ...
+
+    def observe_open(
+        self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
+    ) -> tuple[PresenceObserved, ...]:
+        """Return what the map learns of ways that were seen to be free."""
         ...
 
 
@@ -54,6 +60,12 @@ class FilteredPresence:
         """Return that the edges are blocked whose ways it closes."""
         return obstructed_deltas(graph, obstruction, stamp)
 
+    def observe_open(
+        self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
+    ) -> tuple[PresenceObserved, ...]:
+        """Return that these edges are open, and others that the same things closed."""
+        return seen_open_deltas(graph, seen, stamp)
+
 
 class KnownPresence:
     """The truth of the moment, where somebody can tell: in simulation."""
@@ -68,4 +80,10 @@ class KnownPresence:
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
         """Return nothing: the truth is known without looking."""
+        return ()
+
+    def observe_open(
+        self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
+    ) -> tuple[PresenceObserved, ...]:
+        """Return nothing, for the same reason."""
         return ()

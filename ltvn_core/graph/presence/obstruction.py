@@ -5,10 +5,14 @@ odometry does not matter. Sees nothing and decides nothing.
 """
 
 import heapq
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from ltvn_core.geometry import compose, invert
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
@@ -24,6 +28,10 @@ _LEAST_IN_MIDDLE = 2
 """Fewer points there are held to be noise."""
 _BARRIER_M = 0.35
 """What stands so little before or behind something is part of the same barrier."""
+_END_M = 0.2
+"""What stands so little behind the end of a way leaves the robot no room to stand there, as a door behind its sill."""
+_SAME_THING_M = 0.3
+"""Points that are so near to each other are of one thing."""
 _SHORTEST_M = 0.05
 """Shorter ways are turns on the spot."""
 _NEARBY_D = 4.0
@@ -43,13 +51,31 @@ class Obstruction:
     stopped: bool
     """They stopped the robot on the edge that it drove, of which the node is the source."""
 
+    def things(self) -> Iterator["Obstruction"]:
+        """Yield each thing by itself; what else is new is then beside it."""
+        if not len(self.points):
+            return
+        pairs = KDTree(self.points).query_pairs(_SAME_THING_M, output_type="ndarray")
+        count = len(self.points)
+        joined = coo_array((np.ones(len(pairs), np.bool_), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+        things, of_thing = connected_components(joined, directed=False)
+        for thing in range(things):
+            own = of_thing == thing
+            yield replace(self, points=self.points[own], known=np.concatenate([self.known, self.points[~own]]))
+
 
 def edges_obstructed(graph: TopologicalGraph, obstruction: Obstruction) -> tuple[EdgeKey, ...]:
     """Return the edges whose ways the points lie across; linear in the edges nearby."""
-    poses = nearby_poses(graph, obstruction.node)
-    keys = [(node, target) for node in poses for target in graph.successors(node)]
-    ends = {key: compose(poses[key[0]], np.array(graph.edges[key].waypoint)) for key in keys}
-    return tuple(key for key in keys if closes_way(obstruction, poses[key[0]][:2], ends[key][:2]))
+    ways = ways_nearby(graph, obstruction.node)
+    return tuple(key for key, way in ways.items() if closes_way(obstruction, *way))
+
+
+def ways_nearby(graph: TopologicalGraph, node: NodeId) -> dict[EdgeKey, FloatArray]:
+    """Return the straight ways of the edges around one node, each (2, 2): start and end, metres in its frame."""
+    poses = nearby_poses(graph, node)
+    keys = [(source, target) for source in poses for target in graph.successors(source)]
+    ends = (compose(poses[key[0]], np.array(graph.edges[key].waypoint)) for key in keys)
+    return {key: np.stack([poses[key[0]][:2], end[:2]]) for key, end in zip(keys, ends, strict=True)}
 
 
 def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> bool:
@@ -63,7 +89,7 @@ def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> 
         return False
     turn = np.array([[way[0], -way[1]], [way[1], way[0]]]) / length
     new, known = (points @ turn for points in (obstruction.points - start, obstruction.known - start))
-    within = (new[:, 0] >= 0) & (new[:, 0] <= length)
+    within = (new[:, 0] >= 0) & (new[:, 0] <= length + _END_M)
     middle = new[within & (np.abs(new[:, 1]) < _MIDDLE_M)]
     if len(middle) < _LEAST_IN_MIDDLE:
         return False
@@ -79,11 +105,12 @@ def distances_to_way(points: FloatArray, start: FloatArray, end: FloatArray) -> 
     return np.linalg.norm(points - start - share[:, None] * way, axis=1)
 
 
-def nearby_poses(graph: TopologicalGraph, node: NodeId) -> dict[NodeId, Pose]:
+def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Pose]:
     """Return the poses (3,) of the nodes around one node, in its frame, along the shortest chains of waypoints.
 
-    They are in order of the length of these chains.
+    They are in order of the length of these chains. `without`: edges of which, in both directions, no chain is made.
     """
+    left_out = {*without, *((target, source) for source, target in without)}
     found: dict[NodeId, Pose] = {}
     queue: list[tuple[float, NodeId, tuple[float, ...]]] = [(0.0, node, (0.0, 0.0, 0.0))]
     while queue:
@@ -92,6 +119,8 @@ def nearby_poses(graph: TopologicalGraph, node: NodeId) -> dict[NodeId, Pose]:
             continue
         pose = found[here] = np.array(place)
         for key in _edges_at(graph, here):
+            if key in left_out:
+                continue
             other = key[1] if key[0] == here else key[0]
             edge = graph.edges[key]
             so_far = length + edge.belief.mu

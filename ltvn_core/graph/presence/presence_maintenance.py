@@ -67,11 +67,16 @@ def never_existed(graph: TopologicalGraph, pruned: EdgePruned) -> bool:
     # The failure under way is not counted in the map yet.
     failures = edge.attempts + 1
     seen_blocked = (edge.source, edge.target) in graph.presence
-    return edge.successes == 0 and failures >= _LEAST_FAILURES and not seen_blocked and not _was_driven(graph, edge)
+    return failures >= _LEAST_FAILURES and not seen_blocked and not was_driven(graph, edge)
 
 
-def _was_driven(graph: TopologicalGraph, edge: Edge) -> bool:
-    """Tell whether an edge joins two images that followed each other when the map was made, as odometry says."""
+def was_driven(graph: TopologicalGraph, edge: Edge) -> bool:
+    """Tell whether an edge was driven with success, or when the map was made.
+
+    That is where it joins two images that followed each other, and agrees with odometry between them.
+    """
+    if edge.successes:
+        return True
     first, last = sorted((edge.source, edge.target))
     if any(first < node < last for node in graph.nodes):
         return False

@@ -5,7 +5,9 @@ import pytest
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned
 from ltvn_core.graph.localiser import LOCAL, Localisation
+from ltvn_core.graph.operators import pose_row
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import Tick
@@ -72,3 +74,31 @@ def test_a_system_without_presence_does_not_reckon() -> None:
     robot.place.change(NEAR_DOOR)
     assert robot.reckoning.localise() is None
     assert not robot.reckoning.is_at(robot.goal)
+
+
+def test_who_drives_to_a_place_that_looks_different_now_has_arrived_and_is_there() -> None:
+    robot = Reckoner()
+    robot.arrive()
+    robot.place.change(NEAR_DOOR)
+    before = max(node for node in robot.place.graph.nodes if node < robot.goal)
+    assert robot.reckoning.arrive((before, robot.goal), is_recognised=False)
+    found = robot.reckoning.take_arrival()
+    assert found is not None
+    assert found.node == robot.goal
+    assert robot.reckoning.take_arrival() is None, "It may be somewhere else by now."
+
+
+def test_at_the_end_of_an_edge_that_alone_says_where_it_leads_there_is_no_arrival() -> None:
+    robot = Reckoner()
+    robot.arrive()
+    robot.place.change(NEAR_DOOR)
+    graph, stranger = robot.place.graph, robot.place.nearest(0.8, 3.3)
+    source = next(iter(graph.predecessors(robot.goal)))
+    away = relative(robot.place.poses[source], robot.place.poses[robot.goal])
+    for near in [*graph.predecessors(stranger), *graph.successors(stranger)]:
+        for edge in ((near, stranger), (stranger, near)):
+            if edge in graph.edges:
+                graph.apply(EdgePruned(*edge, Cause.HAND))
+    graph.apply(EdgeAdded(Edge(source, stranger, pose_row(away), Belief(0.9, 0.5, 0.02)), Cause.HAND))
+    assert robot.reckoning.is_at(stranger)
+    assert not robot.reckoning.arrive((source, stranger), is_recognised=False)

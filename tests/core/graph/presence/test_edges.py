@@ -25,6 +25,7 @@ from ltvn_core.graph.presence.edge_filters import PERSISTENT
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
+from ltvn_core.graph.presence.presence_observations import seen_open_deltas
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
@@ -64,6 +65,10 @@ def fail(obstruction: Obstruction | None, *, stamp: float = 0.0) -> AttemptEvide
 def test_a_door_closes_the_edges_that_pass_it_and_no_others(drift_m: float) -> None:
     graph = row(drift_m=drift_m)
     assert set(edges_obstructed(graph, seen(door(1.5, -0.5, 0.5)))) == {(2, 3), (3, 2)}
+
+
+def test_a_way_that_ends_just_before_a_door_is_closed_and_one_that_begins_there_is_not() -> None:
+    assert set(edges_obstructed(row(), seen(door(1.3, -0.5, 0.5)))) == {(1, 2), (2, 3), (3, 2)}
 
 
 def test_a_door_is_closed_for_a_way_near_its_jamb_although_the_jamb_was_always_there() -> None:
@@ -113,6 +118,24 @@ def test_who_gets_through_opens_all_edges_that_were_closed_together() -> None:
     success = AttemptEvidence(source=3, target=2, distance=0.6, succeeded=True, stamp=900.0)
     opened = [each for each in MAINTENANCE.after_attempt(graph, success) if isinstance(each, PresenceObserved)]
     assert {(each.source, each.target): each.present for each in opened} == {(3, 2): True, (2, 3): True}
+
+
+def test_of_two_doors_that_are_seen_at_once_one_opens_without_the_other() -> None:
+    graph = row()
+    both = seen(np.concatenate([door(0.9, -0.5, 0.5), door(2.1, -0.5, 0.5)]))
+    for delta in MAINTENANCE.after_attempt(graph, fail(both, stamp=7.0)):
+        graph.apply(delta)
+    assert set(graph.presence) == {(1, 2), (2, 1), (3, 4), (4, 3)}
+    opened = seen_open_deltas(graph, [(3, 4)], 900.0)
+    assert {(each.source, each.target) for each in opened} == {(3, 4), (4, 3)}
+
+
+def test_what_a_second_look_finds_closed_belongs_to_what_the_first_did() -> None:
+    graph = row()
+    for stamp, leaf in ((7.0, door(1.5, -0.5, 0.5)), (9.0, door(1.3, -0.5, 0.5))):
+        for delta in MAINTENANCE.after_attempt(graph, fail(seen(leaf), stamp=stamp)):
+            graph.apply(delta)
+    assert len(seen_open_deltas(graph, [(3, 2)], 900.0)) == 3
 
 
 def failures(graph: TopologicalGraph, key: EdgeKey, count: int = 12) -> bool:

@@ -210,6 +210,10 @@ class AttemptDriver:
         ahead = Twist(self._config.speed_m_s / 2, 0.0)
         return self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
 
+    def hit_points(self) -> NDArray[np.float64]:
+        """Return (M, 2) what the robot hit last, in its frame; none if that is long ago."""
+        return self._obstacles.hit_points(self._motion.odometry)
+
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
         if self._obstacles.people_are_about(self._motion.stamp):
             return  # The camera looks the other way; a robot that is not driven on touches nobody.

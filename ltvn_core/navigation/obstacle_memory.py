@@ -36,6 +36,8 @@ _RING = (BODY_M + _KEEP_M) * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-
 """as if they were so wide; each point counts three times, so that it is not taken for noise."""
 _SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 """From what moves the robot keeps so much more distance."""
+_HIT_WIDTH_M, _HIT_POINTS = 0.5, 11
+"""How wide what was hit is held to be, and by how many points that is shown."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
 
@@ -120,6 +122,18 @@ class ObstacleMemory:
         directions = yaw + _COLLISION_BEARINGS_RAD
         rim = self._bumper_m * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
         self._collisions.append(_Collision(self._last_step, odometry[:2] + rim, backwards))
+
+    def hit_points(self, odometry: Pose) -> NDArray[np.float64]:
+        """Return (M, 2) what was hit last and not long ago, in the frame of a robot at `odometry` (3,).
+
+        It is held to lie straight across the robot's way, about as wide as the robot.
+        """
+        if not self._collisions:
+            return np.empty((0, 2))
+        rim = self._collisions[-1].rim
+        across = (rim[-1] - rim[0]) / np.linalg.norm(rim[-1] - rim[0])
+        line = rim.mean(axis=0) + _HIT_WIDTH_M * np.linspace(-0.5, 0.5, _HIT_POINTS)[:, None] * across
+        return (line - odometry[:2]) @ rotation(float(odometry[2]))
 
     def nearby_points(
         self, odometry: Pose, *, backwards: bool = False, keeping_from_people: bool = True

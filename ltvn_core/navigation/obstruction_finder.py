@@ -91,6 +91,8 @@ class ObstructionFinder:
         new = solid[is_new]
         if len(new) > (1 - self._needed_share) * len(solid):
             return None
+        if blocked:
+            new = np.concatenate([new, self._hit_unseen(segment[0], here)])
         stopped = blocked and self._is_on_way(new, segment)
         if not stopped and len(new) < _LEAST_POINTS:
             return None
@@ -106,6 +108,14 @@ class ObstructionFinder:
         """Return (M, 2) what the robot sees now, and saw near it in the last moments, in its frame."""
         seen = obstacle_points(self._perception.observation.depth, self._context.spec.camera, _RANGE_M)
         return np.concatenate([seen, self._driver.solid_points()])
+
+    def _hit_unseen(self, node: NodeId, here: Pose) -> NDArray[np.float64]:
+        """Return (M, 2) what the robot hit, in the frame of a node: who backs up hits what no image shows.
+
+        What was there always, or is beside that, tells nothing.
+        """
+        hit = transform_points(self._driver.hit_points(), here)
+        return hit if self._is_new(hit, node, here).all() else hit[:0]
 
     def _is_new(self, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
         """Tell (M,) which points, in the frame of a node, are not near to anything that images of the map show."""

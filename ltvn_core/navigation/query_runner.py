@@ -18,6 +18,7 @@ from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import (
+    OBSTRUCTED_ENDS,
     AttemptEnd,
     AttemptEnded,
     AttemptStarted,
@@ -210,6 +211,8 @@ class QueryRunner:
             yield from self._map_learner.learn(attempt, segment, node_match, verdict, result.end)
         elif source is not None:
             self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
+        elif self._context.system.presence is not None and result.end in OBSTRUCTED_ENDS:
+            self._memory.doubted.add(target)  # What it sees may be beyond something that was not there.
         return result
 
     def _judge(self, segment: Sequence[NodeId], result: AttemptResult) -> AttemptVerdict:

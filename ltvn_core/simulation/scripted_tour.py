@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.path_follower import PathFollower
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
@@ -71,6 +72,16 @@ def drive_tour(
     robot.stop()
 
 
+def drive_along(
+    robot: SimulatedRobot, scene: Scene, path: NDArray[np.float64], settings: TourSettings | None = None
+) -> Iterator[Observation]:
+    """Drive along a path, (M, 2) x and y in metres, and yield the observations taken on the way."""
+    driver = _Driver(robot, scene.clearance, settings or TourSettings())
+    yield from driver.capture()
+    yield from driver.follow(path)
+    robot.stop()
+
+
 class _Driver:
     """Drives to points and takes images on the way."""
 
@@ -87,7 +98,7 @@ class _Driver:
             if path is None:
                 return
             collisions_before = self._robot.collisions
-            yield from self._follow(path)
+            yield from self.follow(path)
             if self._robot.collisions == collisions_before:
                 return
             yield from self._hold(Twist(-0.2, 0.0), self.settings.back_off_steps)
@@ -112,34 +123,29 @@ class _Driver:
         self._last_capture_odometry = odometry
         yield self._robot.observe()
 
-    def _follow(self, path: NDArray[np.float64]) -> Iterator[Observation]:
+    def follow(self, path: NDArray[np.float64]) -> Iterator[Observation]:
+        """Drive along a path (M, 2), until its end or a collision."""
         settings = self.settings
         collisions_before = self._robot.collisions
-        ahead = 0
+        follower = PathFollower(
+            path,
+            speed_m_s=settings.speed_m_s,
+            lookahead_m=settings.lookahead_m,
+            turn_first_rad=settings.turn_first_rad,
+            arrived_m=settings.arrived_m,
+        )
         length = float(np.hypot(*np.diff(path, axis=0).T).sum())
         for _ in range(int(settings.timeout_factor * (length / settings.speed_m_s + 6) / CONTROL_STEP_S)):
-            pose = self._robot.exact_pose
-            if np.hypot(*(path[-1] - pose[:2])) < settings.arrived_m or self._robot.collisions > collisions_before:
+            twist = follower.twist(self._robot.exact_pose)
+            if twist is None or self._robot.collisions > collisions_before:
                 return
-            while ahead < len(path) - 1 and np.hypot(*(path[ahead] - pose[:2])) < settings.lookahead_m:
-                ahead += 1
-            yield from self._hold(_towards(pose, path[ahead], settings), 1)
+            yield from self._hold(twist, 1)
 
     def _hold(self, twist: Twist, steps: int) -> Iterator[Observation]:
         for _ in range(steps):
             self._robot.drive(twist)
             self._robot.advance(CONTROL_STEP_S)
             yield from self.capture()
-
-
-def _towards(pose: Pose, point: NDArray[np.float64], settings: TourSettings) -> Twist:
-    """Return the velocity that steers from a pose (3,) towards a point (2,)."""
-    offset = point - pose[:2]
-    heading_error = float(wrap_angle(np.arctan2(offset[1], offset[0]) - pose[2]))
-    if abs(heading_error) > settings.turn_first_rad:
-        return Twist(0.0, float(np.sign(heading_error)))
-    angular_rad_s = float(np.clip(2.5 * heading_error, -1.0, 1.0))
-    return Twist(settings.speed_m_s * float(np.cos(heading_error)), angular_rad_s)
 
 
 def _stops(scene: Scene, rng: np.random.Generator, settings: TourSettings) -> list[NDArray[np.float64]]:

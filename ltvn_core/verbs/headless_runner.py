@@ -5,10 +5,11 @@ there time is real and a person may interfere.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from ltvn_core.composition import Simulation
@@ -23,8 +24,11 @@ from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.simulation.scripted_tour import drive_tour
+from ltvn_core.simulation.scripted_tour import TourSettings, drive_along, drive_tour
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose, Predictor
+
+LED_M_S = 0.45
+"""A person leads the robot as fast as this."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,22 @@ class HeadlessRunner:
                 bar.update(done - bar.n)
 
             self._change(self.system.build(observations, self.keyframes, self.predictor, rng=rng, progress=show))
+
+    def lead(self, path: NDArray[np.float64], consume: Callable[[Event], None]) -> None:
+        """Drive along a path (M, 2) as a person would; what the map learns from it is recorded and handed on.
+
+        Raises MapError where the navigation system only builds whole maps.
+        """
+        if self.system.online is None:
+            raise MapError(f"A map of {self.system.name} does not grow while driving; build it anew.")
+        online = self.system.online(self.graph, self.keyframes, self.predictor)
+        images = drive_along(self.robot, self.world.scene, path, TourSettings(speed_m_s=LED_M_S))
+        for observation in record_images(images, self.writer):
+            for delta in online.offer(observation):
+                self.graph.apply(delta)
+                self.record(GraphChanged(delta))
+                consume(GraphChanged(delta))
+        self._draw()
 
     def run_queries(
         self,

@@ -138,7 +138,7 @@ def _play_recorded(
 
 def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator") -> None:
     """Play a story to its end, and write its captions down."""
-    from ltvn_core.evaluation.door_story.story import CallBack, Change, GoTo
+    from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead
     from ltvn_core.navigation.episode import run_episode
     from ltvn_core.navigation.events import Event, Note
 
@@ -153,6 +153,10 @@ def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator
 
     def consume(event: Event) -> None:
         runner.record(event)
+        story.take(event)
+        tell()
+
+    def led(event: Event) -> None:
         story.take(event)
         tell()
 
@@ -172,6 +176,10 @@ def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator
                 pass  # No query is under way.
             case Change(change):
                 runner.world.apply(change)
+            case Carry(pose):
+                runner.robot.teleport(pose)
+            case Lead(path):
+                runner.lead(path, led)
             case GoTo(goal):
                 verdict = partial(runner.verdict, queries, goal)
                 run_episode(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)

@@ -3,55 +3,32 @@
 Whoever plays it hands every event to `take`, asks `next_step` at each control step and does what it says.
 """
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum, auto
-from typing import TypeAlias
 
+from ltvn_core.evaluation.door_story.captions import Captions
 from ltvn_core.evaluation.door_story.story_facts import StoryFacts
 from ltvn_core.evaluation.door_story.story_map import Stage, StoryMap
+from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
 from ltvn_core.navigation.events import Event, Outcome, Planned, QueryEnded
 from ltvn_core.types import NodeId
-from ltvn_core.worlds.world_change import DoorMoved, TimePassed, WorldChange
+from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed
 
 STORY_MAINTENANCE = "persistent"
 """What driving teaches the map in a story."""
 STEPS_AT_DOOR = 80
 """So often the robot is asked for its next step at a closed door before it is called back."""
-NO_STORY = (
-    "No way in this map leads from here through a door. Drive or navigate to another room, or map more of them, and "
-    "try again."
-)
-
-
-@dataclass(frozen=True, slots=True)
-class GoTo:
-    """Drive to a node now."""
-
-    node: NodeId
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """Change the world now."""
-
-    change: WorldChange
-
-
-@dataclass(frozen=True, slots=True)
-class CallBack:
-    """End the query under way now."""
-
-
-StoryStep: TypeAlias = GoTo | Change | CallBack
 
 
 class _Phase(Enum):
     BEGINNING = auto()
+    LEADING = auto()
+    """The robot is shown a way."""
     GOING = auto()
-    REOPENING = auto()
-    WAITING = auto()
+    """It drives by its map, and a door closes."""
     RETURNING = auto()
+    """The door is open again, and it comes that way once more."""
     OVER = auto()
 
 
@@ -60,20 +37,23 @@ class DoorStory:
 
     def __init__(self, story_map: StoryMap, door_names: Sequence[str]) -> None:
         """Play in a map whose doors a person calls by these names."""
-        self._map, self._names = story_map, door_names
+        self._map = story_map
+        self._captions = Captions(door_names)
         self.facts = StoryFacts()
-        self.captions: list[str] = []
-        """What was told so far."""
         self._phase = _Phase.BEGINNING
+        self._steps: deque[StoryStep] = deque()
+        """What is done next, each as soon as the robot is idle."""
         self._stage: Stage | None = None
-        self._is_closed = False
+        self._is_closed = self._is_called_back = False
         self._plan: tuple[NodeId, ...] = ()
-        self._told: set[str] = set()
-        self._arrived = False
         self._steps_at_door = 0
         self._goals: list[NodeId] = []
         """Where to go once the door is open again."""
-        self._is_called_back = False
+
+    @property
+    def captions(self) -> Sequence[str]:
+        """What was told so far."""
+        return self._captions.told
 
     @property
     def is_over(self) -> bool:
@@ -82,79 +62,90 @@ class DoorStory:
 
     @property
     def stage(self) -> Stage | None:
-        """Where it plays; None before it began, and where it cannot."""
+        """Where it plays; None before it is known, and where it cannot."""
         return self._stage
 
     def take(self, event: Event) -> None:
         """Look at what happened."""
-        before = len(self.facts.absent), self.facts.added, len(self.facts.returned)
+        before = len(self.facts.absent), self.facts.nodes_added, len(self.facts.returned)
         self.facts.take(event)
-        if self._phase not in (_Phase.GOING, _Phase.RETURNING):
-            return
         match event:
-            case Planned(nodes=nodes) if nodes:
+            case Planned(nodes=nodes) if nodes and self._phase in (_Phase.GOING, _Phase.RETURNING):
                 self._plan = nodes
                 self._tell_of_plan()
-            case QueryEnded(outcome=outcome):
-                self._tell_of_end(outcome)
+            case QueryEnded(outcome=outcome) if self._phase in (_Phase.GOING, _Phase.RETURNING):
+                self._go_on_after(outcome)
+            case _ if self._phase is not _Phase.OVER:
+                self._captions.tell_of_map(self.facts, *before)
             case _:
-                self._tell_of_map(*before)
+                pass
 
     def next_step(self, *, is_idle: bool) -> StoryStep | None:
         """Return what to do now, if anything; `is_idle` says that the robot stands and waits for a goal."""
-        stage = self._stage
         if self._phase is _Phase.BEGINNING and is_idle:
-            return self._begin()
-        if stage is None:
+            self._begin()
+        if self._phase is _Phase.LEADING and is_idle and not self._steps:
+            self._set_out()
+        if self._steps and is_idle:
+            return self._steps.popleft()
+        stage = self._stage
+        if stage is None or is_idle or self._is_called_back:
             return None
         if self._phase is _Phase.GOING and not self._is_closed and self._map.passes(self._plan, stage.door):
             self._is_closed = True
-            self._tell(f"Somebody closes {self._door}. The robot does not know it yet.")
+            self._captions.door_closes(stage.door)
             return Change(DoorMoved(stage.door, is_open=False))
-        if self._phase is _Phase.GOING and self.facts.absent and not stage.has_way_round and not self._is_called_back:
+        if self._phase is _Phase.GOING and self.facts.absent and not stage.has_way_round:
             return self._wait_a_little()
-        if self._phase is _Phase.REOPENING and is_idle:
-            return self._reopen(stage)
-        if self._phase is _Phase.WAITING and is_idle:
-            self._phase = _Phase.RETURNING
-            return GoTo(self._goals.pop(0))
+        if self._phase is _Phase.RETURNING and self.facts.are_all_back:
+            self._is_called_back = True
+            return CallBack()
         return None
 
     def stop(self, why: str) -> StoryStep | None:
         """End it early and say why; returns what to do yet."""
         self._phase = _Phase.OVER
-        self._tell(why)
+        self._steps.clear()
+        self._captions.tell(why)
         if self._stage is None or not self._is_closed:
             return None
         self._is_closed = False
         return Change(DoorMoved(self._stage.door, is_open=True))
 
-    @property
-    def _door(self) -> str:
-        return "the door" if self._stage is None else f"the door {self._names[self._stage.door]}"
-
-    def _begin(self) -> StoryStep | None:
+    def _begin(self) -> None:
         self._stage = self._map.stage()
-        if self._stage is None:
+        if self._stage is not None and self._stage.has_way_round:
+            self._send(self._stage)
+        elif (unknown := self._map.unknown_way()) is not None:
+            self._phase = _Phase.LEADING
+            self._captions.way_is_shown(unknown.moved_away, self._map.room(unknown.path[len(unknown.path) // 2]))
+            if unknown.moved_away is not None:
+                self._steps.append(Change(ThingRemoved(unknown.moved_away)))
+            self._steps += [Carry(self._map.pose(self._map.start_of(unknown))), Lead(unknown.path)]
+        elif self._stage is not None:
+            self._send(self._stage)
+        else:
             self._phase = _Phase.OVER
-            self._tell(NO_STORY)
-            return None
-        self._phase = _Phase.GOING
-        other = "There is another way." if self._stage.has_way_round else "Its map has no other."
-        self._tell(f"The robot sets out for node {self._stage.goal}. The way leads through {self._door}. {other}")
-        return GoTo(self._stage.goal)
+            self._captions.no_story()
 
-    def _reopen(self, stage: Stage) -> StoryStep:
-        if self._is_closed:
-            self._is_closed = False
-            self._tell(f"{self._door[:1].upper()}{self._door[1:]} is opened again. Nobody tells the robot.")
-            return Change(DoorMoved(stage.door, is_open=True))
-        self._goals = self._goals_again(stage)
-        wait_s = self._map.wait_s(stage.door, self._goals[0])
-        self._phase = _Phase.WAITING
-        what = "is sent back" if self._arrived else "is sent there again"
-        self._tell(f"{_duration(wait_s)} go by, and the robot {what}.")
-        return Change(TimePassed(wait_s))
+    def _set_out(self) -> None:
+        """Let the robot drive by itself where it was led."""
+        unknown = self._map.unknown_way_found
+        assert unknown is not None
+        start = self._map.start_of(unknown)
+        stage = self._map.stage(start) or self._map.stage()
+        if stage is None:
+            self._phase = _Phase.OVER
+            self._captions.no_story()
+            return
+        self._stage = stage
+        self._steps.append(Carry(self._map.pose(stage.start)))
+        self._send(stage)
+
+    def _send(self, stage: Stage) -> None:
+        self._phase = _Phase.GOING
+        self._captions.sets_out(stage)
+        self._steps.append(GoTo(stage.goal))
 
     def _wait_a_little(self) -> StoryStep | None:
         """Let the robot look at the closed door for a while; then there is nothing left for it to do."""
@@ -162,16 +153,8 @@ class DoorStory:
         if self._steps_at_door < STEPS_AT_DOOR:
             return None
         self._is_called_back = True
-        self._tell("The map knows no other way, so the robot is called back.")
+        self._captions.is_called_back()
         return CallBack()
-
-    def _goals_again(self, stage: Stage) -> list[NodeId]:
-        """Return where to go until an edge comes back: where the story began or was to end, and along an edge itself.
-
-        A map has several edges through a door; the shortest way may lead along one that was never seen blocked.
-        """
-        ends = list(self.facts.absent[0]) if self.facts.absent else []
-        return [stage.start, *ends] if self._arrived else [*ends, stage.goal]
 
     def _tell_of_plan(self) -> None:
         if self._stage is None:
@@ -179,57 +162,42 @@ class DoorStory:
         through = self._map.passes(self._plan, self._stage.door)
         if self._phase is _Phase.GOING and self._is_closed and not through:
             self.facts.rerouted = True
-            self._tell_once("turned", f"The plan turns: round about, by {len(self._plan)} nodes.")
+            self._captions.plan_turns(len(self._plan))
         if self._phase is _Phase.RETURNING and through:
-            self._tell_once("tried again", "The plan leads through the door again: it is worth a try by now.")
+            self._captions.tries_again()
 
-    def _tell_of_map(self, absent: int, added: int, returned: int) -> None:
-        facts = self.facts
-        if not absent and facts.absent:
-            self._tell(
-                "The robot stands before a closed door. The edges through it fade: absent now, and not forgotten."
-            )
-        if not added and facts.added:
-            what = "A new node" if facts.nodes_added else "A new edge"
-            self._tell(f"{what} appears in the map: the robot learned it on the way.")
-        if not returned and facts.returned:
-            self._tell("The way is open. The edges through the door return.")
-
-    def _tell_of_end(self, outcome: Outcome) -> None:
-        if outcome is Outcome.CANCELLED and self._phase is _Phase.GOING and self._is_called_back:
-            self._phase = _Phase.REOPENING
+    def _go_on_after(self, outcome: Outcome) -> None:
+        """Go on after the end of a query; one that somebody else cancelled stops the story."""
+        stage, called_back = self._stage, self._is_called_back
+        assert stage is not None
+        self._is_called_back = False
+        if outcome is Outcome.CANCELLED and not called_back:
             return
-        if outcome is Outcome.CANCELLED:
-            return  # Whoever cancelled it stops the story.
-        ended = "arrived" if outcome is Outcome.ARRIVED else f"gives up ({outcome})"
-        if self._phase is _Phase.RETURNING and not self.facts.returned and self._goals:
-            self._phase = _Phase.WAITING
-        elif self._phase is _Phase.RETURNING:
-            self._phase = _Phase.OVER
-            self._tell(f"The robot {ended}. {self._summary()}")
+        if self._phase is _Phase.RETURNING:
+            self._end_or_try_again(stage)
         elif not self._is_closed:
             self._phase = _Phase.OVER
-            self._tell("The robot found a way that does not lead through the door. Try again from another place.")
+            self._captions.no_door_on_the_way()
         else:
-            self._phase = _Phase.REOPENING
-            self._arrived = outcome is Outcome.ARRIVED
-            self._tell(f"The robot {ended}.")
+            self._captions.ended(outcome)
+            self._reopen(stage)
 
-    def _summary(self) -> str:
-        facts = self.facts
-        return (
-            f"Learned: {len(facts.absent)} edges were absent for a while, {len(facts.returned)} of them are back; "
-            f"{facts.nodes_added} nodes and {facts.edges_added} edges are new."
-        )
+    def _reopen(self, stage: Stage) -> None:
+        """Open the door, let time pass, and send the robot that way again."""
+        self._phase, self._is_closed = _Phase.RETURNING, False
+        wait_s = self._map.wait_s(stage)
+        self._captions.door_opens(stage.door, wait_s)
+        self._steps += [Change(DoorMoved(stage.door, is_open=True)), Change(TimePassed(wait_s))]
+        # A map has several edges through a door; the shortest way may lead along one that was never seen blocked.
+        self._goals = [stage.goal, *(list(self.facts.absent[0]) if self.facts.absent else [])]
+        self._try(stage)
 
-    def _tell_once(self, about: str, text: str) -> None:
-        if about not in self._told:
-            self._told.add(about)
-            self._tell(text)
+    def _try(self, stage: Stage) -> None:
+        self._steps += [Carry(self._map.pose(stage.start)), GoTo(self._goals.pop(0))]
 
-    def _tell(self, text: str) -> None:
-        self.captions.append(text)
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds / 60:.0f} minutes" if seconds < 3600 else f"{seconds / 3600:.0f} hours"
+    def _end_or_try_again(self, stage: Stage) -> None:
+        if not self.facts.returned and self._goals:
+            self._try(stage)
+            return
+        self._phase = _Phase.OVER
+        self._captions.summary(self.facts)

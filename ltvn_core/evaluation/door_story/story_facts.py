@@ -25,6 +25,11 @@ class StoryFacts:
         """Nodes and edges that driving brought in."""
         return self.nodes_added + self.edges_added
 
+    @property
+    def are_all_back(self) -> bool:
+        """Whether every edge that was absent returned."""
+        return bool(self.absent) and self.returned.issuperset(self.absent)
+
     def take(self, event: Event) -> None:
         """Count one event."""
         if not isinstance(event, GraphChanged):

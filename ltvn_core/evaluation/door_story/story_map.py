@@ -9,7 +9,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ltvn_core.evaluation.door_story.unknown_way import UnknownWay, find_unknown_way
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.navigation_system import NavigationSystem
@@ -26,6 +28,8 @@ NEAREST_M = 1.2
 """The robot must be so near to a node."""
 BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
 """The planned way goes so far at least before the door and behind it."""
+_AHEAD = 10
+"""The heading of a way is that towards its point of this number."""
 _YAW_WEIGHT_M = 0.5
 """A radian to turn counts as much as this way."""
 _BESIDE_M = 0.15
@@ -60,34 +64,67 @@ class StoryMap:
         self.graph, self.system, self.world = graph, system, world
         self._truth = GroundTruth(world.base.clearance, observation)
         self.robot = robot
+        self.unknown_way_found: UnknownWay | None = None
+        """What `unknown_way` found last."""
 
-    def stage(self) -> Stage | None:
-        """Return the shortest story there is from where the robot is, best with a way round; None without any."""
-        start, planner = self._nearest(), self._planner()
+    def stage(self, start: NodeId | None = None) -> Stage | None:
+        """Return the shortest story there is from a node, best with a way round; None without any.
+
+        Without a node it begins where the robot is.
+        """
+        start, planner = self._nearest() if start is None else start, self._planner()
         if start is None:
             return None
         found = (stage for goal in self._goals() for stage in self._stages(planner, start, goal))
         return min(found, key=lambda stage: (not stage.has_way_round, stage.length_m), default=None)
 
+    def unknown_way(self) -> UnknownWay | None:
+        """Return a way that the map lacks and that gives it a way round a door; None where there is none."""
+        nodes = list(self.graph.nodes)
+        mapped = self._truth.poses(nodes)[:, :2].reshape(-1, 2)
+        found = find_unknown_way(self.world.base, self.world.state, mapped) if nodes else None
+        self.unknown_way_found = found
+        return found
+
+    def start_of(self, way: UnknownWay) -> NodeId:
+        """Return the node at the beginning of a way, the one that looks along it best."""
+        nodes = list(self.graph.nodes)
+        poses, ahead = self._truth.poses(nodes), way.path[min(_AHEAD, len(way.path) - 1)] - way.path[0]
+        away_m = np.hypot(*(poses[:, :2] - way.path[0]).T)
+        turned = np.abs(wrap_angle(poses[:, 2] - np.arctan2(ahead[1], ahead[0])))
+        return nodes[int(np.argmin(away_m + _YAW_WEIGHT_M * turned))]
+
+    def pose(self, node: NodeId) -> Pose:
+        """Return where a node is, (3,)."""
+        return self._truth.poses([node])[0]
+
+    def room(self, point: NDArray[np.float64]) -> str:
+        """Return what the room around a point (2,) is called."""
+        x, y = point
+        kinds = (
+            room.kind.value for room in self.world.base.rooms if room.x0 <= x <= room.x1 and room.y0 <= y <= room.y1
+        )
+        return next(kinds, "scene")
+
     def passes(self, nodes: Sequence[NodeId], door: int) -> bool:
         """Tell whether a way leads through a door."""
         return bool(self._crossing(list(itertools.pairwise(nodes)), door))
 
-    def wait_s(self, door: int, goal: NodeId) -> float:
-        """Return after how many seconds the map would try a door again on the way to a goal; the longest if never."""
-        presence, start = self.system.presence, self._nearest()
-        if presence is None or start is None:
+    def wait_s(self, stage: Stage) -> float:
+        """Return after how many seconds the map would try the door of a story again; the longest if never."""
+        presence = self.system.presence
+        if presence is None:
             return _WAITS_S[0]
         for wait_s in _WAITS_S:
             path = plan_by_presence(
                 self._planner(),
-                start,
-                goal,
+                stage.start,
+                stage.goal,
                 {},
                 presence.probabilities(self.graph, self.world.time_s + wait_s),
                 belief_weight=self.system.method.planning.belief_weight,
             )
-            if self.passes(path.nodes, door):
+            if self.passes(path.nodes, stage.door):
                 return wait_s
         return _WAITS_S[-1]
 

@@ -15,7 +15,8 @@ from ltvn_core.worlds import world_change as w
 MEAN_PAUSE_S = HOUR_S
 """Something is moved once an hour on average, while people are awake."""
 _AWAKE_H = (7.0, 23.0)
-_BUILT_IN = ("counter", "fridge", "bathtub", "toilet", "basin")
+BUILT_IN = ("counter", "fridge", "bathtub", "toilet", "basin")
+"""Furniture of these kinds, by the beginnings of its names, nobody moves."""
 _MOST_MOVED_SHARE = 0.25
 """At most this share of the furniture is elsewhere at once."""
 _MOST_THINGS = 6
@@ -44,7 +45,7 @@ class _Household:
 
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
         self._rooms: Sequence[Room] = scene.rooms
-        self._pieces = [piece for piece in scene.parts.furniture if piece.name.rpartition("-")[0] not in _BUILT_IN]
+        self._pieces = [piece for piece in scene.parts.furniture if piece.name.rpartition("-")[0] not in BUILT_IN]
         self._floor = FreeFloor(scene)
         self._rng = rng
         self._elsewhere: dict[str, tuple[FurniturePiece, Mask]] = {}

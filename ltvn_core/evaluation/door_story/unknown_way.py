@@ -1,0 +1,132 @@
+"""A way that the floor of a scene has and a map lacks, perhaps once a piece of furniture is gone.
+
+Where a map knows one way only, no plan can turn; a robot that is led along such a way once knows two. Reads the
+clearance map, for it sets the scene.
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.simulation.boolean_grid import connected_components
+from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
+from ltvn_core.simulation.changes.moved_furniture import piece_cells
+from ltvn_core.simulation.changes.moving_script import BUILT_IN
+from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
+from ltvn_core.simulation.rooms import Doorway
+from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.scene_parts import FurniturePiece
+from ltvn_core.worlds.world_change import OWN_PREFIX, DoorMoved, ThingRemoved
+from ltvn_core.worlds.world_state import WorldState
+
+UNKNOWN_M = 0.7
+"""Floor this far from every node is not in the map."""
+_BESIDE_DOOR_M = 0.6
+"""The ways round a door begin and end this far from it."""
+_LEAST_UNKNOWN_M, _MOST_UNKNOWN_M = 0.8, 6.0
+"""So long is the part of a way that is not in the map."""
+_BEFORE_M, _BEYOND_M = 1.3, 1.6
+"""The robot is led from so far before the nearest door to so far beyond what is new."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnknownWay:
+    """Where to lead the robot once."""
+
+    path: NDArray[np.float64]
+    """(M, 2) x and y in metres; it begins and ends where the map knows its way."""
+    moved_away: str | None
+    """Name of the furniture that bars it as long as it stands there."""
+
+    @property
+    def length_m(self) -> float:
+        """How long it is."""
+        return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
+
+
+def find_unknown_way(scene: Scene, state: WorldState, mapped: NDArray[np.float64]) -> UnknownWay | None:
+    """Return the shortest unknown way in a world that closes a loop with ways through doors that the map knows.
+
+    `mapped` is where the nodes are, (N, 2). Without furniture to be moved is better; None where nothing helps.
+    """
+    scenes = ChangedScenes(scene)
+    here = scenes.at(state)
+    found = [way for each in _loops(here, scenes, state) if (way := _unknown_part(*each, here, mapped)) is not None]
+    return min(found, key=lambda way: (way.moved_away is not None, way.length_m), default=None)
+
+
+def _loops(here: Scene, scenes: ChangedScenes, state: WorldState) -> Iterator[tuple[NDArray[np.float64], str | None]]:
+    """Yield ways (M, 2) from one side of a door round to the other, and what must be moved away for them."""
+    elsewhere = state.missing | {thing.thing for thing in state.things}
+    for piece in (None, *(each for each in here.parts.furniture if _can_go(each, elsewhere))):
+        blocked = here.clearance.blocked.copy()
+        if piece is not None:
+            blocked[piece_cells(piece, here.clearance)] = False
+        for door, doorway in enumerate(here.parts.doors):
+            if door in state.closed_doors or not _leads_round(blocked, here.clearance, doorway):
+                continue
+            name = None if piece is None else OWN_PREFIX + piece.name
+            after = state if name is None else state.after(ThingRemoved(name))
+            floor = scenes.at(after.after(DoorMoved(door, is_open=False))).clearance
+            path = floor.path(*_sides(doorway))
+            if path is not None:
+                yield np.vstack([path, path[:1]]), name
+                break  # The other doors of the same loop would give the same way.
+
+
+def _can_go(piece: FurniturePiece, elsewhere: Collection[str]) -> bool:
+    return piece.name.rpartition("-")[0] not in BUILT_IN and OWN_PREFIX + piece.name not in elsewhere
+
+
+def _leads_round(blocked: NDArray[np.bool_], clearance: ClearanceMap, doorway: Doorway) -> bool:
+    """Tell whether floor joins both sides of a door while it is closed."""
+    floor = ClearanceMap(blocked | _leaf_cells(clearance, doorway), clearance.origin, clearance.resolution_m)
+    pieces, _ = connected_components(floor.grid > PLANNING_CLEARANCE_M)
+    (row, column), (other_row, other_column) = (_cell(clearance, side) for side in _sides(doorway))
+    return bool(pieces[row, column] and pieces[row, column] == pieces[other_row, other_column])
+
+
+def _leaf_cells(clearance: ClearanceMap, doorway: Doorway) -> NDArray[np.bool_]:
+    rows, columns = clearance.blocked.shape
+    x = clearance.origin[0] + (np.arange(columns) + 0.5) * clearance.resolution_m
+    y = clearance.origin[1] + (np.arange(rows) + 0.5) * clearance.resolution_m
+    across, along = (x[None, :], y[:, None]) if doorway.axis == 0 else (y[:, None], x[None, :])
+    return (np.abs(across - doorway.wall) < 0.06) & (along > doorway.low) & (along < doorway.high)
+
+
+def _sides(doorway: Doorway) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    away = np.eye(2)[doorway.axis] * _BESIDE_DOOR_M
+    return np.array(doorway.middle) - away, np.array(doorway.middle) + away
+
+
+def _cell(clearance: ClearanceMap, point: NDArray[np.float64]) -> tuple[int, int]:
+    column, row = np.floor((point - clearance.origin) / clearance.resolution_m).astype(int).tolist()
+    rows, columns = clearance.blocked.shape
+    return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+
+
+def _unknown_part(
+    loop: NDArray[np.float64], moved_away: str | None, scene: Scene, mapped: NDArray[np.float64]
+) -> UnknownWay | None:
+    """Return the one part of a loop (M, 2) that is not in the map, with what leads there and on; None for several."""
+    away_m = np.hypot(*(loop[:, None] - mapped[None]).transpose(2, 0, 1)).min(1)
+    loop = np.roll(loop[:-1], -int(away_m[:-1].argmin()), axis=0)
+    away_m = np.hypot(*(loop[:, None] - mapped[None]).transpose(2, 0, 1)).min(1)
+    at_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
+    unknown = np.flatnonzero(away_m > UNKNOWN_M)
+    if not len(unknown):
+        return None
+    first_m, last_m = at_m[unknown[0]], at_m[unknown[-1]]
+    if not _LEAST_UNKNOWN_M < last_m - first_m < _MOST_UNKNOWN_M:
+        return None
+    passed = [door.middle for door in scene.parts.doors if _is_on(loop, door)]
+    doors_m = (float(at_m[np.hypot(*(loop - middle).T).argmin()]) for middle in passed)
+    begin_m = max((door_m for door_m in doors_m if door_m < first_m), default=first_m) - _BEFORE_M
+    kept = (at_m >= begin_m) & (at_m <= last_m + _BEYOND_M)
+    return UnknownWay(loop[kept], moved_away) if begin_m >= 0 else None
+
+
+def _is_on(path: NDArray[np.float64], doorway: Doorway) -> bool:
+    return bool(np.hypot(*(path - doorway.middle).T).min() < doorway.width_m / 2 + 0.1)

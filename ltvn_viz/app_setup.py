@@ -94,7 +94,8 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     if known is not None:
         logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
         _take_map(live, live_map, known)
-    world = None if backend.world is None else ChangeableWorld(backend.world, live)
+    simulated, carry = backend.world, backend.carry
+    world = None if simulated is None or carry is None else ChangeableWorld(simulated, live, carry)
     patient_worker = PatientWorker(worker)
     choose_method = ReplayMethods(options, predictor).of if asked.predictor == AUTO else _as_the_robots
     teleop = AbsentTeleop if backend.robot is None else Teleop

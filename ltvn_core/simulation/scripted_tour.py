@@ -17,6 +17,9 @@ from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
 
+LED_M_S = 0.45
+"""So fast a person leads a robot along one way."""
+
 
 @dataclass(frozen=True, slots=True)
 class TourSettings:

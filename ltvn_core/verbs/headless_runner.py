@@ -24,11 +24,8 @@ from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.simulation.scripted_tour import TourSettings, drive_along, drive_tour
+from ltvn_core.simulation.scripted_tour import LED_M_S, TourSettings, drive_along, drive_tour
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose, Predictor
-
-LED_M_S = 0.45
-"""A person leads the robot as fast as this."""
 
 
 @dataclass(frozen=True)

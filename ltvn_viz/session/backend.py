@@ -51,6 +51,8 @@ class Backend:
     """Where it really is, (3,), in simulation only."""
     world: "World | None" = None
     """That place as it changes, in simulation only."""
+    carry: Callable[[Pose], None] | None = None
+    """Puts it at a pose (3,), in simulation only; raises SceneError where something stands."""
     missing: LtvnError | None = None
     """Why there is no robot."""
 
@@ -97,7 +99,14 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
     stack.callback(robot.close)
     world = simulation.world
     world.follow(lambda _: renderer.show(world.scene))
-    return Backend(robot=robot, renderer=renderer, scene=scene, ground_truth=lambda: robot.exact_pose, world=world)
+    return Backend(
+        robot=robot,
+        renderer=renderer,
+        scene=scene,
+        ground_truth=lambda: robot.exact_pose,
+        world=world,
+        carry=robot.teleport,
+    )
 
 
 def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) -> LiveRobot:

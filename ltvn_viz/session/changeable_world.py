@@ -14,6 +14,7 @@ import numpy as np
 from ltvn_core.errors import WorldError
 from ltvn_core.geometry import compose
 from ltvn_core.navigation.events import StampedEvent, WorldChanged
+from ltvn_core.types import Pose
 from ltvn_core.worlds import world_change as w
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.world_view import WorldView, doors_of
@@ -39,9 +40,11 @@ class _Undo(NamedTuple):
 class ChangeableWorld:
     """The world of a simulated robot."""
 
-    def __init__(self, world: "World", live: LiveRun) -> None:
-        """Write every change into the run from now on."""
+    def __init__(self, world: "World", live: LiveRun, carry: Callable[[Pose], None]) -> None:
+        """Write every change into the run from now on; `carry` puts the robot at a pose (3,)."""
         self.world, self._live = world, live
+        self.carry = carry
+        """Puts the robot at a pose (3,); raises SceneError where something stands. Nobody may drive it meanwhile."""
         self._doors = doors_of(world.base)
         self._asked: deque[Callable[[], str]] = deque()
         self._undo: deque[_Undo] = deque(maxlen=_MOST_UNDONE)

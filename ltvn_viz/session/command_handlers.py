@@ -26,7 +26,7 @@ from ltvn_viz.session.recording_jobs import build_from_replay, import_source
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording
 from ltvn_viz.session.seeking import seek, seek_mark
 from ltvn_viz.session.snapshot import JobProgress
-from ltvn_viz.session.world_handlers import change_world
+from ltvn_viz.session.world_handlers import change_world, interrupt_story
 
 
 def handle(state: AppState, command: c.Command) -> None:
@@ -124,6 +124,7 @@ def _keep_going(state: AppState, *, is_on: bool) -> None:
 
 
 def _stop(state: AppState) -> None:
+    interrupt_story(state)
     state.live.robot.stop()
     if isinstance(state.activity, Navigation):
         state.cancel("Stopped; the query was cancelled.")

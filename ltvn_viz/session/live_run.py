@@ -16,7 +16,7 @@ from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 logger = logging.getLogger(__name__)
 
 TICK_S = 1 / 30
-"""Robot time between two pictures of the page."""
+"""Robot time between two pictures of the page, where it goes as fast as that of the person who watches."""
 
 
 class LiveRun:
@@ -27,11 +27,18 @@ class LiveRun:
         self.robot, self.recorder, self.timeline = robot, recorder, timeline
         self.breakpoint_monitor = BreakpointMonitor()
         """What a person wants to stop at."""
+        self.pace = 1
+        """So many times as fast a simulator's time goes, as far as the computer can follow."""
         self._check = ObservationCheck()
         self.observation: Observation | None = None
         """The newest image of timeline and recording."""
         self.view: Observation | None = None
         """The newest image of all."""
+
+    @property
+    def tick_s(self) -> float:
+        """Robot time between two pictures of the page, where a simulator computes it."""
+        return TICK_S * self.pace
 
     def let_pass(self, duration_s: float) -> None:
         """Let robot time pass: a simulator computes it, the wall's passes by itself and is not waited for."""

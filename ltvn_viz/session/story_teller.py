@@ -1,15 +1,20 @@
 """“Watch it learn” in the page: plays the story of a door that closes and opens again, and tells it in captions.
 
-Owns how the story's steps become commands, and which maintenance the map has meanwhile. The story itself is
+Owns how the story's steps become commands, and which maintenance and pace the app has meanwhile. The story itself is
 `ltvn_core.evaluation.door_story`. For the session's thread alone.
 """
 
 from collections.abc import Callable, Sequence
+from typing import assert_never
 
-from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, CallBack, Change, DoorStory, GoTo, StoryStep
+from ltvn_core.errors import LtvnError
+from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
 from ltvn_core.evaluation.door_story.story_map import StoryMap
+from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
 from ltvn_core.navigation.events import Note, Outcome, QueryEnded
 from ltvn_core.simulation.changes.door_names import door_names
+from ltvn_core.simulation.path_follower import PathFollower
+from ltvn_core.simulation.scripted_tour import LED_M_S
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.changeable_world import ChangeableWorld
@@ -17,6 +22,8 @@ from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
 
 ENDED_EARLY = "The story ends here, because somebody took the robot."
+PACE = 3
+"""The robot's time goes up to so many times as fast as the spectator's."""
 
 
 class StoryTeller:
@@ -27,6 +34,7 @@ class StoryTeller:
         self._live, self._live_map, self._world = live, live_map, world
         self._system_before = live_map.system
         live_map.use_system(with_maintenance(live_map.system, STORY_MAINTENANCE))
+        live.pace = PACE
         robot = live.robot
         story_map = StoryMap(
             live_map.graph, live_map.system, world.world, live_map.keyframes.observation, lambda: robot.drawn_pose
@@ -35,6 +43,7 @@ class StoryTeller:
         self._graph = live_map.graph
         self._read = len(live.timeline.events)
         self._told = 0
+        self._led: PathFollower | None = None
         self._is_calling_back = False
         self._is_closed = False
 
@@ -48,11 +57,35 @@ class StoryTeller:
         """What was told so far."""
         return tuple(self.story.captions)
 
+    def lead(self, say: Callable[[str], None], *, is_free: bool) -> bool:
+        """Drive on where the robot is led; returns whether it is.
+
+        `is_free` says that nobody else drives it; otherwise the story ends.
+        """
+        if self._led is None:
+            return False
+        robot = self._live.robot
+        twist = self._led.twist(robot.drawn_pose) if is_free and not robot.state().bumper_pressed else None
+        if twist is not None:
+            robot.drive(twist)
+            self._read_events()
+            self._tell(say)
+            return True
+        self._led = None
+        if is_free:
+            robot.stop()
+        else:
+            self._end(say, ENDED_EARLY)
+        return False
+
     def tick(self, say: Callable[[str], None], *, is_idle: bool) -> c.Command | None:
         """Go on; returns what to do. Nobody may change the map meanwhile."""
         self._read_events()
-        step = None if self.is_over else self.story.next_step(is_idle=is_idle)
-        command = self._carry_out(step)
+        command = None
+        try:
+            command = self._carry_out(None if self.is_over else self.story.next_step(is_idle=is_idle))
+        except LtvnError as error:
+            self.stop(f"The story ends here. {error}")
         if self._graph is not self._live_map.graph and not self.is_over:
             self.stop("The map was replaced, so the story ends here.")
         self._tell(say)
@@ -61,27 +94,42 @@ class StoryTeller:
         return command
 
     def close(self) -> None:
-        """Let the map be maintained again as before the story."""
+        """Let the map be maintained again as before the story, and time go as before."""
         if not self._is_closed:
             self._is_closed = True
             self._live_map.use_system(self._system_before)
+            self._live.pace = 1
 
     def stop(self, why: str) -> None:
         """End it early, with the door open."""
+        self._led = None
         self._carry_out(self.story.stop(why))
+
+    def _end(self, say: Callable[[str], None], why: str) -> None:
+        self.stop(why)
+        self._tell(say)
+        self.close()
 
     def _carry_out(self, step: StoryStep | None) -> c.Command | None:
         match step:
+            case None:
+                return None
             case GoTo(node):
                 return c.NavigateTo(node)
             case Change(change):
                 self._world.change(change)
                 return None
+            case Carry(pose):
+                self._world.carry(pose)
+                return None
+            case Lead(path):
+                self._led = PathFollower(path, speed_m_s=LED_M_S)
+                return None
             case CallBack():
                 self._is_calling_back = True
                 return c.Cancel()
-            case None:
-                return None
+            case _:
+                assert_never(step)
 
     def _read_events(self) -> None:
         events = self._live.timeline.events

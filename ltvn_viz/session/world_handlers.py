@@ -48,11 +48,21 @@ def carry_out_changes(state: AppState) -> None:
         state.say(f"{done[-1][:1].upper()}{done[-1][1:]}.")
 
 
+def interrupt_story(state: AppState) -> None:
+    """End the story if the robot is led just now; a query that is called off ends it by itself."""
+    if state.story is not None:
+        state.story.lead(state.say, is_free=False)
+
+
 def go_on_with_story(state: AppState) -> c.Command | None:
     """Let the story under way go on, and return what it asks for."""
     story = state.story
     if story is None or story.is_over:
         return None
-    if state.worker.pending or isinstance(state.activity, Playback | MapBuilding):
+    if isinstance(state.activity, Playback | MapBuilding):
+        return None
+    if story.lead(state.say, is_free=state.activity is state.teleop and not state.teleop.is_driven):
+        return None
+    if state.worker.pending or state.teleop.is_mapping:
         return None
     return story.tick(state.say, is_idle=state.activity is state.teleop)

@@ -7,10 +7,10 @@ from ltvn_core.evaluation.door_story.story_map import Stage
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.worlds.world_change import OWN_PREFIX
 
-NO_STORY = (
-    "No way in this map leads from here through a door. Drive or navigate to another room, or map more of them, and "
-    "try again."
-)
+NO_STORY = "No way in this map leads from here through a door. Map more rooms, and try again from one of them."
+
+_SEVERAL = 3
+"""A way that was not in the map gives so many nodes; one alone is no news."""
 
 
 class Captions:
@@ -78,7 +78,7 @@ class Captions:
 
     def tell_of_map(self, facts: StoryFacts, absent: int, nodes_added: int, returned: int) -> None:
         """Tell what changed in the map since there were so many."""
-        if not nodes_added and facts.nodes_added:
+        if nodes_added < _SEVERAL <= facts.nodes_added:
             self.tell("New nodes appear in the map, in green: places that it did not know.")
         if not absent and facts.absent:
             self.tell("The robot sees the closed door. The edges through it fade, in red: absent now, not forgotten.")

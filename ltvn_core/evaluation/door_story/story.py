@@ -17,8 +17,9 @@ from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed
 
 STORY_MAINTENANCE = "persistent"
 """What driving teaches the map in a story."""
-STEPS_AT_DOOR = 80
-"""So often the robot is asked for its next step at a closed door before it is called back."""
+STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 30
+"""So often the robot is asked for its next step at a closed door, or at one that it found open, before it is called
+back."""
 
 
 class _Phase(Enum):
@@ -46,7 +47,7 @@ class DoorStory:
         self._stage: Stage | None = None
         self._is_closed = self._is_called_back = False
         self._plan: tuple[NodeId, ...] = ()
-        self._steps_at_door = 0
+        self._steps_at_door = self._steps_beyond_door = 0
         self._goals: list[NodeId] = []
         """Where to go once the door is open again."""
 
@@ -97,9 +98,8 @@ class DoorStory:
             return Change(DoorMoved(stage.door, is_open=False))
         if self._phase is _Phase.GOING and self.facts.absent and not stage.has_way_round:
             return self._wait_a_little()
-        if self._phase is _Phase.RETURNING and self.facts.are_all_back:
-            self._is_called_back = True
-            return CallBack()
+        if self._phase is _Phase.RETURNING and self.facts.returned:
+            return self._drive_on_a_little()
         return None
 
     def stop(self, why: str) -> StoryStep | None:
@@ -132,8 +132,7 @@ class DoorStory:
         """Let the robot drive by itself where it was led."""
         unknown = self._map.unknown_way_found
         assert unknown is not None
-        start = self._map.start_of(unknown)
-        stage = self._map.stage(start) or self._map.stage()
+        stage = self._map.stage_by(unknown) or self._map.stage()
         if stage is None:
             self._phase = _Phase.OVER
             self._captions.no_story()
@@ -154,6 +153,14 @@ class DoorStory:
             return None
         self._is_called_back = True
         self._captions.is_called_back()
+        return CallBack()
+
+    def _drive_on_a_little(self) -> StoryStep | None:
+        """Let more edges return; then the story is told, though the robot has not arrived."""
+        self._steps_beyond_door += 1
+        if self._steps_beyond_door < STEPS_BEYOND_DOOR and not self.facts.are_all_back:
+            return None
+        self._is_called_back = True
         return CallBack()
 
     def _tell_of_plan(self) -> None:

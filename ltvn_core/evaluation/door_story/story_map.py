@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.evaluation.door_story.unknown_way import UnknownWay, find_unknown_way
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.geometry import wrap_angle
+from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
@@ -22,14 +22,20 @@ from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
-MOST_GOALS = 80
-"""So many nodes are thought of as goals."""
+MOST_GOALS, MOST_STARTS = 60, 12
+"""So many nodes are thought of as goals, and as starts where the robot was led."""
 NEAREST_M = 1.2
 """The robot must be so near to a node."""
 BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
 """The planned way goes so far at least before the door and behind it."""
 _AHEAD = 10
 """The heading of a way is that towards its point of this number."""
+_SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
+"""About how fast a robot gets on by its map."""
+_DETOUR_COST = 4.0
+"""A way round is so much dearer, about as many metres, that no plan takes it before the door was seen closed."""
+_S_PER_WIDTH_M = 20.0
+"""Wide doorways are many edges wide, and the robot tries one after the other."""
 _YAW_WEIGHT_M = 0.5
 """A radian to turn counts as much as this way."""
 _BESIDE_M = 0.15
@@ -44,8 +50,8 @@ class Stage:
     door: int
     start: NodeId
     goal: NodeId
-    length_m: float
-    """Of the way to the door, and from there to the goal, round about where one can."""
+    duration_s: float
+    """About what it takes to get to the door, and from there to the goal, round about where one can."""
     has_way_round: bool
 
 
@@ -67,16 +73,18 @@ class StoryMap:
         self.unknown_way_found: UnknownWay | None = None
         """What `unknown_way` found last."""
 
-    def stage(self, start: NodeId | None = None) -> Stage | None:
-        """Return the shortest story there is from a node, best with a way round; None without any.
+    def stage(self) -> Stage | None:
+        """Return the shortest story there is from where the robot is, best with a way round; None without any."""
+        start = self._nearest()
+        return None if start is None else self._best([start], self._goals())
 
-        Without a node it begins where the robot is.
-        """
-        start, planner = self._nearest() if start is None else start, self._planner()
-        if start is None:
-            return None
-        found = (stage for goal in self._goals() for stage in self._stages(planner, start, goal))
-        return min(found, key=lambda stage: (not stage.has_way_round, stage.length_m), default=None)
+    def stage_by(self, way: UnknownWay) -> Stage | None:
+        """Return the shortest story with a way round that begins where the robot was led; None without any."""
+        nodes = list(self.graph.nodes)
+        away_m = np.hypot(*(self._truth.poses(nodes)[:, :2] - way.path[0]).T)
+        near = [nodes[k] for k in np.argsort(away_m)[:MOST_STARTS] if away_m[k] < NEAREST_M]
+        best = self._best(near, self._goals())
+        return best if best is not None and best.has_way_round else None
 
     def unknown_way(self) -> UnknownWay | None:
         """Return a way that the map lacks and that gives it a way round a door; None where there is none."""
@@ -146,21 +154,45 @@ class StoryMap:
         turned = np.abs(wrap_angle(poses[:, 2] - robot[2]))
         return nodes[int(np.argmin(away + _YAW_WEIGHT_M * turned))]
 
-    def _stages(self, planner: Planner, start: NodeId, goal: NodeId) -> Iterable[Stage]:
-        """Yield the stories of one goal: one for each door on the way there and back."""
-        there, back = planner.plan(start, goal).nodes, planner.plan(goal, start).nodes
-        for door in range(len(self.world.base.parts.doors)):
-            crossed = self._crossing(list(itertools.pairwise(there)), door)
-            if len(crossed) != 1 or not self.passes(back, door):
+    def _best(self, starts: Sequence[NodeId], goals: Sequence[NodeId]) -> Stage | None:
+        planner = self._planner()
+        closings = [
+            dict.fromkeys(self._crossing(list(self.graph.edges), door), math.inf)
+            for door in range(len(self.world.base.parts.doors))
+        ]
+        found = (stage for start in starts for goal in goals for stage in self._stages(planner, closings, start, goal))
+        return min(found, key=lambda stage: (not stage.has_way_round, stage.duration_s), default=None)
+
+    def _stages(
+        self, planner: Planner, closings: Sequence[dict[EdgeKey, float]], start: NodeId, goal: NodeId
+    ) -> Iterable[Stage]:
+        """Yield the stories of one start and goal: one for each door on the way."""
+        there = planner.plan(start, goal).nodes
+        for door, closing in enumerate(closings):
+            crossed = [edge for edge in itertools.pairwise(there) if edge in closing]
+            if len(crossed) != 1:
                 continue
             place = there.index(crossed[0][0])
-            before_m, behind_m = self._length(there[: place + 1]), self._length(there[place + 1 :])
-            if before_m < BEFORE_DOOR_M or behind_m < BEYOND_DOOR_M:
+            before, behind = there[: place + 1], there[place + 1 :]
+            if self._length(before) < BEFORE_DOOR_M or self._length(behind) < BEYOND_DOOR_M:
                 continue
-            closed = dict.fromkeys(self._crossing(list(self.graph.edges), door), math.inf)
-            around = planner.plan(there[place], goal, closed).nodes
-            length_m = before_m + (self._length(around) if around else behind_m)
-            yield Stage(door, start, goal, length_m, has_way_round=bool(around))
+            around = planner.plan(there[place], goal, closing)
+            if around.nodes and around.cost - planner.plan(there[place], goal).cost < _DETOUR_COST:
+                continue
+            duration_s = self._duration_s(before) + self._duration_s(around.nodes or behind)
+            duration_s += _S_PER_WIDTH_M * self.world.base.parts.doors[door].width_m
+            yield Stage(door, start, goal, duration_s, has_way_round=bool(around.nodes))
+
+    def _duration_s(self, nodes: Sequence[NodeId]) -> float:
+        """Return about how long driving along nodes takes; backwards it is slow."""
+        if len(nodes) < 2:
+            return 0.0
+        poses = self._truth.poses(list(nodes))
+        steps = relative(poses[:-1], poses[1:])
+        ahead_m, away_m = steps[:, 0], np.hypot(steps[:, 0], steps[:, 1])
+        return float(
+            (away_m / np.where(ahead_m > 0, _SPEED_M_S, _BACKWARDS_M_S) + np.abs(steps[:, 2]) / _TURN_RAD_S).sum()
+        )
 
     def _crossing(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
         """Return those edges whose straight ways lead through a doorway."""

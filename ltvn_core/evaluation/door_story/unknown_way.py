@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.boolean_grid import connected_components
+from ltvn_core.simulation.boolean_grid import Mask, connected_components
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.changes.moved_furniture import piece_cells
 from ltvn_core.simulation.changes.moving_script import BUILT_IN
@@ -60,14 +60,13 @@ def find_unknown_way(scene: Scene, state: WorldState, mapped: NDArray[np.float64
 def _loops(here: Scene, scenes: ChangedScenes, state: WorldState) -> Iterator[tuple[NDArray[np.float64], str | None]]:
     """Yield ways (M, 2) from one side of a door round to the other, and what must be moved away for them."""
     elsewhere = state.missing | {thing.thing for thing in state.things}
+    leaves = [_leaf_cells(here.clearance, doorway) for doorway in here.parts.doors]
     for piece in (None, *(each for each in here.parts.furniture if _can_go(each, elsewhere))):
-        blocked = here.clearance.blocked.copy()
-        if piece is not None:
-            blocked[piece_cells(piece, here.clearance)] = False
+        name = None if piece is None else OWN_PREFIX + piece.name
+        wide = _wide_enough(here.clearance, piece)
         for door, doorway in enumerate(here.parts.doors):
-            if door in state.closed_doors or not _leads_round(blocked, here.clearance, doorway):
+            if door in state.closed_doors or not _leads_round(wide & ~leaves[door], here.clearance, doorway):
                 continue
-            name = None if piece is None else OWN_PREFIX + piece.name
             after = state if name is None else state.after(ThingRemoved(name))
             floor = scenes.at(after.after(DoorMoved(door, is_open=False))).clearance
             path = floor.path(*_sides(doorway))
@@ -80,20 +79,29 @@ def _can_go(piece: FurniturePiece, elsewhere: Collection[str]) -> bool:
     return piece.name.rpartition("-")[0] not in BUILT_IN and OWN_PREFIX + piece.name not in elsewhere
 
 
-def _leads_round(blocked: NDArray[np.bool_], clearance: ClearanceMap, doorway: Doorway) -> bool:
-    """Tell whether floor joins both sides of a door while it is closed."""
-    floor = ClearanceMap(blocked | _leaf_cells(clearance, doorway), clearance.origin, clearance.resolution_m)
-    pieces, _ = connected_components(floor.grid > PLANNING_CLEARANCE_M)
-    (row, column), (other_row, other_column) = (_cell(clearance, side) for side in _sides(doorway))
-    return bool(pieces[row, column] and pieces[row, column] == pieces[other_row, other_column])
+def _wide_enough(clearance: ClearanceMap, piece: FurniturePiece | None) -> Mask:
+    """Return the cells where there is room for a robot once a piece is gone."""
+    blocked = clearance.blocked.copy()
+    if piece is not None:
+        blocked[piece_cells(piece, clearance)] = False
+    return ClearanceMap(blocked, clearance.origin, clearance.resolution_m).grid > PLANNING_CLEARANCE_M
 
 
-def _leaf_cells(clearance: ClearanceMap, doorway: Doorway) -> NDArray[np.bool_]:
+def _leads_round(floor: Mask, clearance: ClearanceMap, doorway: Doorway) -> bool:
+    """Tell whether floor (rows, columns) joins both sides of a door."""
+    pieces, _ = connected_components(floor)
+    one, other = (pieces[_cell(clearance, side)] for side in _sides(doorway))
+    return bool(one and one == other)
+
+
+def _leaf_cells(clearance: ClearanceMap, doorway: Doorway) -> Mask:
+    """Return the cells where a robot would touch a closed door."""
     rows, columns = clearance.blocked.shape
     x = clearance.origin[0] + (np.arange(columns) + 0.5) * clearance.resolution_m
     y = clearance.origin[1] + (np.arange(rows) + 0.5) * clearance.resolution_m
     across, along = (x[None, :], y[:, None]) if doorway.axis == 0 else (y[:, None], x[None, :])
-    return (np.abs(across - doorway.wall) < 0.06) & (along > doorway.low) & (along < doorway.high)
+    beside = (along > doorway.low) & (along < doorway.high)
+    return (np.abs(across - doorway.wall) < PLANNING_CLEARANCE_M) & beside
 
 
 def _sides(doorway: Doorway) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

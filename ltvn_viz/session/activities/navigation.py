@@ -10,7 +10,7 @@ from queue import SimpleQueue
 
 from ltvn_core.navigation.events import Event, Tick
 from ltvn_core.types import CONTROL_STEP_S, NodeId
-from ltvn_viz.session.live_run import TICK_S, LiveRun
+from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.worker import Worker
 
@@ -92,7 +92,8 @@ class Navigation:
         clock = self._live.robot.clock
         if clock.is_simulated:
             # The last tick takes all that is left, so that rounding never leaves a sliver of a control step.
-            duration = TICK_S if self._owed_s > 1.5 * TICK_S else self._owed_s
+            tick_s = self._live.tick_s
+            duration = tick_s if self._owed_s > 1.5 * tick_s else self._owed_s
             clock.advance(duration)
             self._owed_s -= duration
         else:

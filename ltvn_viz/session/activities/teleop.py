@@ -13,7 +13,7 @@ from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.recording.recorded_robot import lost_depth, missing_depth_note
 from ltvn_core.types import FrameId, Observation, Pose, Twist
-from ltvn_viz.session.live_run import TICK_S, LiveRun
+from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.worker import Worker
 
@@ -39,6 +39,16 @@ class Teleop:
         self._captured: Pose | None = None
         self._keyframe: Pose | None = None
 
+    @property
+    def is_driven(self) -> bool:
+        """Whether a person drives now."""
+        return self._moving
+
+    @property
+    def is_mapping(self) -> bool:
+        """Whether images wait for the mapper."""
+        return self._mapping or bool(self._waiting)
+
     def handle(self, twist: Twist | None) -> None:
         """Pass on what the driver holds now; letting go stops the robot at once."""
         if twist is not None:
@@ -49,7 +59,7 @@ class Teleop:
 
     def tick(self) -> None:
         """Let time pass; at a new control step look, if anything moved."""
-        self._live.let_pass(TICK_S)
+        self._live.let_pass(self._live.tick_s)
         step = self._live.robot.state().step
         if step != self._step:
             self._step = step

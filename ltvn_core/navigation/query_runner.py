@@ -71,6 +71,7 @@ class QueryRunner:
         """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
         while True:
             if (yield from self._perception.can_compare()) and (yield from self._goal_check.check()):
+                yield from self._view_learner.arrive(self._goal)
                 return Outcome.ARRIVED
             if not (
                 yield from self._perception.can_compare()

@@ -1,7 +1,8 @@
 """How places come to have other views: what the robot sees where odometry puts it at a node that it does not recognise.
 
-Owns which image is offered as a view, and the proof that it was taken there: the robot must recognise a node before and
-another time after it, and odometry must agree with both. How many views a node keeps is `graph.node_views`'s.
+Owns which image is offered as a view, and the proof that it was taken there: the robot must recognise nodes before it
+and on a stretch after it, or arrive, and odometry must agree with all of them. A robot that took one room for another
+agrees with itself for a while. How many views a node keeps is `graph.node_views`'s.
 """
 
 from collections.abc import Iterator
@@ -19,14 +20,14 @@ from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import Event
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
-from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Waypoint
 
 _TRUSTED_M = 4.0
 """So far odometry is believed after a node was recognised."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
 """Where a node is recognised, and where odometry expects it, may be so far apart."""
-_ASIDE_M, _ASIDE_RAD = 0.3, 0.3
-"""From nearer a place than this, recognising it or its like once more proves nothing."""
+_PROOF_M = 2.0
+"""So far the robot must drive on, without contradiction, before an image becomes a view; less where it arrives."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +40,8 @@ class _Candidate:
     observation: Observation
     features: Features
     """(1, F)."""
+    path_m: float
+    """How far the robot had driven."""
 
     @property
     def distance(self) -> float:
@@ -72,13 +75,19 @@ class ViewLearner:
             return
         if localisation.node is not None and localisation.reachability > self._context.method.localising.reachability:
             yield from self._count_use(localisation.node, localisation.view)
-            yield from self._prove(localisation, config)
+            yield from self._prove(localisation.node, localisation.waypoint, config, after_m=_PROOF_M)
             self._reckoning.recognise(localisation)
             self._recognised_at_m = self._motion.path_m
         if self._motion.path_m - self._recognised_at_m > _TRUSTED_M:
             self._candidates.clear()
         else:
             self._look(config)
+
+    def arrive(self, goal: NodeId) -> Iterator[Event]:
+        """Use the end of a query: the goal was recognised twice, which proves more than a node on the way."""
+        match = self._perception.node_match(goal)
+        if self._config is not None and match.reachability > self._context.method.judging.arrive_reachability:
+            yield from self._prove(goal, match.waypoint, self._config, after_m=0.0)
 
     def _count_use(self, node: NodeId, frame: FrameId | None) -> Iterator[Event]:
         """Count a view once in a query."""
@@ -87,24 +96,18 @@ class ViewLearner:
             used = ViewUsed(node, frame, self._now_s, Cause.SIGHT)
             yield from self._context.apply_deltas([used], self._query)
 
-    def _prove(self, localisation: Localisation, config: ViewConfig) -> Iterator[Event]:
-        """Make views of the candidates where a node is where odometry expects it; else forget them."""
-        proven = [each for each in self._candidates.values() if self._is_aside(each)]
-        if not proven:
+    def _prove(self, node: NodeId, waypoint: Waypoint, config: ViewConfig, *, after_m: float) -> Iterator[Event]:
+        """Make views of candidates where a node is where odometry expects it; forget them all where it is not."""
+        if not self._candidates:
             return
-        expected = self._reckoning.places().get(localisation.node) if localisation.node is not None else None
-        self._candidates.clear()
-        if expected is None:
+        expected = self._reckoning.places().get(node)
+        gap = None if expected is None else relative(expected, waypoint)
+        if gap is None or np.hypot(gap[0], gap[1]) > _GAP_M or abs(float(wrap_angle(gap[2]))) > _GAP_RAD:
+            self._candidates.clear()
             return
-        gap = relative(expected, localisation.waypoint)
-        if np.hypot(gap[0], gap[1]) < _GAP_M and abs(float(wrap_angle(gap[2]))) < _GAP_RAD:
-            for candidate in proven:
-                yield from self._add(candidate, config)
-
-    def _is_aside(self, candidate: _Candidate) -> bool:
-        """Tell whether the robot has left the place where an image was taken."""
-        moved = relative(candidate.observation.odometry, self._motion.odometry)
-        return bool(np.hypot(moved[0], moved[1]) > _ASIDE_M or abs(moved[2]) > _ASIDE_RAD)
+        for candidate in [*self._candidates.values()]:
+            if self._motion.path_m - candidate.path_m >= after_m:
+                yield from self._add(self._candidates.pop(candidate.node), config)
 
     def _add(self, candidate: _Candidate, config: ViewConfig) -> Iterator[Event]:
         graph, keyframes, frame = self._context.graph, self._context.keyframes, candidate.observation.step
@@ -120,7 +123,13 @@ class ViewLearner:
         if not places:
             return
         node = min(places, key=lambda each: float(distance(places[each])))
-        candidate = _Candidate(node, invert(places[node]), self._perception.observation, self._perception.features)
+        candidate = _Candidate(
+            node=node,
+            pose=invert(places[node]),
+            observation=self._perception.observation,
+            features=self._perception.features,
+            path_m=self._motion.path_m,
+        )
         known = self._candidates.get(node)
         least = config.distance if known is None else known.distance
         if candidate.distance < least and self._perception.node_match(node).reachability <= config.recognised_above:

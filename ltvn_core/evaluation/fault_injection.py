@@ -3,7 +3,7 @@
 The ground truth decides where. A fault is a list of graph deltas together with a query that meets it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -83,24 +83,47 @@ def spurious_edge(
 
     Both are in one component of the map. Raises MapError when no true path is longer than `detour_m`.
     """
+    return spurious_edges(graph, truth, config, 1, detour_m=detour_m)[0]
+
+
+def spurious_edges(
+    graph: TopologicalGraph, truth: GroundTruth, config: BeliefConfig, count: int, *, detour_m: float = DETOUR_M
+) -> tuple[Fault, ...]:
+    """Connect pairs of nodes as `spurious_edge` does, each between other nodes, the longest true path first.
+
+    Raises MapError where there are fewer than `count` such pairs.
+    """
     nodes = list(graph.nodes)
     poses = truth.poses(nodes)
-    pieces = _components(graph)
-    best = None
-    longest_m = detour_m
+    pairs = sorted(_hidden_pairs(truth, poses, _components(graph), detour_m), key=lambda pair: -pair[2])
+    faults: list[Fault] = []
+    taken: set[int] = set()
+    for row, other, _ in pairs:
+        if len(faults) < count and not taken & {row, other}:
+            taken |= {row, other}
+            waypoint = relative(poses[row], poses[other])
+            kind = FaultKind.SPURIOUS_EDGE
+            faults.append(_fault_of_edge(kind, nodes[row], nodes[other], waypoint, config.p_cap, config))
+    if len(faults) < count:
+        raise MapError(
+            f"This map has {len(faults)} pairs of nodes with a wall between them and a long way around, "
+            f"{count} are asked for; choose another map or fewer edges."
+        )
+    return tuple(faults)
+
+
+def _hidden_pairs(
+    truth: GroundTruth, poses: Pose, pieces: NDArray[np.intp], detour_m: float
+) -> Iterator[tuple[int, int, float]]:
+    """Yield rows of poses (N, 3) with a wall between them, and the length of the true way if that is long enough."""
     for row, pose in enumerate(poses):
         ahead = _is_ahead(relative(pose, poses))
         hidden = ahead & (truth.clearance.along(np.broadcast_to(pose[:2], (len(poses), 2)), poses[:, :2]) <= 0)
         rows = np.flatnonzero(hidden & (pieces == pieces[row]))
         ways_m = truth.clearance.path_lengths(pose, poses[rows, :2])
-        ways_m = np.where(np.isfinite(ways_m), ways_m, 0.0)
-        if ways_m.max(initial=0.0) > longest_m:
-            best = (row, int(rows[ways_m.argmax()]))
-            longest_m = float(ways_m.max())
-    if best is None:
-        raise MapError("This map has no two nodes with a wall between them and a long way around; choose another map.")
-    waypoint = relative(poses[best[0]], poses[best[1]])
-    return _fault_of_edge(FaultKind.SPURIOUS_EDGE, nodes[best[0]], nodes[best[1]], waypoint, config.p_cap, config)
+        for other, way_m in zip(rows.tolist(), ways_m.tolist(), strict=True):
+            if np.isfinite(way_m) and way_m > detour_m:
+                yield row, other, way_m
 
 
 def perceptual_alias(

@@ -10,12 +10,14 @@ import tyro
 from tyro.conf import Positional
 
 from ltvn_core.errors import MapError, OptionError
+from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from ltvn_core.config import Method
     from ltvn_core.evaluation.fault_injection import Fault
+    from ltvn_core.evaluation.ground_truth import GroundTruth
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.navigation_system import NavigationSystem
     from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -32,10 +34,12 @@ class PlantSummary:
 
     recording: Path
     faults: "tuple[Fault, ...]"
-    """One for each query."""
+    """One for each query of a round."""
     nodes: int
     edges: int
     outcome: "QueriesSummary"
+    pruned_spurious: int
+    """How many of the edges that were pruned are spurious by the truth."""
     wall_s: float
 
 
@@ -53,6 +57,12 @@ class PlantVerb(Verb):
     fault: tyro.conf.UseAppendAction[tuple[FaultName, ...]] = ()
     """What to plant; may be given several times. There is a query for each in the same order, so what is given twice is
     met twice. If not given, all three are planted and the first is met twice."""
+    edges: int = 1
+    """So many different spurious edges where they are planted, each with queries of its own."""
+    rounds: int = 1
+    """All queries are driven so often."""
+    maintenance: MaintenanceName | None = None
+    """What driving teaches the map; by default what the system of the map does."""
     steps: int = 80
     """Control steps of 0.1 s that end a query."""
     predictor: PredictorName = AUTO
@@ -71,6 +81,8 @@ class PlantVerb(Verb):
         """Plant, drive and record; raises OptionError, MapError, RecordingError, SceneError and WeightsError."""
         if self.steps < 1:
             raise OptionError(f"--steps must be 1 or more, got {self.steps}.")
+        if self.edges < 1 or self.rounds < 1:
+            raise OptionError(f"--edges and --rounds must be 1 or more, got {self.edges} and {self.rounds}.")
         return _drive(self)
 
 
@@ -78,10 +90,12 @@ def _drive(options: PlantVerb) -> PlantSummary:
     import numpy as np
 
     from ltvn_core.composition import open_predictor, open_simulation
+    from ltvn_core.evaluation.ground_truth import GroundTruth
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.run_description import RunDescription
+    from ltvn_core.simulation.scene_registry import load_scene
     from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -91,13 +105,15 @@ def _drive(options: PlantVerb) -> PlantSummary:
     choice = ImageSource.of(meta).choose(options.predictor)
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
-    system = entry.factory(_method(options, predictor))
+    system = _system(options, entry.factory(_method(options, predictor)))
     check_fingerprint(meta, predictor.fingerprint)
     keyframes, graph = KeyframeStore(predictor), loaded.graph
     if len(graph.nodes) < 2:
         raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
-    keyframes.add([loaded.observations[node] for node in graph.nodes])
-    faults = tuple(_insert_faults(options, loaded, keyframes, predictor, system.method))
+    keyframes.add([loaded.observations[frame] for frame in graph.frames if frame not in graph.reserve])
+    truth = GroundTruth(load_scene(meta.scene).clearance, lambda node: loaded.observations[node])
+    faults = tuple(_insert_faults(options, loaded, truth, keyframes, predictor, system.method))
+    spurious = truth.spurious(graph)
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
     simulation = open_simulation(loaded.meta.scene, seed=options.seed, first_step=first_step, start=start)
     run = RunDescription(
@@ -106,15 +122,17 @@ def _drive(options: PlantVerb) -> PlantSummary:
         fingerprint=predictor.fingerprint,
     )
     with run.open_writer(options.recording) as writer:
-        writer.write_map(graph, [loaded.observations[node] for node in graph.nodes])
+        writer.write_map(graph, [loaded.observations[frame] for frame in graph.frames])
         runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)
-        outcome = runner.run_queries([fault.goal for fault in faults], rng, starts=[fault.start for fault in faults])
+        queries = faults * options.rounds
+        outcome = runner.run_queries([fault.goal for fault in queries], rng, starts=[fault.start for fault in queries])
     return PlantSummary(
         recording=options.recording,
         faults=faults,
         nodes=len(graph.nodes),
         edges=len(graph.edges),
         outcome=outcome,
+        pruned_spurious=len(spurious - graph.edges.keys()),
         wall_s=time.monotonic() - started,
     )
 
@@ -128,28 +146,38 @@ def _method(options: PlantVerb, predictor: "Predictor") -> "Method":
     return replace(method, recovering=short)
 
 
+def _system(options: PlantVerb, system: "NavigationSystem") -> "NavigationSystem":
+    """Return the system with the maintenance that is asked for."""
+    from ltvn_core.systems.maintenance import with_maintenance
+
+    return system if options.maintenance is None else with_maintenance(system, options.maintenance)
+
+
 def _insert_faults(
-    options: PlantVerb, loaded: "LoadedMap", keyframes: "KeyframeStore", predictor: "Predictor", method: "Method"
+    options: PlantVerb,
+    loaded: "LoadedMap",
+    truth: "GroundTruth",
+    keyframes: "KeyframeStore",
+    predictor: "Predictor",
+    method: "Method",
 ) -> "Iterator[Fault]":
     """Put the faults into the map; cut first, so that no other fault joins what is cut."""
-    from ltvn_core.evaluation.fault_injection import missing_edge, perceptual_alias, spurious_edge
-    from ltvn_core.evaluation.ground_truth import GroundTruth
+    from ltvn_core.evaluation.fault_injection import missing_edge, perceptual_alias, spurious_edges
     from ltvn_core.graph.deltas import Cause, FramesReleased
-    from ltvn_core.simulation.scene_registry import load_scene
 
-    truth = GroundTruth(load_scene(loaded.meta.scene).clearance, lambda node: loaded.observations[node])
     graph, near = loaded.graph, method.building.connect_distance
     graph.apply(FramesReleased(tuple(graph.reserve), Cause.LOAD))
     plant = {
-        "missing-edge": lambda: missing_edge(graph, truth),
-        "spurious-edge": lambda: spurious_edge(graph, truth, method.believing),
-        "look-alike": lambda: perceptual_alias(graph, truth, keyframes, predictor, method.believing, near),
+        "missing-edge": lambda: (missing_edge(graph, truth),),
+        "spurious-edge": lambda: spurious_edges(graph, truth, method.believing, options.edges),
+        "look-alike": lambda: (perceptual_alias(graph, truth, keyframes, predictor, method.believing, near),),
     }
-    faults: dict[str, Fault] = {}
+    faults: dict[str, tuple[Fault, ...]] = {}
     for kind in (kind for kind in plant if kind in options.kinds):
         faults[kind] = plant[kind]()
-        _apply_fault(graph, faults[kind])
-    return (faults[kind] for kind in options.kinds)
+        for fault in faults[kind]:
+            _apply_fault(graph, fault)
+    return (fault for kind in options.kinds for fault in faults[kind])
 
 
 def _apply_fault(graph: "TopologicalGraph", fault: "Fault") -> None:
@@ -161,10 +189,11 @@ def _settings(options: PlantVerb, system: "NavigationSystem", faults: "tuple[Fau
     """Say how the recording was made, and what is to be found in it."""
     said = [
         {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}
-        for query, fault in enumerate(faults)
+        for query, fault in enumerate(faults * options.rounds)
     ]
     return {
         "verb": "plant",
+        "maintenance": options.maintenance,
         "system": system.name,
         "seed": options.seed,
         "method": asdict(system.method),

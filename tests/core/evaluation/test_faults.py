@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.edge_accuracy import edge_accuracy
-from ltvn_core.evaluation.fault_injection import FaultKind, missing_edge, perceptual_alias, spurious_edge
+from ltvn_core.evaluation.fault_injection import FaultKind, missing_edge, perceptual_alias, spurious_edge, spurious_edges
 from ltvn_core.evaluation.map_layout import recorded_ground_truth
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -47,8 +47,15 @@ def test_a_spurious_edge_leads_through_a_wall_and_the_map_is_sure_of_it() -> Non
     assert set(fault.edges) == {(5, 6), (6, 5)} <= truth().spurious(graph)
 
 
+def test_several_spurious_edges_share_no_node_and_a_map_with_too_few_says_how_many_it_has() -> None:
+    graph = map_with_edges(*ROUND, nodes=(1, 2, 3, 5, 6))
+    assert len(spurious_edges(graph, truth(), BeliefConfig(), 1, detour_m=2.0)) == 1
+    with pytest.raises(MapError, match="2 are asked for"):
+        spurious_edges(graph, truth(), BeliefConfig(), 2, detour_m=2.0)
+
+
 def test_a_spurious_edge_joins_no_two_pieces() -> None:
-    with pytest.raises(MapError, match="no two nodes with a wall"):
+    with pytest.raises(MapError, match="0 pairs of nodes with a wall"):
         spurious_edge(map_with_edges((1, 2), nodes=(1, 2, 3, 5, 6)), truth(), BeliefConfig(), detour_m=2.0)
 
 

@@ -8,7 +8,13 @@ import pytest
 from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.edge_accuracy import edge_accuracy
-from ltvn_core.evaluation.fault_injection import FaultKind, missing_edge, perceptual_alias, spurious_edge, spurious_edges
+from ltvn_core.evaluation.fault_injection import (
+    FaultKind,
+    missing_edge,
+    perceptual_alias,
+    spurious_edge,
+    spurious_edges,
+)
 from ltvn_core.evaluation.map_layout import recorded_ground_truth
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore

@@ -107,6 +107,8 @@ class EncounterLog:
         """Know nothing yet."""
         self._spec = spec
         self._under_way: dict[str, Encounter] = {}
+        self._places: dict[str, Pose] = {}
+        """Where people were at the control step before."""
         self.over: list[Encounter] = []
         """What has ended."""
 
@@ -130,7 +132,7 @@ class EncounterLog:
             stepping_aside: Who makes room for the robot, see `World.stepping_aside`.
         """
         for person in people:
-            gap = relative(robot, np.array(person.pose))
+            gap = self._gap(robot, person)
             away_m = float(np.hypot(gap[0], gap[1])) - self._spec.radius_m - PERSON_RADIUS_M
             encounter = self._under_way.get(person.person)
             if encounter is None:
@@ -149,6 +151,7 @@ class EncounterLog:
             if away_m > ENDS_M:
                 self.over.append(self._under_way.pop(person.person))
         self._part({each.person for each in people})
+        self._places = {each.person: np.array(each.pose) for each in people}
 
     def watch(self, robot: SimulatedRobot) -> None:
         """Take in where a robot and the people of its world are now."""
@@ -167,6 +170,15 @@ class EncounterLog:
         """Return all encounters, those under way too."""
         self._part(set())
         return self.over
+
+    def _gap(self, robot: Pose, person: PersonMoved) -> Pose:
+        """Return where a person is from the robot, (3,): now or just before, whichever was nearer.
+
+        People step aside after the robot has moved, so that a touch may be over when the step ends.
+        """
+        now = np.array(person.pose)
+        gaps = relative(robot, np.array([now, self._places.get(person.person, now)]))
+        return gaps[int(np.hypot(gaps[:, 0], gaps[:, 1]).argmin())]
 
     def _part(self, present: set[str]) -> None:
         for name in self._under_way.keys() - present:

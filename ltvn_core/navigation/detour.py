@@ -43,7 +43,9 @@ def find_detour(
     here = np.zeros_like(places)
     now_m = float(_obstacle_distances_m(tree, here[:1])[0])
     # A robot that is too near already may move away, but not nearer.
-    first_m, second_m = _path_clearances_m(tree, here, places), _path_clearances_m(tree, places, ends)
+    ways = len(places) // len(_GOAL_OFFSETS_M)  # The first part of a way does not depend on where it ends.
+    first_m = np.tile(_path_clearances_m(tree, here[:ways], places[:ways]), len(_GOAL_OFFSETS_M))
+    second_m = _path_clearances_m(tree, places, ends)
     possible = (first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)) & (second_m > least_m)
     if not possible.any():
         return None

@@ -24,6 +24,7 @@ from ltvn_core.reports.evaluation_tables import (
 from ltvn_core.reports.figure_style import FigurePalette, documentation_style, save_png
 from ltvn_core.reports.lifelong_groups import group_lifelong
 from ltvn_core.reports.page_blocks import fill_blocks
+from ltvn_core.reports.people_table import people_table
 from ltvn_core.reports.result_rows import rows_of
 from ltvn_core.reports.world_table import world_run_table, world_table
 
@@ -73,7 +74,11 @@ def markdown_tables(results: EvaluationResults, worlds: Sequence[WorldResult] = 
         "runs": run_table(results),
     }
     if worlds:
-        tables |= {"worlds": world_table(worlds), "world-runs": world_run_table(worlds)}
+        tables |= {
+            "worlds": world_table(worlds),
+            "people": people_table(worlds),
+            "world-runs": world_run_table(worlds),
+        }
     return {name: table.markdown() for name, table in tables.items()}
 
 

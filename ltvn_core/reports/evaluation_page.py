@@ -28,6 +28,7 @@ from ltvn_core.reports.evaluation_tables import (
 from ltvn_core.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.reports.figure_style import FigurePalette, documentation_style
 from ltvn_core.reports.lifelong_groups import group_lifelong
+from ltvn_core.reports.people_table import people_table
 from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, scenes_of
 from ltvn_core.reports.world_table import world_run_table, world_table
 
@@ -57,6 +58,7 @@ def render_page(
         causes=cause_table(rows),
         lifelong=lifelong_table(lifelong_groups),
         worlds=world_table(worlds),
+        people=people_table(worlds),
         runs=run_table(results),
         world_runs=world_run_table(worlds),
         groups=_grouped(failures),

@@ -26,7 +26,7 @@ def world_table(results: Sequence[WorldResult]) -> ReportTable:
         *("queries until a reopened door is used", "Brier now", "in an hour", "edges lost", "nodes", "collisions"),
         *("queries", "seeds"),
     )
-    body = tuple(_line(*group) for group in _groups(results))
+    body = tuple(_line(*group) for group in world_groups(results))
     caption = (
         "Goals reached with 95 % interval, of them those whose shortest way is at least half a metre longer than in "
         "the scene as it was made, with their number; SPL against the shortest way of the moment. Brier: squared error "
@@ -45,7 +45,7 @@ def world_run_table(results: Sequence[WorldResult]) -> ReportTable:
     return ReportTable(caption="What makes each result again.", head=head, rows=body, words=6)
 
 
-def _groups(results: Sequence[WorldResult]) -> Iterator[tuple[str, str, Sequence[WorldResult]]]:
+def world_groups(results: Sequence[WorldResult]) -> Iterator[tuple[str, str, Sequence[WorldResult]]]:
     """Yield world, scene and the results of one maintenance there, in the order of the table."""
     ordered = _sorted(results)
     for world in dict.fromkeys(map(_world, ordered)):

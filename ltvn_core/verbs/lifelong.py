@@ -57,7 +57,7 @@ class LifelongVerb(ProtocolOptions):
     knows, with --world. Several are compared on the same queries of a --world."""
     world: str | None = None
     """Drive the queries in a world that changes instead, with no static tests: static, doors, daily, telegraph, moving,
-    light, people, all, several of them (doors+moving), or a JSON file with a script. Goals are those that can be
+    light, people, crowd, all, several of them (doors+moving), or a JSON file with a script. Goals are those that can be
     reached when a query begins."""
     days: float = 7.0
     """Simulated days over which the queries in a changing world are spread."""

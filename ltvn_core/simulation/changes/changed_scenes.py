@@ -38,11 +38,17 @@ class ChangedScenes:
         self.base = base
         self._pieces = {OWN_PREFIX + piece.name: piece for piece in base.parts.furniture}
         self._cache: dict[Hashable, object] = {}
+        self._newest = AS_MADE, base
 
     def at(self, state: WorldState) -> Scene:
         """Return the scene in a state; `world_check` says which states there are."""
         if state == AS_MADE:
             return self.base
+        if state is not self._newest[0]:
+            self._newest = state, self._made(state)
+        return self._newest[1]
+
+    def _made(self, state: WorldState) -> Scene:
         away = state.missing | {each.thing for each in state.things if each.kind is ThingKind.FURNITURE}
         solid = state.closed_doors, state.things
         people = people_surfaces(state.people)

@@ -15,8 +15,8 @@ from ltvn_core.simulation.changes.world_script import DAY_S, STATIC, TimedChange
 from ltvn_core.simulation.scene import Scene
 
 WEEK_S = 7 * DAY_S
-PEOPLE = 3
-"""So many people walk about where a script has people."""
+PEOPLE, CROWD = 3, 6
+"""So many people walk about where a script has people, and where it has many."""
 
 _Process = Callable[[Scene, np.random.Generator, float], list[TimedChange]]
 
@@ -46,6 +46,7 @@ _PROCESSES: dict[str, tuple[_Process, ...]] = {
     "moving": (moved_things,),
     "light": (_light,),
     "people": (),
+    "crowd": (),
     "all": (_mixed, moved_things, _light),
 }
 SCRIPT_NAMES = tuple(_PROCESSES)
@@ -53,7 +54,7 @@ SCRIPT_NAMES = tuple(_PROCESSES)
 TOGETHER = "+"
 """Joins the names of scripts that run together."""
 _NEED_DOORS = ("doors", "daily", "telegraph")
-_WITH_PEOPLE = ("people", "all")
+_PEOPLE = {"people": PEOPLE, "crowd": CROWD, "all": PEOPLE}
 
 
 def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = WEEK_S) -> WorldScript:
@@ -80,7 +81,7 @@ def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = W
         _check_together(parts)
     changes = [change for part in parts for change in _changes(part, scene, seed, duration_s)]
     changes.sort(key=lambda timed: timed.at_s)
-    return WorldScript(name, seed, tuple(changes), PEOPLE if set(parts) & set(_WITH_PEOPLE) else 0)
+    return WorldScript(name, seed, tuple(changes), max(_PEOPLE.get(part, 0) for part in parts))
 
 
 def _changes(name: str, scene: Scene, seed: int, duration_s: float) -> list[TimedChange]:

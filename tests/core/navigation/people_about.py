@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import ROBUST
-from ltvn_core.geometry import compose
+from ltvn_core.geometry import compose, rotation
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
@@ -29,9 +29,9 @@ _STOPS_M = 0.3
 def depth_of(walls: NDArray[np.float64], person: NDArray[np.float64], pose: Pose) -> Depth:
     """Return what the robot's camera at `pose` (3,) shows of walls (W, 2, 2) and of a person (2,)."""
     camera = LOCOBOT.camera
-    right = (np.arange(camera.width) - camera.cx) / camera.fx
+    right: NDArray[np.float64] = (np.arange(camera.width, dtype=np.float64) - camera.cx) / camera.fx
     rays = np.stack([np.ones_like(right), -right], axis=-1)
-    rays = rays @ np.array([[np.cos(pose[2]), np.sin(pose[2])], [-np.sin(pose[2]), np.cos(pose[2])]])
+    rays = (rays @ rotation(float(pose[2])).T).astype(np.float64)
     nearest = np.minimum(_to_walls(walls, pose[:2], rays), _to_person(person - pose[:2], rays))
     down = (np.arange(camera.height) - camera.cy) / camera.fy
     floor = np.where(down > 0, camera.height_m / np.maximum(down, 1e-6), np.inf)

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.encounters import EncounterCounts
 from ltvn_core.evaluation.results import EvaluationResults, save_results
 from ltvn_core.reports.evaluation_blocks import FIGURE_KINDS, fill_results_page, markdown_tables
 from ltvn_core.reports.evaluation_files import find_results
@@ -86,3 +87,23 @@ def test_worlds_that_change_have_tables_of_their_own(tmp_path: Path) -> None:
     assert [row[2] for row in rows] == ["static", "persistent"] * 2
     assert rows[0][3].startswith("50.0 % (")
     assert "What if the world changes?" in made.output.read_text()
+
+
+def test_people_whom_the_robot_met_have_a_table(tmp_path: Path) -> None:
+    met = EncounterCounts(
+        encounters=3, touched=1, avoidable=0, gave_way=2, closest_m=0.0, closest_each_m=(0.0, 0.3, 0.6), stood_s=6.0
+    )
+    made = make_world_result()
+    save_results(
+        tmp_path / "some.world.json",
+        replace(made, world="people", queries=(replace(made.queries[0], people=met), made.queries[1])),
+    )
+    save_results(tmp_path / "none.world.json", made)
+    page_file = tmp_path / "results.md"
+    page_file.write_text("<!-- met-people: begin -->\n<!-- met-people: end -->\n")
+    ReportVerb(folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="met").run()
+    (row,) = [
+        line.strip("| ").split(" | ") for line in page_file.read_text().splitlines() if line.startswith("| people")
+    ]
+    assert row[3:12] == ["3", "1", "0", "0.00", "0.01", "0.06", "0.30", "66.7 %", "2.0"]
+    assert "Whom did it meet?" in (tmp_path / "report.html").read_text()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.geometry import distance, invert, relative, wrap_angle
-from ltvn_core.graph.deltas import Cause, NodeView, ViewUsed
+from ltvn_core.graph.deltas import Cause, NodeView, ViewDropped, ViewUsed
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.node_views import ViewConfig, view_deltas
 from ltvn_core.graph.operators import pose_row
@@ -115,7 +115,9 @@ class ViewLearner:
             return
         keyframes.add([candidate.observation], candidate.features)
         view = NodeView(frame, pose_row(candidate.pose), self._now_s)
-        yield from self._context.apply_deltas(view_deltas(graph.views, candidate.node, view, config), self._query)
+        deltas = view_deltas(graph.views, candidate.node, view, config)
+        yield from self._context.apply_deltas(deltas, self._query)
+        keyframes.drop(delta.frame for delta in deltas if isinstance(delta, ViewDropped))
 
     def _look(self, config: ViewConfig) -> None:
         """Take the image as a candidate for the nearest node, if that is near and is not recognised."""

@@ -8,7 +8,16 @@ from ltvn_core.analysis.plan_alternative import plan_alternative
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig, PlanningConfig
-from ltvn_core.graph.deltas import Cause, FramesReserved, NodeDropped
+from ltvn_core.graph.deltas import (
+    Cause,
+    FramesReserved,
+    NodeDropped,
+    NodeView,
+    PoseRow,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
+)
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.navigation.events import GraphChanged, Planned, QueryStarted
 from ltvn_core.recording.reader import Recording
@@ -174,6 +183,21 @@ def test_a_node_is_here_because_there_was_no_path_or_nobody_recognised_the_place
         edge_explanation.explain_node(timeline, 32)[1].text
         == "In query 3 the robot had not recognised anything in 2 looks."
     )
+
+
+def test_a_node_tells_when_it_looked_different_and_what_that_was_good_for() -> None:
+    view = NodeView(50, PoseRow(0.1, 0.0, 0.0), 5.0)
+    changed = [
+        GraphChanged(ViewAdded(1, view, Cause.SIGHT), 3),
+        GraphChanged(ViewUsed(1, 50, 9.0, Cause.SIGHT), 4),
+        GraphChanged(ViewDropped(1, 50, Cause.SIGHT), 9),
+    ]
+    timeline = Timeline.of([*example_runs.square(), *example_runs.at(50, *changed)])
+    assert [reason.text for reason in edge_explanation.explain_node(timeline, 1)][2:5] == [
+        "It looked different from image 50, where odometry put the robot here: a view of it now.",
+        "The robot recognised it by its view 50.",
+        "Its view 50 was the least useful one and made room.",
+    ]
 
 
 def test_an_image_that_never_was_a_node_says_so() -> None:

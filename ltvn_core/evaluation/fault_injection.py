@@ -29,6 +29,8 @@ DETOUR_M = 3.5
 """The true path around the wall is longer than this,"""
 ALIAS_DISTANCE_M = 3.0
 """and perceptual aliases are farther apart than this."""
+_APART_M = 1.0
+"""The ends of several spurious edges are so far apart, so that they do not all lead through one wall."""
 _ENDPOINT_MARGIN_M = 2.0
 """Distance that a cut keeps from the start and goal of the query."""
 _BATCH = 4096
@@ -89,7 +91,7 @@ def spurious_edge(
 def spurious_edges(
     graph: TopologicalGraph, truth: GroundTruth, config: BeliefConfig, count: int, *, detour_m: float = DETOUR_M
 ) -> tuple[Fault, ...]:
-    """Connect pairs of nodes as `spurious_edge` does, each between other nodes, the longest true path first.
+    """Connect pairs of nodes as `spurious_edge` does, each from another place, the longest true path first.
 
     Raises MapError where there are fewer than `count` such pairs.
     """
@@ -97,16 +99,17 @@ def spurious_edges(
     poses = truth.poses(nodes)
     pairs = sorted(_hidden_pairs(truth, poses, _components(graph), detour_m), key=lambda pair: -pair[2])
     faults: list[Fault] = []
-    taken: set[int] = set()
+    ends: list[int] = []
     for row, other, _ in pairs:
-        if len(faults) < count and not taken & {row, other}:
-            taken |= {row, other}
+        apart = np.linalg.norm(poses[ends][:, None, :2] - poses[[row, other]][None, :, :2], axis=-1)
+        if len(faults) < count and (apart > _APART_M).all():
+            ends += [row, other]
             waypoint = relative(poses[row], poses[other])
             kind = FaultKind.SPURIOUS_EDGE
             faults.append(_fault_of_edge(kind, nodes[row], nodes[other], waypoint, config.p_cap, config))
     if len(faults) < count:
         raise MapError(
-            f"This map has {len(faults)} pairs of nodes with a wall between them and a long way around, "
+            f"This map has {len(faults)} pairs of nodes apart with a wall between them and a long way around, "
             f"{count} are asked for; choose another map or fewer edges."
         )
     return tuple(faults)

@@ -61,7 +61,7 @@ def test_several_spurious_edges_share_no_node_and_a_map_with_too_few_says_how_ma
 
 
 def test_a_spurious_edge_joins_no_two_pieces() -> None:
-    with pytest.raises(MapError, match="0 pairs of nodes with a wall"):
+    with pytest.raises(MapError, match="0 pairs of nodes apart with a wall"):
         spurious_edge(map_with_edges((1, 2), nodes=(1, 2, 3, 5, 6)), truth(), BeliefConfig(), detour_m=2.0)
 
 

@@ -57,7 +57,7 @@ class MapLearner:
         if presence is None:
             return False
         now_s, in_sight = self._now_s, path.nodes[: _EDGES_IN_SIGHT + 1]
-        obstruction = self._obstructions.find(in_sight)
+        obstruction = self._obstructions.look(in_sight)
         if obstruction is None or not (across := edges_obstructed(context.graph, obstruction)):
             deltas = presence.observe_open(context.graph, self._obstructions.open_ways(), now_s)
             yield from context.apply_deltas(deltas, self._query)

@@ -22,9 +22,10 @@ USUALLY_PRESENT = 0.9
 """Share of the time that an edge, of which nothing is known, can be driven."""
 
 PERSISTENT = PersistentFilter(
-    present=DurationMixture.exponential([20 * _MINUTE_S, 6 * _HOUR_S, 7 * _DAY_S], [0.2, 0.3, 0.5]),
+    # What is seen to be closed once is mostly a door, which somebody opens and closes many times a day.
+    present=DurationMixture.exponential([30 * _MINUTE_S, 6 * _HOUR_S, 7 * _DAY_S], [0.4, 0.3, 0.3]),
     # Somebody passes, a door is closed for a while, something is put down for long.
-    absent=DurationMixture.exponential([15.0, 10 * _MINUTE_S, 5 * _HOUR_S], [0.4, 0.3, 0.3]),
+    absent=DurationMixture.exponential([15.0, 10 * _MINUTE_S, 5 * _HOUR_S], [0.25, 0.4, 0.35]),
     errors=EDGE_ERRORS,
     present_at_first=USUALLY_PRESENT,
 )

@@ -3,6 +3,7 @@
 Owns which edges one obstruction closes and one success opens, and that a jam is one observation.
 """
 
+import itertools
 from collections.abc import Collection, Mapping
 
 from ltvn_core.graph.deltas import Cause, PresenceObserved
@@ -11,6 +12,8 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 _SAME_S = 20.0
 """What is seen again within this time is the same observation: many tries in one jam are one."""
+_SEEN_SHARE = 0.3
+"""A thing is gone where so great a share of the ways that it closed is seen to be free."""
 _ONE_THING_S = 1e-3
 """Several things that are seen at once are told apart by so much time, so that the map knows what closed which edge."""
 
@@ -38,26 +41,37 @@ def _moment(graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float) ->
 
 def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple[PresenceObserved, ...]:
     """Return that a driven edge is open, and all edges that the same thing closed; none if never."""
-    return _opened(graph, {driven}, stamp, driven=driven)
+    if driven not in graph.presence:
+        return ()
+    together = itertools.chain.from_iterable(_closed_together(graph, {driven}))
+    return _observed(graph, dict.fromkeys((driven, *together), stamp), present=True, driven=driven)
 
 
 def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return that edges are open whose ways were seen to be free, and all edges that the same thing closed."""
-    return _opened(graph, seen, stamp, driven=None)
+    """Return that edges are open whose ways were seen to be free, and what the same thing closed.
+
+    Of what it closed enough must be seen to be free: the way of a single edge may only touch it.
+    """
+    known = [key for key in seen if key in graph.presence]
+    groups = _closed_together(graph, known)
+    gone = (keys for keys in groups if len(keys.intersection(known)) >= _SEEN_SHARE * len(keys))
+    opened = dict.fromkeys((*known, *itertools.chain.from_iterable(gone)), stamp)
+    return _observed(graph, opened, present=True, driven=None)
+
+
+def _closed_together(graph: TopologicalGraph, keys: Collection[EdgeKey]) -> list[set[EdgeKey]]:
+    """Return the edges of each moment at which one of `keys` was seen to be closed."""
+    groups = {seen.stamp_s: set[EdgeKey]() for key in keys for seen in graph.presence[key] if not seen.present}
+    for key, history in graph.presence.items() if groups else ():
+        for seen in history:
+            if seen.stamp_s in groups:
+                groups[seen.stamp_s].add(key)
+    return list(groups.values())
 
 
 def is_open(graph: TopologicalGraph, edge: EdgeKey) -> bool:
     """Tell whether an edge was open when it was last looked at; one that was never seen blocked is."""
     return edge not in graph.presence or graph.presence[edge][-1].present
-
-
-def _opened(
-    graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float, *, driven: EdgeKey | None
-) -> tuple[PresenceObserved, ...]:
-    known = [key for key in keys if key in graph.presence]
-    moments = {seen.stamp_s for key in known for seen in graph.presence[key] if not seen.present}
-    together = [key for key, history in graph.presence.items() if any(seen.stamp_s in moments for seen in history)]
-    return _observed(graph, dict.fromkeys((*known, *together), stamp), present=True, driven=driven)
 
 
 def _observed(

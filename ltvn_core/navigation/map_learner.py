@@ -18,7 +18,7 @@ from ltvn_core.navigation.judgement import AttemptVerdict
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstruction_finder import ObstructionFinder
 from ltvn_core.navigation.perception import NodeMatch, Perception
-from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
+from ltvn_core.navigation.query_memory import MOST_LOOKS, QueryMemory
 from ltvn_core.types import NodeId
 
 _EDGES_IN_SIGHT = 4
@@ -66,7 +66,7 @@ class MapLearner:
         yield from context.apply_deltas(presence.observe(context.graph, obstruction, now_s), self._query)
         ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across)
         closed = [edge for edge in ahead if not is_open(context.graph, edge)]
-        if not closed or self._memory.obstructions >= MOST_OBSTRUCTIONS:
+        if not closed or self._memory.obstructions >= MOST_LOOKS:
             return False
         self._memory.obstructions += 1
         for edge in closed:

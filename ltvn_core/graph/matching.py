@@ -108,6 +108,25 @@ class Matcher:
         found = self._match_images(features, nodes)
         return self._with_views(features, found) if self._views else found
 
+    def match_pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
+        """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
+        there, back = self._there_and_back(first, second)
+        ahead = there.reachability >= back.reachability
+        waypoints = np.where(ahead[:, None], there.waypoints, invert(back.waypoints))
+        return np.maximum(there.reachability, back.reachability), waypoints
+
+    def with_mutual_support(self, matches: Matches, frame: FrameId) -> Matches:
+        """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.
+
+        A false match between perceptual aliases rarely survives a step to either side, a true one does.
+        """
+        own = self._keyframes.temporal_neighbours(frame, self._config.support_gap)
+        return self._with_support(matches, self._keyframes.features([frame]), own)
+
+    def with_node_support(self, matches: Matches, features: Features) -> Matches:
+        """Return `matches` of a fresh image (1, F), each r lowered to the median over the nodes' neighbours in time."""
+        return self._with_support(matches, features, ())
+
     def _with_views(self, features: Features, found: Matches) -> Matches:
         """Return `found`, in which nodes that are not recognised are seen as their best views show them."""
         asked = np.flatnonzero(found.reachability <= self._view_config.recognised_above)
@@ -138,25 +157,6 @@ class Matcher:
         distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
         found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
         return self._both_ways(features, targets, found, backward) if self._config.both_directions else found
-
-    def match_pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
-        """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
-        there, back = self._there_and_back(first, second)
-        ahead = there.reachability >= back.reachability
-        waypoints = np.where(ahead[:, None], there.waypoints, invert(back.waypoints))
-        return np.maximum(there.reachability, back.reachability), waypoints
-
-    def with_mutual_support(self, matches: Matches, frame: FrameId) -> Matches:
-        """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.
-
-        A false match between perceptual aliases rarely survives a step to either side, a true one does.
-        """
-        own = self._keyframes.temporal_neighbours(frame, self._config.support_gap)
-        return self._with_support(matches, self._keyframes.features([frame]), own)
-
-    def with_node_support(self, matches: Matches, features: Features) -> Matches:
-        """Return `matches` of a fresh image (1, F), each r lowered to the median over the nodes' neighbours in time."""
-        return self._with_support(matches, features, ())
 
     def _answers(self, features: Features, targets: Features) -> tuple[Prediction, Prediction | None]:
         """Ask the way to N targets, and back from them at once where they are few: a second call would cost more."""

@@ -13,7 +13,6 @@ from typing import Self, TypeAlias, assert_never
 
 from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import (
-    Belief,
     BeliefUpdated,
     Cause,
     Edge,
@@ -32,6 +31,7 @@ from ltvn_core.graph.deltas import (
     ViewDropped,
     ViewUsed,
 )
+from ltvn_core.graph.edge_check import check_edge, edge_name, require
 from ltvn_core.graph.node_views import NodeViews, Views
 from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.types import FrameId, NodeId
@@ -177,9 +177,9 @@ class TopologicalGraph:
 
     def _add_node(self, delta: NodeAdded) -> None:
         frame = delta.node.id
-        _require(frame not in self._nodes, f"Node {frame} is in the map already.")
-        _require(frame not in self._reserve, f"Frame {frame} is in the reserve; release it before it becomes a node.")
-        _require(frame not in self._views.frames, f"Frame {frame} is a view of a node; it cannot also be a node.")
+        require(frame not in self._nodes, f"Node {frame} is in the map already.")
+        require(frame not in self._reserve, f"Frame {frame} is in the reserve; release it before it becomes a node.")
+        require(frame not in self._views.frames, f"Frame {frame} is a view of a node; it cannot also be a node.")
         self._give_name(frame, delta.node.name)
         self._nodes[frame] = delta.node
         self._successors[frame] = {}
@@ -202,10 +202,10 @@ class TopologicalGraph:
         if edge.source == edge.target:
             raise MapError(f"Node {edge.source} cannot have an edge to itself.")
         if edge.target in self._successors[edge.source]:
-            raise MapError(f"{_name(edge)} is in the map already.")
+            raise MapError(f"{edge_name(edge)} is in the map already.")
         if not all(map(math.isfinite, edge.waypoint)):
-            raise MapError(f"{_name(edge)} has a waypoint that is not finite.")
-        _check_edge(edge)
+            raise MapError(f"{edge_name(edge)} has a waypoint that is not finite.")
+        check_edge(edge)
         self._edges[edge.source, edge.target] = edge
         self._successors[edge.source][edge.target] = None
         self._predecessors[edge.target][edge.source] = None
@@ -213,13 +213,13 @@ class TopologicalGraph:
     def _update_belief(self, delta: BeliefUpdated) -> None:
         edge = self._existing(delta.source, delta.target)
         changed = replace(edge, belief=delta.belief, attempts=delta.attempts, successes=delta.successes)
-        _check_edge(changed)
+        check_edge(changed)
         self._edges[delta.source, delta.target] = changed
 
     def _prune_edge(self, delta: EdgePruned) -> None:
         edge = self._existing(delta.source, delta.target)
         by_hand = delta.cause in (Cause.HAND, Cause.LOAD)
-        _require(by_hand or not edge.protected, f"{_name(edge)} is protected; only a person may prune it.")
+        require(by_hand or not edge.protected, f"{edge_name(edge)} is protected; only a person may prune it.")
         self._remove_edge(delta.source, delta.target)
 
     def _protect_edge(self, delta: EdgeProtected) -> None:
@@ -228,7 +228,9 @@ class TopologicalGraph:
 
     def _observe_presence(self, delta: PresenceObserved) -> None:
         edge = self._existing(delta.source, delta.target)
-        _require(math.isfinite(delta.stamp), f"{_name(edge)} was observed at {delta.stamp} s; a moment must be finite.")
+        require(
+            math.isfinite(delta.stamp), f"{edge_name(edge)} was observed at {delta.stamp} s; a moment must be finite."
+        )
         key = delta.source, delta.target
         seen = (*self._presence.get(key, ()), PresenceObservation(delta.present, delta.stamp))
         self._presence[key] = seen[-MOST_PRESENCE_OBSERVATIONS:]
@@ -236,8 +238,8 @@ class TopologicalGraph:
     def _add_view(self, delta: ViewAdded) -> None:
         self._require_node(delta.node)
         frame = delta.view.frame
-        _require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be a view.")
-        _require(frame not in self._reserve, f"Frame {frame} is in the reserve; it cannot also be a view.")
+        require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be a view.")
+        require(frame not in self._reserve, f"Frame {frame} is in the reserve; it cannot also be a view.")
         self._views.add(delta.node, delta.view)
 
     def _name_node(self, delta: NodeNamed) -> None:
@@ -251,7 +253,7 @@ class TopologicalGraph:
     def _give_name(self, node: NodeId, name: str) -> None:
         if name:
             holder = self._names.get(name, node)
-            _require(holder == node, f"Node {holder} is called {name!r} already; a name belongs to one node.")
+            require(holder == node, f"Node {holder} is called {name!r} already; a name belongs to one node.")
             self._names[name] = node
 
     def _remove_edge(self, source: NodeId, target: NodeId) -> None:
@@ -262,14 +264,14 @@ class TopologicalGraph:
 
     def _add_reserve(self, delta: FramesReserved) -> None:
         for frame in delta.frames:
-            _require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be in the reserve.")
-            _require(frame not in self._reserve, f"Frame {frame} is in the reserve already.")
-            _require(frame not in self._views.frames, f"Frame {frame} is a view; it cannot also be in the reserve.")
+            require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be in the reserve.")
+            require(frame not in self._reserve, f"Frame {frame} is in the reserve already.")
+            require(frame not in self._views.frames, f"Frame {frame} is a view; it cannot also be in the reserve.")
         self._reserve.update(dict.fromkeys(delta.frames))
 
     def _release(self, delta: FramesReleased) -> None:
         for frame in delta.frames:
-            _require(frame in self._reserve, f"Frame {frame} is not in the reserve.")
+            require(frame in self._reserve, f"Frame {frame} is not in the reserve.")
         for frame in delta.frames:
             self._reserve.pop(frame, None)
 
@@ -292,24 +294,3 @@ def presence_deltas(
         for (source, target), observations in presence.items()
         for each in observations
     ]
-
-
-def _check_edge(edge: Edge) -> None:
-    """Raise MapError for an edge that cannot be; the words are only made then, for maps are folded from many edges."""
-    belief: Belief = edge.belief
-    counts = 0 <= edge.successes <= edge.attempts
-    if counts and 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf:
-        return
-    _require(0 <= belief.p <= 1, f"{_name(edge)} has p = {belief.p}; it must lie in [0, 1].")
-    _require(0 <= belief.mu < math.inf, f"{_name(edge)} has mu = {belief.mu}; it must be finite and not negative.")
-    _require(0 < belief.sigma2 < math.inf, f"{_name(edge)} has sigma2 = {belief.sigma2}; it must be positive.")
-    _require(counts, f"{_name(edge)} counts {edge.successes} successes in {edge.attempts} attempts.")
-
-
-def _name(edge: Edge) -> str:
-    return f"Edge {edge.source} -> {edge.target}"
-
-
-def _require(holds: bool, otherwise: str) -> None:
-    if not holds:
-        raise MapError(otherwise)

@@ -18,7 +18,7 @@ from ltvn_core.navigation.judgement import AttemptVerdict
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstruction_finder import ObstructionFinder
 from ltvn_core.navigation.perception import NodeMatch, Perception
-from ltvn_core.navigation.query_memory import MOST_LOOKS, QueryMemory
+from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId
 
 _EDGES_IN_SIGHT = 4
@@ -36,10 +36,11 @@ class MapLearner:
         driver: AttemptDriver,
         memory: QueryMemory,
         query: int,
+        goal: NodeId,
     ) -> None:
-        """Learn for the map of `context`."""
+        """Learn for the map of `context` on the way to `goal`."""
         self._context, self._perception = context, perception
-        self._memory, self._query = memory, query
+        self._memory, self._query, self._goal = memory, query, goal
         self._obstructions = ObstructionFinder(context, motion, perception, driver)
 
     @property
@@ -49,6 +50,10 @@ class MapLearner:
     def depart(self, localisation: Localisation) -> None:
         """Remember where the robot is before an attempt."""
         self._obstructions.depart(localisation)
+
+    def knows_surroundings(self, source: NodeId) -> bool:
+        """Tell whether most of what the robot sees is what images of the map show, if it has come from a node."""
+        return self._obstructions.knows_surroundings(source)
 
     def look(self, path: GraphPath) -> Generator[Event, None, bool]:
         """Look around before an attempt; tell whether something new closes the way ahead, so that it is not tried."""
@@ -64,12 +69,13 @@ class MapLearner:
             return False
         self._memory.saw_change = True
         yield from context.apply_deltas(presence.observe(context.graph, obstruction, now_s), self._query)
-        ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across)
+        # What stands beside a goal may seem to close the ways to it.
+        ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across and edge[1] != self._goal)
         closed = [edge for edge in ahead if not is_open(context.graph, edge)]
-        if not closed or self._memory.obstructions >= MOST_LOOKS:
+        if not closed or self._memory.obstructions >= MOST_OBSTRUCTIONS:
             return False
         self._memory.obstructions += 1
-        for edge in closed:
+        for edge in across:
             self._memory.record_failure(edge)  # So that in this query other ways are tried first.
         return True
 

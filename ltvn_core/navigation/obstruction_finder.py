@@ -95,6 +95,14 @@ class ObstructionFinder:
         anything = Obstruction(node=segment[0], points=solid, known=solid[:0], stopped=False)
         return self.find(segment) if edges_obstructed(self._context.graph, anything) else None
 
+    def knows_surroundings(self, source: NodeId) -> bool:
+        """Tell whether enough of what stands around is known for a robot that set off from `source`."""
+        if self._context.system.presence is None or self._departure is None or self._node != source:
+            return False
+        here = self._here()
+        solid = _thinned(transform_points(self._solid_points(), here))
+        return bool(self._is_new(solid, source, here).sum() <= (1 - self._needed_share) * len(solid))
+
     def find(self, segment: Sequence[NodeId], *, blocked: bool = False) -> Obstruction | None:
         """Return what is new around the robot on its way along nodes, None if nothing is.
 

@@ -13,10 +13,8 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId
 
-MOST_LOOKS = 4
-"""Where a robot has found its way closed so often in one query it no longer believes what it sees, and tries;"""
-MOST_OBSTRUCTIONS = 6
-"""when it was so often, it hopes no longer."""
+MOST_OBSTRUCTIONS = 4
+"""A robot that has found its way closed so often in one query hopes no longer that what it sees there is wrong."""
 
 
 class QueryMemory:

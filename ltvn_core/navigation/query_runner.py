@@ -64,7 +64,7 @@ class QueryRunner:
         self._view_learner = ViewLearner(context, motion, perception, self._reckoning, query)
         self._goal_check = GoalCheck(context, motion, perception, goal, self._memory, self._reckoning)
         self._way_planner = WayPlanner(context, self._memory, goal)
-        self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query)
+        self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query, goal)
         self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
@@ -231,7 +231,8 @@ class QueryRunner:
             hindered=result.end in _INCONCLUSIVE_ENDS,
             driven_too_often=driven_too_often,
         )
-        may_have_arrived = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
+        is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
+        may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
         recognised = self._memory.saw_change and seen.reachability > self._method.localising.reachability
         if may_have_arrived and self._reckoning.arrive(segment, is_recognised=recognised):
             return AttemptVerdict(True, "by odometry the robot is there, and the world has changed")

@@ -7,7 +7,7 @@ import math
 
 from ltvn_core.graph.planner import NO_PATH, GraphPath
 from ltvn_core.graph.presence.edge_presence import EdgeProbabilities
-from ltvn_core.graph.presence.presence_plan import plan_by_presence
+from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE, plan_by_presence
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId
@@ -24,10 +24,14 @@ class WayPlanner:
         self._context, self._memory, self._goal = context, memory, goal
 
     def plan(self, start: NodeId, stamp: float) -> GraphPath:
-        """Return the way to take from a node at a moment on the robot's clock."""
+        """Return the way to take from a node at a moment on the robot's clock.
+
+        A way that ends at the goal is never given up: what stands beside the goal may seem to close it.
+        """
         context, penalties = self._context, self._memory.penalties
         presence = context.system.presence
         open_now = {} if presence is None else presence.probabilities(context.graph, context.world_time_s(stamp))
+        open_now = {edge: p if edge[1] != self._goal else max(p, OPEN_ABOVE) for edge, p in open_now.items()}
         if not open_now:
             return context.planner.plan(start, self._goal, penalties)
         path = plan_by_presence(

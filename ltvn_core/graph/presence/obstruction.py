@@ -28,7 +28,7 @@ _LEAST_IN_MIDDLE = 2
 """Fewer points there are held to be noise."""
 _BARRIER_M = 0.35
 """What stands so little before or behind something is part of the same barrier."""
-_END_M = 0.15
+_END_M = 0.2
 """What stands so little behind the end of a way leaves the robot no room to stand there, as a door behind its sill."""
 _SAME_THING_M = 0.3
 """Points that are so near to each other are of one thing."""

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from ltvn_core.config import ROBUST
-from ltvn_core.graph.deltas import BeliefUpdated, PresenceObserved
+from ltvn_core.graph.deltas import BeliefUpdated, Cause, PresenceObserved
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.presence.edge_presence import KnownPresence
 from ltvn_core.navigation.events import AttemptStarted, Event, GraphChanged, Outcome, Planned, QueryEnded, StateChanged
@@ -99,6 +99,17 @@ def test_a_door_that_is_seen_to_be_open_again_from_afar_needs_no_try() -> None:
     _, events = place.go(place.nearest(1.6, 1.0), 1)
     assert not tried(events) & through_near_door(place)
     assert {(each.source, each.target) for each in observed(events) if each.present} == through_near_door(place)
+
+
+def test_the_ways_to_a_goal_are_never_given_up() -> None:
+    place = door_world()
+    goal = place.nearest(2.2, 1.0)
+    for source in place.graph.predecessors(goal):
+        place.graph.apply(PresenceObserved(source, goal, present=False, stamp=0.0, cause=Cause.SIGHT))
+    place.put(0.8, 1.0)
+    episode, events = place.go(goal, 0)
+    assert episode.reached
+    assert all(each.nodes for each in events_of(Planned, events))
 
 
 def test_somebody_who_stood_in_the_door_for_a_moment_closes_it_for_a_moment() -> None:

@@ -31,6 +31,8 @@ _FRAMES_AROUND_NODE = 8
 """So many images of the drive before and after a node tell what stands around it."""
 _LOOK_AGAIN_STEPS = 3
 """Who waits looks again after so many control steps."""
+_WAITED_FOR_M = 1.5
+"""The robot waits for people in its way who are nearer than this."""
 _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
 """So near to a person the robot drives at no more than the second; a metre farther away, by the third more."""
 _FINAL_APPROACH_M = 0.3
@@ -85,6 +87,9 @@ class AttemptDriver:
                     return AttemptResult(AttemptEnd.LOST, step, goal)
                 goal = compose(motion.odometry, clip_waypoint(node_match.waypoint))
             twist = self._next(goal)
+            if twist is AttemptEnd.BLOCKED and self._waits_for_somebody():
+                yield from self._wait()
+                continue
             if isinstance(twist, AttemptEnd):
                 return AttemptResult(twist, step, goal)
             if self._lets_pass(twist):
@@ -101,6 +106,16 @@ class AttemptDriver:
         """Tell whether to stand, because something moves close ahead, and there is patience left in this attempt."""
         may_wait = twist.linear_m_s > 0 and self._patience_steps > 0
         return may_wait and self._obstacles.moves_ahead(self._motion.odometry)
+
+    def _waits_for_somebody(self) -> bool:
+        """Tell whether to stand where no way is free, because of people who may go; then all ways are tried again."""
+        if self._patience_steps <= 0:
+            return False
+        people = transform_points(self._obstacles.people(self._motion.stamp), invert(self._motion.odometry))
+        if not ((people[:, 0] > 0) & (np.hypot(*people.T) < _WAITED_FOR_M)).any():
+            return False
+        self._detour, self._detours_left = None, self._config.bends
+        return True
 
     def _wait(self) -> Generator[Event | Tick, None, None]:
         for _ in range(_LOOK_AGAIN_STEPS):

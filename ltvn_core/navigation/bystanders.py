@@ -17,7 +17,7 @@ from ltvn_core.navigation.depth_scan import DepthScan
 
 BODY_M = 0.25
 """Radius of somebody seen from above."""
-_KEPT_S = 8.0
+_KEPT_S = 12.0
 """So long somebody is remembered where no image shows the place."""
 _ABOUT_S = 1800.0
 """Where anybody was seen moving, somebody may come from anywhere for so long."""

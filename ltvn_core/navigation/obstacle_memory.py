@@ -31,6 +31,8 @@ _ATTENTIVE_S = 0.08
 """With people near, an image older than this is replaced, even if the robot has not moved."""
 _KEEP_M = 0.12
 """The robot keeps so much more distance from people,"""
+_NEXT_TO_M = 0.1
+"""What is seen so near to a person is held to be the person."""
 _AROUND = np.linspace(-np.pi, np.pi, 40, endpoint=False).repeat(3)
 _RING = (BODY_M + _KEEP_M) * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
 """as if they were so wide; each point counts three times, so that it is not taken for noise."""
@@ -96,6 +98,9 @@ class ObstacleMemory:
         if self._movement is not None:
             moving = self._movement.moving(observation, points)
             points, self._moving = points[~moving], points[moving]
+            # People are remembered by themselves: their points would stay when they have gone.
+            for place in self.people(observation.stamp):
+                points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
         self._seen.append(points)
 
     def people(self, stamp: float) -> NDArray[np.float64]:

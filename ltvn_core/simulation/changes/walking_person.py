@@ -27,6 +27,8 @@ _BODY_M = 0.2
 _PAUSE_S = (2.0, 20.0)
 _PATIENCE_S = 4.0
 """After waiting so long a person goes somewhere else."""
+_CHOICES, _LOOKS_AHEAD_M = 4, 1.2
+"""Of so many ways a person takes the first on which nobody is so near."""
 _TURN_RAD_S = 2.5
 _AHEAD_M = 0.3
 ROOM_M = 0.3
@@ -75,7 +77,7 @@ class WalkingPerson:
             self._pause_s -= duration_s
             return
         if not len(self._way):
-            self._choose_way(clearance)
+            self._choose_way(clearance, others)
             return
         step = self._step(duration_s)
         if clearance.at(step[:2]) <= 0 or self._is_too_near(step[:2], others):
@@ -110,14 +112,19 @@ class WalkingPerson:
             self._way = np.empty((0, 2))
         return True
 
-    def _choose_way(self, clearance: ClearanceMap) -> None:
-        goal = clearance.sample_poses(self._rng, 1, min_clearance_m=ROOM_M)[0]
-        way = clearance.path(self.pose[:2], goal[:2])
+    def _choose_way(self, clearance: ClearanceMap, others: NDArray[np.float64]) -> None:
+        """Choose where to go, if possible by a way on which nobody stands near ahead."""
         self._waited_s = 0.0
-        if way is None:
-            self._pause_s = 1.0
-        else:
+        for goal in clearance.sample_poses(self._rng, _CHOICES, min_clearance_m=ROOM_M):
+            way = clearance.path(self.pose[:2], goal[:2])
+            if way is None:
+                continue
             self._way = way[1:]
+            soon = self._way[np.hypot(*(self._way - self.pose[:2]).T) < _LOOKS_AHEAD_M]
+            if not any(self._is_too_near(place, others) for place in soon):
+                return
+        if not len(self._way):
+            self._pause_s = 1.0
 
     def _step(self, duration_s: float) -> Pose:
         """Return where the person would be after a moment, (3,); who must turn first does so on the spot."""

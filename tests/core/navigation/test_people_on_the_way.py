@@ -34,6 +34,15 @@ def test_the_robot_stops_before_somebody_who_comes_along_a_corridor() -> None:
     assert attempts.robot.collisions == 0
 
 
+def test_the_robot_waits_where_somebody_fills_the_way_and_drives_on_when_they_have_gone() -> None:
+    def walk(s: float) -> tuple[float, float]:
+        return (max(3.4 - 0.7 * s, 2.2), 0.75) if s < 3.0 else (2.2 + 0.9 * (s - 3.0), 0.75)
+
+    attempts = Attempts(CORRIDOR, [0.6, 0.75, 0.0], walk)
+    assert attempts.go(1.6).end is AttemptEnd.REACHED
+    assert attempts.robot.nearest_m > 0.15
+
+
 def test_the_robot_goes_round_somebody_who_has_come_to_a_stand_with_distance() -> None:
     attempts = Attempts(one_room(), [0.6, 2.0, 0.0], lambda s: (2.2, min(1.0 + 0.8 * s, 1.9)))
     attempts.go(2.6)

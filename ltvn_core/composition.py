@@ -46,6 +46,17 @@ class Simulation:
     """The scene over time; nothing changes by itself unless a script says so."""
 
 
+def open_script(name: str, scene_name: str, *, seed: int) -> "WorldScript":
+    """Return the script of a changing world by its name, or the one in a JSON file, for a scene.
+
+    Raises WorldError for an unknown script, SceneError for an unknown scene.
+    """
+    from ltvn_core.simulation.changes.script_registry import make_script
+    from ltvn_core.simulation.scene_registry import load_scene
+
+    return make_script(name, load_scene(scene_name), seed=seed)
+
+
 def open_simulation(
     scene_name: str,
     *,

@@ -151,6 +151,8 @@ def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
     """Make the robot that was asked for, to be stopped and closed by `stack`. Raises PluginError, OptionError."""
     if options.robot is None:
         return None
+    if options.world is not None:
+        raise OptionError("--world changes a simulated scene; leave it out with a robot of your own.")
     if options.predictor == "oracle":
         raise OptionError("The oracle knows simulated scenes alone; drive a robot of your own with the network.")
     robot = open_robot(options.robot)

@@ -13,6 +13,7 @@ import viser
 from ltvn_core import palette
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.worlds.world_state import WorldState
+from ltvn_viz.layers.boxes_layer import BoxesLayer
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.doors_layer import DoorsLayer
@@ -36,7 +37,7 @@ from ltvn_viz.panels.status_panel import StatusPanel
 from ltvn_viz.panels.world_panel import WorldPanel
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.server.page_elements import shared_elements
-from ltvn_viz.session.commands import Command, PickNode, ToggleDoor
+from ltvn_viz.session.commands import AimBox, Command, PickNode, PutBox, ToggleDoor
 
 PANEL_PX = 380
 CAMERA_PX = 520
@@ -124,6 +125,11 @@ def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[Pag
         SceneLayer(scene, assets.scene_glb),
         AddedLayer(scene, assets.added_glb),
         DoorsLayer(scene, on_pick=lambda door, client: pages.send_from(client, ToggleDoor(door))),
+        BoxesLayer(
+            scene,
+            on_pick=lambda box, client: pages.send_from(client, AimBox(box)),
+            on_floor=lambda place, client: pages.send_from(client, PutBox(place)),
+        ),
         NodesLayer(scene, on_pick=lambda node, client: pages.send_from(client, PickNode(node))),
         BlockedEdgesLayer(scene),
         PlanLayer(scene),

@@ -65,6 +65,9 @@ class NavigateVerb(Verb):
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; persistent, forgetting, fremen: also what is open at which time; truth: what the
     simulator knows."""
+    world: str | None = None
+    """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
+    (doors+moving), or a JSON file with a script. A goal may be out of reach then."""
     predictor: PredictorName = AUTO
     """What compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
@@ -104,6 +107,7 @@ class NavigateVerb(Verb):
             "verb": "navigate",
             "system": system.name,
             "maintenance": self.maintenance,
+            "world": self.world,
             "predictor": predictor,
             "seed": self.seed,
             "method": asdict(system.method),
@@ -115,7 +119,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     import numpy as np
 
     from ltvn_core.cameras.rectification import rectified_camera
-    from ltvn_core.composition import open_method, open_predictor, open_simulation
+    from ltvn_core.composition import open_method, open_predictor, open_script, open_simulation
     from ltvn_core.evaluation.open_edges import true_presence
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.predictors.choice import ImageSource
@@ -143,6 +147,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
         first_step=max(loaded.observations) + 1,
         start=_start(loaded, rng),
         spec=replace(LOCOBOT, camera=rectified_camera(LOCOBOT.camera, predictor.camera)),
+        script=None if options.world is None else open_script(options.world, meta.scene, seed=options.seed),
     )
     keyframes = KeyframeStore(predictor)
     keyframes.add(list(loaded.observations.values()))

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,13 +81,13 @@ def run_story(options: StoryOptions) -> Summary:
         first_step=0 if known is None else max(known.observations) + 1,
         start=None if known is None else known.observations[int(rng.choice(list(known.graph.nodes)))].exact_pose,
     )
-    story = _play_recorded(options, simulation, predictor, known, rng)
+    story = _play_recorded(replace(options, predictor=choice.name), simulation, predictor, known, rng)
     return StorySummary(
         absent=len(story.facts.absent),
         rerouted=story.facts.rerouted,
         added=story.facts.added,
         returned=len(story.facts.returned),
-        captions=story.captions,
+        captions=list(story.captions),
         recording=options.recording,
         scene=simulation.scene.name,
         predictor=choice.name,

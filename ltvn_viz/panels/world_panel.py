@@ -66,12 +66,32 @@ def _doors(doors: tuple[DoorView, ...], *, is_enabled: bool) -> str:
 
 
 def _boxes(world: WorldView, *, is_enabled: bool) -> str:
-    put = ActionButton(Action.PUT_BOX, "Put down a box", hint="in front of the robot", is_enabled=is_enabled)
-    taken = [
-        ActionButton(Action.TAKE_BOX, f"Take away box {number}", is_enabled=is_enabled, target=number)
-        for number in world.boxes
-    ]
-    return button_row(put, *taken)
+    new = ActionButton(
+        Action.AIM_BOX,
+        "Put a box on the floor",
+        hint="then click the floor where it shall stand",
+        is_main=world.aimed == 0,
+        is_enabled=is_enabled,
+        target=0,
+    )
+    put = ActionButton(Action.PUT_BOX, "Put a box before the robot", is_enabled=is_enabled)
+    rows = [button_row(new, put), *(_box(each.number, world.aimed, is_enabled=is_enabled) for each in world.boxes)]
+    if world.aimed is not None:
+        rows.append(note("Click the floor, coloured now, where the box shall stand. Press again to leave it."))
+    return "".join(rows)
+
+
+def _box(number: int, aimed: int | None, *, is_enabled: bool) -> str:
+    move = ActionButton(
+        Action.AIM_BOX,
+        f"Move box {number}",
+        hint="then click the floor where it shall stand",
+        is_main=aimed == number,
+        is_enabled=is_enabled,
+        target=number,
+    )
+    take = ActionButton(Action.TAKE_BOX, f"Take away box {number}", is_enabled=is_enabled, target=number)
+    return button_row(move, take)
 
 
 def _light(world: WorldView, *, is_enabled: bool) -> str:

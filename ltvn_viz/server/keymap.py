@@ -47,6 +47,8 @@ class Action(StrEnum):
     QUERY_AFTER = "query_after"
     DOOR = "door"
     """Closes an open door, opens a closed one. Carries the door's number."""
+    AIM_BOX = "aim_box"
+    """Carries the number of the box to move by a click on the floor, 0 for a new one."""
     PUT_BOX = "put_box"
     TAKE_BOX = "take_box"
     """Carries the box's number."""

@@ -7,7 +7,6 @@ watches a recording there may be no robot either.
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +19,9 @@ from ltvn_core.recording.map_file import LoadedMap
 from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.changes.script_registry import make_script
+from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.changes.world_script import STATIC
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
@@ -29,9 +31,6 @@ from ltvn_viz.session.camera_feed import CameraFeed, ImageFeed, ObservationFeed
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.options import AppOptions
-
-if TYPE_CHECKING:
-    from ltvn_core.simulation.changes.world import World
 
 DISPLAY_SIZE = (320, 240)
 START_CANDIDATES = 16
@@ -49,7 +48,7 @@ class Backend:
     """Where it drives, if anybody has a model of that."""
     ground_truth: Callable[[], Pose] | None = None
     """Where it really is, (3,), in simulation only."""
-    world: "World | None" = None
+    world: World | None = None
     """That place as it changes, in simulation only."""
     carry: Callable[[Pose], None] | None = None
     """Puts it at a pose (3,), in simulation only; raises SceneError where something stands."""
@@ -82,7 +81,10 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
     try:
         scene = load_scene(options.scene)
         renderer = EmbreeRenderer(scene.surfaces, supersampling=1)
-        start = _start(scene, renderer, known, np.random.default_rng(options.seed))
+        script = STATIC if options.world is None else make_script(options.world, scene, seed=options.seed)
+        as_it_is = World(scene, script).scene
+        renderer.show(as_it_is)
+        start = _start(as_it_is, renderer, known, np.random.default_rng(options.seed))
         first_step = 0 if known is None else max(known.observations) + 1
         simulation = open_simulation(
             options.scene,
@@ -90,6 +92,7 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
             first_step=first_step,
             start=start,
             spec=simulated_robot(options.predictor),
+            script=script,
         )
     except SceneError as missing:
         if options.replay is None:

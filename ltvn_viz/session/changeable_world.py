@@ -17,13 +17,11 @@ from ltvn_core.navigation.events import StampedEvent, WorldChanged
 from ltvn_core.types import Pose
 from ltvn_core.worlds import world_change as w
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.world_view import WorldView, doors_of
+from ltvn_viz.session.world_view import BOX_SIZE_M, BoxView, WorldView, doors_of, floor_of
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.changes.world import World
 
-BOX_SIZE_M = (0.4, 0.4, 0.5)
-"""Width, depth and height of a box that is put down."""
 BOX_AHEAD_M = 0.75
 """From the robot's middle to that of a box in front of it."""
 _BOX_NAME = "box "
@@ -45,7 +43,9 @@ class ChangeableWorld:
         self.world, self._live = world, live
         self.carry = carry
         """Puts the robot at a pose (3,); raises SceneError where something stands. Nobody may drive it meanwhile."""
-        self._doors = doors_of(world.base)
+        self._doors, self._floor = doors_of(world.base), floor_of(world.base)
+        self._aimed: int | None = None
+        """Number of the box that waits for its place, 0 for a new one."""
         self._asked: deque[Callable[[], str]] = deque()
         self._undo: deque[_Undo] = deque(maxlen=_MOST_UNDONE)
         self._view: WorldView | None = None
@@ -58,7 +58,9 @@ class ChangeableWorld:
         state = self.world.state
         doors = tuple(replace(each, is_open=each.door not in state.closed_doors) for each in self._doors)
         undo = self._undo[-1].text if self._undo else ""
-        view = WorldView(doors, tuple(sorted(self._boxes())), state.light.level, undo)
+        boxes = tuple(BoxView(number, *self._boxes()[number]) for number in sorted(self._boxes()))
+        aimed = self._aimed if not self._aimed or self._aimed in self._boxes() else None
+        view = WorldView(self._floor, doors, boxes, aimed, state.light.level, undo)
         self._view = view if self._view != view else self._view
         return self._view or view
 
@@ -66,9 +68,16 @@ class ChangeableWorld:
         """Close an open door, open a closed one."""
         self._ask(lambda: w.DoorMoved(door, is_open=door in self.world.state.closed_doors))
 
+    def aim_box(self, number: int) -> None:
+        """Let a box wait for a click on the floor, a new one for 0; no longer if it did."""
+        if number and number not in self._boxes():
+            raise WorldError(f"There is no box {number} to move; put one down first.")
+        self._aimed = None if self._aimed == number else number
+
     def put_box(self, place: tuple[float, float] | None) -> None:
-        """Put a box down at x and y in metres, or in front of the robot."""
-        self._ask(lambda: self._box(place))
+        """Put the box that waits for its place, or a new one, down at x and y in metres, or in front of the robot."""
+        aimed, self._aimed = self._aimed, None
+        self._ask(lambda: self._box(place, (aimed or None) if place is not None else None))
 
     def take_box(self, number: int) -> None:
         """Take a box away."""
@@ -122,15 +131,17 @@ class ChangeableWorld:
         self._undo.pop()
         return f"undone: {last.text}"
 
-    def _box(self, place: tuple[float, float] | None) -> w.ThingPlaced:
-        number = next(number for number in range(1, len(self._boxes()) + 2) if number not in self._boxes())
+    def _box(self, place: tuple[float, float] | None, number: int | None) -> w.ThingPlaced:
+        boxes = self._boxes()
+        number = number or next(number for number in range(1, len(boxes) + 2) if number not in boxes)
         x, y, yaw = (float(value) for value in compose(self._live.robot.drawn_pose, np.array([BOX_AHEAD_M, 0.0, 0.0])))
         pose = (x, y, yaw) if place is None else (*place, 0.0)
         return w.ThingPlaced(f"{_BOX_NAME}{number}", w.ThingKind.BOX, pose, BOX_SIZE_M)
 
-    def _boxes(self) -> set[int]:
-        names = [each.thing.removeprefix(_BOX_NAME) for each in self.world.state.things]
-        return {int(name) for name in names if name.isdecimal()}
+    def _boxes(self) -> dict[int, tuple[float, float]]:
+        """Return where the boxes stand that were put down by hand, x and y in metres by number."""
+        named = ((each.thing.removeprefix(_BOX_NAME), each.pose) for each in self.world.state.things)
+        return {int(name): pose[:2] for name, pose in named if name.isdecimal()}
 
     def _named(self, text: str) -> str:
         """Call doors by the rooms that they join, as the page does, and boxes by their names alone."""

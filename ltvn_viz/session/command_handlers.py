@@ -77,7 +77,15 @@ def _carry_out(state: AppState, command: c.Command) -> None:
                 _find_place(state, state.activity, rgb if original is None else original)
             else:
                 _find_and_go(state, rgb)
-        case c.ToggleDoor() | c.PutBox() | c.TakeBox() | c.SetLight() | c.UndoWorldChange() | c.WatchItLearn():
+        case (
+            c.ToggleDoor()
+            | c.AimBox()
+            | c.PutBox()
+            | c.TakeBox()
+            | c.SetLight()
+            | c.UndoWorldChange()
+            | c.WatchItLearn()
+        ):
             change_world(state, command)
         case c.ReportError(text):
             state.say(text, Severity.ERROR)

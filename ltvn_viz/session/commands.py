@@ -266,8 +266,17 @@ class ToggleDoor(LabelledCommand):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class AimBox(LabelledCommand):
+    """Wait for a click on the floor that says where a box shall stand; asked for again, wait no longer."""
+
+    label: ClassVar[str] = "put down a box"
+    number: int
+    """A box that stands there already, to move it; 0 for a new one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PutBox(LabelledCommand):
-    """Put a box down in the simulated world."""
+    """Put a box down in the simulated world, the one that waits for its place or a new one."""
 
     label: ClassVar[str] = "put down a box"
     place: tuple[float, float] | None = None
@@ -316,7 +325,7 @@ RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
 PlaybackCommand: TypeAlias = Pause | StepOnce | Seek | SeekMark | SeekBy | OpenRecording | CloseRecording
 """What means something to a query or a replay under way."""
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
-WorldCommand: TypeAlias = ToggleDoor | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
+WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
 """What changes the simulated world."""
 Command: TypeAlias = (
     RecordingCommand

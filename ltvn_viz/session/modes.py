@@ -58,6 +58,7 @@ LEGAL_MODES: dict[type[c.Command], frozenset[Mode]] = {
     c.SeekMark: LIVE | {Mode.REPLAY},
     c.SeekBy: frozenset({Mode.REPLAY}),
     c.ToggleDoor: LIVE,
+    c.AimBox: LIVE,
     c.PutBox: LIVE,
     c.TakeBox: LIVE,
     c.SetLight: LIVE,

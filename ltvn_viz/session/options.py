@@ -36,6 +36,8 @@ class AppOptions:
     """Name of the method's settings."""
     maintenance: str | None = None
     """What driving teaches the map, by name; None is what the system does."""
+    world: str | None = None
+    """What changes in the scene by itself: a script's name or file; None is nothing."""
     seed: int = 0
     """Draws the robot's start and its odometry noise."""
     tuner: FineTuner = field(default_factory=FineTuner)

@@ -46,6 +46,7 @@ ABOUT: dict[Action, Callable[[int], c.Command]] = {
     Action.SELECT: c.ChooseGoal,
     Action.FOLLOW: c.FollowLink,
     Action.DOOR: c.ToggleDoor,
+    Action.AIM_BOX: c.AimBox,
     Action.TAKE_BOX: c.TakeBox,
     Action.LIGHT: c.SetLight,
 }

@@ -19,6 +19,8 @@ def change_world(state: AppState, command: c.WorldCommand) -> None:
     match command:
         case c.ToggleDoor(door):
             state.world.toggle_door(door)
+        case c.AimBox(number):
+            state.world.aim_box(number)
         case c.PutBox(place):
             state.world.put_box(place)
         case c.TakeBox(number):

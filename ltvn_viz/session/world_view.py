@@ -1,10 +1,14 @@
 """What the page offers to change in a simulated world, as a value: its doors, boxes and light."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ltvn_core.simulation.changes.door_names import door_names
 from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.simulation.scene import Scene
+
+BOX_SIZE_M = (0.4, 0.4, 0.5)
+"""Width, depth and height of a box that is put down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +29,33 @@ class DoorView:
 
 
 @dataclass(frozen=True, slots=True)
+class BoxView:
+    """A box that was put down."""
+
+    number: int
+    x: float
+    y: float
+    """Its middle in metres."""
+
+
+class FloorView(NamedTuple):
+    """The rectangle around all of a scene's floor, in metres."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+
+@dataclass(frozen=True, slots=True)
 class WorldView:
     """What of a world can be changed now."""
 
+    floor: FloorView
     doors: tuple[DoorView, ...]
-    boxes: tuple[int, ...]
-    """Numbers of the boxes that were put down."""
+    boxes: tuple[BoxView, ...]
+    aimed: int | None
+    """Number of the box that waits for a click on the floor, 0 for a new one; None where none does."""
     light: float
     """Brightness; 1 is the scene as it was made."""
     undo: str
@@ -41,6 +66,14 @@ def doors_of(scene: Scene) -> tuple[DoorView, ...]:
     """Return the doors of a scene, all open."""
     named = zip(door_names(scene), scene.parts.doors, strict=True)
     return tuple(_door(number, name, doorway) for number, (name, doorway) in enumerate(named))
+
+
+def floor_of(scene: Scene) -> FloorView:
+    """Return where the floor of a scene is."""
+    clearance = scene.clearance
+    rows, columns = clearance.blocked.shape
+    x, y = clearance.origin.tolist()
+    return FloorView(x, y, x + columns * clearance.resolution_m, y + rows * clearance.resolution_m)
 
 
 def _door(number: int, name: str, doorway: Doorway) -> DoorView:

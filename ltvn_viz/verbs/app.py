@@ -51,8 +51,11 @@ class AppVerb(Verb):
     maintenance: MaintenanceName | None = None
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; persistent, forgetting, fremen: also what is open at which time."""
+    world: str | None = None
+    """Let the scene change by itself, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
+    all, several of them (doors+moving), or a JSON file with a script."""
     seed: int = 0
-    """Draws the robot's start and the odometry noise."""
+    """Draws the robot's start, the odometry noise and what changes in the world."""
     stream: int | None = None
     """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
@@ -115,6 +118,7 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummar
             weights=options.weights,
             preset=options.preset,
             maintenance=options.maintenance,
+            world=options.world,
             seed=options.seed,
             stream=announce_stream(options.stream),
             replay=replay,

@@ -14,9 +14,8 @@ from playwright.sync_api import Browser, Page, expect
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.layers.doors_layer import HANDLE_Z
 from ltvn_viz.session.modes import Mode
-from tests.browser.pages import on_screen, open_page, wait_until_drawn
+from tests.browser.pages import open_page, wait_until_drawn
 from tests.browser.running_app import running_app
 from tests.waiting import PATIENCE_S, until
 
@@ -44,31 +43,6 @@ def test_the_apartment_is_drawn(app: RunningApp, chromium: Browser) -> None:
         client = wait_until_drawn(app.server.viser)
         drawn = client.get_render(120, 160, timeout=PATIENCE_S)[..., :3]
     assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 500
-
-
-def doors(app: RunningApp) -> dict[int, bool]:
-    """Whether each door is open, by number."""
-    world = app.session.state.world
-    assert world is not None
-    return {each.door: each.is_open for each in world.view.doors}
-
-
-def test_a_door_is_closed_in_the_panel_and_opened_by_a_click_on_its_doorway(app: RunningApp, page: Page) -> None:
-    page.get_by_role("tab", name="World").click()
-    world = app.session.state.world
-    assert world is not None
-    first = world.view.doors[0]
-    page.get_by_role("button", name=f"{first.label}: open", exact=True).click()
-    until(lambda: not doors(app)[first.door])
-    page.get_by_role("button", name=f"{first.label}: closed", exact=True).wait_for()
-    page.get_by_text(f"Door {first.label} closed.").first.wait_for()
-    x, y = on_screen(app.server.viser, page, np.array([first.x, first.y, HANDLE_Z]))
-    page.mouse.click(x, y)
-    until(lambda: doors(app)[first.door])
-    box = page.get_by_role("button", name="Put down a box")
-    box.click()
-    until(lambda: world.view.boxes or page.get_by_text("cannot stand").count())
-    page.get_by_role("tab", name="Drive").click()
 
 
 def count(page: Page, what: str) -> int:

@@ -59,6 +59,12 @@ class Captions:
         """It drove another way than was thought."""
         self.tell("The robot found a way that does not lead through the door. Try again from another place.")
 
+    def tries_again_unseeing(self) -> None:
+        """The robot was stopped and did not find out by what."""
+        self.tell(
+            "It did not see what is in the way, so the map learns nothing from it. It is put back and tries again."
+        )
+
     def ended(self, outcome: Outcome) -> None:
         """The robot came to the end of its way."""
         if outcome is not Outcome.CANCELLED:

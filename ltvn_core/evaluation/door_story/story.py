@@ -17,6 +17,8 @@ from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed
 
 STORY_MAINTENANCE = "persistent"
 """What driving teaches the map in a story."""
+MOST_TRIES = 2
+"""So often it is sent out again where it went round without having seen why."""
 STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 30
 """So often the robot is asked for its next step at a closed door, or at one that it found open, before it is called
 back."""
@@ -48,6 +50,7 @@ class DoorStory:
         self._is_closed = self._is_called_back = False
         self._plan: tuple[NodeId, ...] = ()
         self._steps_at_door = self._steps_beyond_door = 0
+        self._tries = 0
         self._goals: list[NodeId] = []
         """Where to go once the door is open again."""
 
@@ -122,8 +125,10 @@ class DoorStory:
             if unknown.moved_away is not None:
                 self._steps.append(Change(ThingRemoved(unknown.moved_away)))
             self._steps += [Carry(self._map.pose(self._map.start_of(unknown))), Lead(unknown.path)]
-        elif self._stage is not None:
-            self._send(self._stage)
+        elif (elsewhere := self._map.stage_anywhere() or self._stage) is not None:
+            self._steps.append(Carry(self._map.pose(elsewhere.start)))
+            self._stage = elsewhere
+            self._send(elsewhere)
         else:
             self._phase = _Phase.OVER
             self._captions.no_story()
@@ -185,6 +190,10 @@ class DoorStory:
         elif not self._is_closed:
             self._phase = _Phase.OVER
             self._captions.no_door_on_the_way()
+        elif not self.facts.absent and not called_back and self._tries < MOST_TRIES:
+            self._tries += 1
+            self._captions.tries_again_unseeing()
+            self._steps += [Carry(self._map.pose(stage.start)), GoTo(stage.goal)]
         else:
             self._captions.ended(outcome)
             self._reopen(stage)

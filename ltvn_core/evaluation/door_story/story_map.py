@@ -5,8 +5,9 @@ Reads exact poses, for it sets the scene; the robot that plays in it knows nothi
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,10 @@ from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
-MOST_GOALS, MOST_STARTS = 60, 12
-"""So many nodes are thought of as goals, and as starts where the robot was led."""
+MOST_GOALS = 30
+"""So many nodes are thought of as goals."""
+START_WITHIN_M, RINGS, DIRECTIONS = 2.1, 3, 8
+"""As starts those this near to where the robot was led, one in each of so many rings, looking each of so many ways."""
 NEAREST_M = 1.2
 """The robot must be so near to a node."""
 BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
@@ -34,6 +37,8 @@ _SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
 """About how fast a robot gets on by its map."""
 _DETOUR_COST = 4.0
 """A way round is so much dearer, about as many metres, that no plan takes it before the door was seen closed."""
+_BLIND_S, _STANDING_M = 60.0, 0.1
+"""A robot that backs up to a door by more than this does not see that it is closed, which takes it long to find out."""
 _S_PER_WIDTH_M = 20.0
 """Wide doorways are many edges wide, and the robot tries one after the other."""
 _YAW_WEIGHT_M = 0.5
@@ -53,6 +58,19 @@ class Stage:
     duration_s: float
     """About what it takes to get to the door, and from there to the goal, round about where one can."""
     has_way_round: bool
+
+
+class _Crossing(NamedTuple):
+    """A plan through a door."""
+
+    door: int
+    there: Sequence[NodeId]
+    place: int
+    """Of the last node before the door."""
+    before_s: float
+    """About what it takes to get there."""
+    least_s: float
+    """What the whole way takes if the door is open, which is less than any way round does."""
 
 
 class StoryMap:
@@ -80,10 +98,14 @@ class StoryMap:
 
     def stage_by(self, way: UnknownWay) -> Stage | None:
         """Return the shortest story with a way round that begins where the robot was led; None without any."""
-        nodes = list(self.graph.nodes)
-        away_m = np.hypot(*(self._truth.poses(nodes)[:, :2] - way.path[0]).T)
-        near = [nodes[k] for k in np.argsort(away_m)[:MOST_STARTS] if away_m[k] < NEAREST_M]
+        near = self._facing_all_ways(way.path[0])
         best = self._best(near, self._goals())
+        return best if best is not None and best.has_way_round else None
+
+    def stage_anywhere(self) -> Stage | None:
+        """Return a story with a way round, wherever the robot must be carried for it; None without any."""
+        nodes = list(self.graph.nodes)
+        best = self._best(nodes[:: max(1, len(nodes) // DIRECTIONS)], self._goals()) if nodes else None
         return best if best is not None and best.has_way_round else None
 
     def unknown_way(self) -> UnknownWay | None:
@@ -154,20 +176,39 @@ class StoryMap:
         turned = np.abs(wrap_angle(poses[:, 2] - robot[2]))
         return nodes[int(np.argmin(away + _YAW_WEIGHT_M * turned))]
 
+    def _facing_all_ways(self, point: NDArray[np.float64]) -> list[NodeId]:
+        """Return nodes near a point (2,), in each ring one for each direction in which one looks."""
+        nodes = list(self.graph.nodes)
+        poses = self._truth.poses(nodes)
+        away_m = np.hypot(*(poses[:, :2] - point).T)
+        directions = np.floor(poses[:, 2] / (2 * np.pi) * DIRECTIONS).astype(int) % DIRECTIONS
+        rings = np.floor(away_m / START_WITHIN_M * RINGS).astype(int)
+        order = [int(k) for k in np.argsort(away_m) if away_m[k] < START_WITHIN_M]
+        return [nodes[k] for k in {(int(rings[k]), int(directions[k])): k for k in reversed(order)}.values()]
+
     def _best(self, starts: Sequence[NodeId], goals: Sequence[NodeId]) -> Stage | None:
+        """Return the shortest story with a way round, without any the shortest of all."""
         planner = self._planner()
         closings = [
             dict.fromkeys(self._crossing(list(self.graph.edges), door), math.inf)
             for door in range(len(self.world.base.parts.doors))
         ]
-        found = (stage for start in starts for goal in goals for stage in self._stages(planner, closings, start, goal))
-        return min(found, key=lambda stage: (not stage.has_way_round, stage.duration_s), default=None)
+        plans = (planner.plan(start, goal).nodes for start in starts for goal in goals)
+        found = (each for there in plans for each in self._crossings(there, closings))
+        shortest_first = sorted(found, key=lambda each: each.least_s)
+        best: Stage | None = None
+        for each in shortest_first:
+            if best is not None and each.least_s >= best.duration_s:
+                break
+            stage = self._round_about(each, planner, closings[each.door])
+            best = stage if stage is not None and (best is None or stage.duration_s < best.duration_s) else best
+        if best is None and shortest_first:
+            first = shortest_first[0]
+            best = Stage(first.door, first.there[0], first.there[-1], first.least_s, has_way_round=False)
+        return best
 
-    def _stages(
-        self, planner: Planner, closings: Sequence[dict[EdgeKey, float]], start: NodeId, goal: NodeId
-    ) -> Iterable[Stage]:
-        """Yield the stories of one start and goal: one for each door on the way."""
-        there = planner.plan(start, goal).nodes
+    def _crossings(self, there: Sequence[NodeId], closings: Sequence[Mapping[EdgeKey, float]]) -> Iterator[_Crossing]:
+        """Yield where a plan leads through one door, far enough from its ends."""
         for door, closing in enumerate(closings):
             crossed = [edge for edge in itertools.pairwise(there) if edge in closing]
             if len(crossed) != 1:
@@ -176,12 +217,23 @@ class StoryMap:
             before, behind = there[: place + 1], there[place + 1 :]
             if self._length(before) < BEFORE_DOOR_M or self._length(behind) < BEYOND_DOOR_M:
                 continue
-            around = planner.plan(there[place], goal, closing)
-            if around.nodes and around.cost - planner.plan(there[place], goal).cost < _DETOUR_COST:
-                continue
-            duration_s = self._duration_s(before) + self._duration_s(around.nodes or behind)
-            duration_s += _S_PER_WIDTH_M * self.world.base.parts.doors[door].width_m
-            yield Stage(door, start, goal, duration_s, has_way_round=bool(around.nodes))
+            before_s = self._duration_s(before) + _S_PER_WIDTH_M * self.world.base.parts.doors[door].width_m
+            before_s += _BLIND_S * self._is_backwards(there[max(0, place - 2) : place + 2])
+            yield _Crossing(door, there, place, before_s, before_s + self._duration_s(behind))
+
+    def _round_about(self, crossing: _Crossing, planner: Planner, closing: Mapping[EdgeKey, float]) -> Stage | None:
+        """Return the story of a crossing where another way leads to the goal that is clearly dearer, or None."""
+        here, goal = crossing.there[crossing.place], crossing.there[-1]
+        around = planner.plan(here, goal, closing)
+        if not around.nodes or around.cost - planner.plan(here, goal).cost < _DETOUR_COST:
+            return None
+        duration_s = crossing.before_s + self._duration_s(around.nodes)
+        return Stage(crossing.door, crossing.there[0], goal, duration_s, has_way_round=True)
+
+    def _is_backwards(self, nodes: Sequence[NodeId]) -> bool:
+        """Tell whether driving along nodes means to back up somewhere."""
+        poses = self._truth.poses(list(nodes))
+        return bool((relative(poses[:-1], poses[1:])[:, 0] < -_STANDING_M).any())
 
     def _duration_s(self, nodes: Sequence[NodeId]) -> float:
         """Return about how long driving along nodes takes; backwards it is slow."""

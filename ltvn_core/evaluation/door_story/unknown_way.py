@@ -25,10 +25,13 @@ UNKNOWN_M = 0.7
 """Floor this far from every node is not in the map."""
 _BESIDE_DOOR_M = 0.6
 """The ways round a door begin and end this far from it."""
+_POINTS_IN_DOOR = 20
 _LEAST_UNKNOWN_M, _MOST_UNKNOWN_M = 0.8, 6.0
 """So long is the part of a way that is not in the map."""
-_BEFORE_M, _BEYOND_M = 1.3, 1.6
-"""The robot is led from so far before the nearest door to so far beyond what is new."""
+_BEFORE_M, _BEYOND_M = 0.9, 1.6
+"""The robot is led from so far before what is new to so far beyond it,"""
+_DOOR_NEAR_M = 1.5
+"""and if a door is as near before it as this, from before that door."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +74,7 @@ def _loops(here: Scene, scenes: ChangedScenes, state: WorldState) -> Iterator[tu
             floor = scenes.at(after.after(DoorMoved(door, is_open=False))).clearance
             path = floor.path(*_sides(doorway))
             if path is not None:
-                yield np.vstack([path, path[:1]]), name
+                yield np.vstack([path, np.linspace(path[-1], path[0], _POINTS_IN_DOOR)[1:]]), name
                 break  # The other doors of the same loop would give the same way.
 
 
@@ -119,9 +122,9 @@ def _unknown_part(
     loop: NDArray[np.float64], moved_away: str | None, scene: Scene, mapped: NDArray[np.float64]
 ) -> UnknownWay | None:
     """Return the one part of a loop (M, 2) that is not in the map, with what leads there and on; None for several."""
-    away_m = np.hypot(*(loop[:, None] - mapped[None]).transpose(2, 0, 1)).min(1)
-    loop = np.roll(loop[:-1], -int(away_m[:-1].argmin()), axis=0)
-    away_m = np.hypot(*(loop[:, None] - mapped[None]).transpose(2, 0, 1)).min(1)
+    away_m = np.hypot(*(loop[:-1, None] - mapped[None]).transpose(2, 0, 1)).min(1)
+    to_middle = len(away_m) // 2 - int(away_m.argmax())
+    loop, away_m = np.roll(loop[:-1], to_middle, axis=0), np.roll(away_m, to_middle)
     at_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
     unknown = np.flatnonzero(away_m > UNKNOWN_M)
     if not len(unknown):
@@ -131,9 +134,10 @@ def _unknown_part(
         return None
     passed = [door.middle for door in scene.parts.doors if _is_on(loop, door)]
     doors_m = (float(at_m[np.hypot(*(loop - middle).T).argmin()]) for middle in passed)
-    begin_m = max((door_m for door_m in doors_m if door_m < first_m), default=first_m) - _BEFORE_M
+    near_m = (door_m for door_m in doors_m if first_m - _DOOR_NEAR_M < door_m < first_m)
+    begin_m = max((door_m for door_m in near_m if door_m > _BEFORE_M), default=first_m) - _BEFORE_M
     kept = (at_m >= begin_m) & (at_m <= last_m + _BEYOND_M)
-    return UnknownWay(loop[kept], moved_away) if begin_m >= 0 else None
+    return UnknownWay(loop[kept], moved_away)
 
 
 def _is_on(path: NDArray[np.float64], doorway: Doorway) -> bool:

@@ -176,6 +176,18 @@ def test_a_robot_that_finds_some_edges_open_is_not_kept_for_the_others(
     assert [step for step in steps if step is not None] == [CallBack()]
 
 
+def test_a_robot_that_went_round_without_seeing_why_is_sent_out_again(story_map: StoryMap, unknown: UnknownWay) -> None:
+    story, stage = sent(story_map, unknown)
+    story.take(Planned(0, way(story_map, stage), 1.0))
+    story.next_step(is_idle=False)
+    story.take(ended(stage, Outcome.ARRIVED))
+    carried = story.next_step(is_idle=True)
+    assert isinstance(carried, Carry)
+    assert np.array_equal(carried.pose, story_map.pose(stage.start))
+    assert story.next_step(is_idle=True) == GoTo(stage.goal)
+    assert "tries again" in story.captions[-1]
+
+
 def test_where_no_way_leads_round_the_robot_is_called_back(story_map: StoryMap, unknown: UnknownWay) -> None:
     story = DoorStory(story_map, door_names(story_map.world.base))
     until(story, Lead)  # It was led, and the map learned nothing from it.

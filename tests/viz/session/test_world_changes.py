@@ -1,5 +1,6 @@
 """A person changes the simulated world from the page: what the robot meets, what is shown, and what is refused."""
 
+import json
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core.errors import WorldError
 from ltvn_core.evaluation.door_story.captions import NO_STORY
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.recording.reader import Recording
@@ -94,17 +96,41 @@ def test_a_change_that_would_hit_the_robot_is_refused_in_words(apartment: Apartm
     assert not apartment.view.undo
 
 
+def numbers(apartment: ApartmentSession) -> list[int]:
+    return [each.number for each in apartment.view.boxes]
+
+
+def test_a_box_waits_for_its_place_on_the_floor_and_is_moved_to_another(apartment: ApartmentSession) -> None:
+    near, far = ((each.x + 0.5 * (not each.along_x), each.y + 0.5 * each.along_x) for each in apartment.view.doors[:2])
+    apartment.do(c.AimBox(0))
+    assert apartment.view.aimed == 0
+    apartment.do(c.AimBox(0))
+    assert apartment.view.aimed is None, "asked for again it waits no longer"
+    apartment.do(c.AimBox(0))
+    apartment.do(c.PutBox(near))
+    assert apartment.view.aimed is None
+    apartment.do(c.AimBox(1))
+    shown = apartment.do(c.PutBox(far))
+    assert numbers(apartment) == [1]
+    assert shown.moment.progress.world.things[0].pose[:2] == pytest.approx(far)
+    apartment.do(c.AimBox(1), c.TakeBox(1))
+    assert apartment.view.aimed is None, "what is gone waits for nothing"
+    refused = apartment.do(c.AimBox(7))
+    assert refused.message is not None
+    assert "no box 7" in refused.message.text
+
+
 def test_a_box_is_put_down_and_taken_away_and_each_change_is_undone(apartment: ApartmentSession) -> None:
     door = apartment.view.doors[1]
     place = door.x + (0.0 if door.along_x else 0.4), door.y + (0.4 if door.along_x else 0.0)
     apartment.do(c.PutBox(place))
-    assert apartment.view.boxes == (1,)
+    assert numbers(apartment) == [1]
     apartment.do(c.TakeBox(1))
-    assert apartment.view.boxes == ()
+    assert numbers(apartment) == []
     shown = apartment.do(c.UndoWorldChange())
     assert shown.moment.progress.world.things[0].pose[:2] == place
     apartment.do(c.UndoWorldChange())
-    assert apartment.view.boxes == ()
+    assert numbers(apartment) == []
     apartment.do(c.UndoWorldChange())
     assert "nothing to undo" in (apartment.shown[-1].message or pytest.fail("nothing was said")).text
 
@@ -147,3 +173,27 @@ def test_where_the_map_has_no_way_through_a_door_the_story_says_so_and_changes_n
     assert shown.message.text == NO_STORY
     assert apartment.session.state.live_map.system is system
     assert all(each.is_open for each in apartment.view.doors)
+
+
+def test_a_script_of_changes_runs_in_the_page_from_the_beginning(tmp_path: Path) -> None:
+    script = tmp_path / "evening.json"
+    changes = [{"at_s": 0, "change": "DoorMoved", "door": 0, "is_open": False}]
+    changes.append({"at_s": 32400.5, "change": "LightChanged", "level": 0.5})
+    script.write_text(json.dumps({"name": "evening", "changes": changes}))
+    options = AppOptions(predictor="oracle", recordings=tmp_path / "recordings", world=str(script))
+    with ExitStack() as stack:
+        shown: list[Snapshot] = []
+        state = open_app_state(options, stack, ThumbnailStore())
+        app = ApartmentSession(Session(state, FakeDriver(), shown.append), shown)
+        stack.callback(app.session.close)
+        app.session.tick()
+        assert not app.view.doors[0].is_open
+        assert app.view.light == 1.0
+        until(lambda: app.do().world is not None and app.view.light == 0.5)
+        assert {each.by for each in app.changes()} == {ChangedBy.SCRIPT}
+
+
+def test_a_script_that_is_none_is_refused_before_the_page_opens(tmp_path: Path) -> None:
+    options = AppOptions(predictor="oracle", recordings=tmp_path, world="sometimes")
+    with ExitStack() as stack, pytest.raises(WorldError, match="sometimes"):
+        open_app_state(options, stack, ThumbnailStore())

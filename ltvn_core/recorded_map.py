@@ -3,17 +3,22 @@
 Owns nothing of the method; `topological_map` builds. The verb and the page share this, so that both make the same map.
 """
 
-from dataclasses import dataclass
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from ltvn_core.composition import open_method, open_predictor
+from ltvn_core.drives.joined_drives import join_drives
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
 from ltvn_core.recording.reader import Recording
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.topological_map import TopologicalMap, build_map
 from ltvn_core.types import Observation
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,25 +43,29 @@ class RecordedMap(NamedTuple):
     map: TopologicalMap
     choice: PredictorChoice
     observations: list[Observation]
-    """All images of the recording, N of them."""
+    """All images of the recordings, N of them."""
 
 
 def build_recorded_map(
-    path: Path, options: BuildOptions, progress: ProgressCallback = lambda _done, _total: None
+    paths: Path | Sequence[Path], options: BuildOptions, progress: ProgressCallback = lambda _done, _total: None
 ) -> RecordedMap:
-    """Build a map from the images of a recording; `progress` is called with the images done and in all.
+    """Build a map from the images of one recording, or of several drives of one place.
+
+    `progress` is called with the images done and in all.
 
     Raises RecordingError, MapError, OptionError and WeightsError.
     """
-    recording = Recording.open(path)
-    meta = recording.meta
+    recordings = [Recording.open(path) for path in ([paths] if isinstance(paths, Path) else paths)]
+    meta = recordings[0].meta
     choice = ImageSource.of(meta).choose_anew(options.predictor)
-    observations = [recording.observation(frame) for frame in recording.frames]
+    joined = join_drives(recordings)
+    for doubt in joined.doubts:
+        log.warning(doubt)
     entry = system_entry(options.system)
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
     built = build_map(
-        observations,
+        joined.observations,
         predictor=predictor,
         predictor_name=choice.name,
         system=entry.factory(open_method(options.preset, predictor)),
@@ -64,9 +73,11 @@ def build_recorded_map(
         camera=meta.camera,
         is_lens_known=meta.config.get("import", {}).get("is_lens_known", True),
         seed=options.seed,
+        drives=joined.drives,
         progress=progress,
     )
-    return RecordedMap(built, choice, observations)
+    built = replace(built, doubts=(*joined.doubts, *built.doubts))
+    return RecordedMap(built, choice, joined.observations)
 
 
 def save_recorded_map(built: TopologicalMap, output: Path, options: BuildOptions) -> None:

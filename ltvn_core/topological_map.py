@@ -5,7 +5,7 @@ This is what a program holds that builds a map or drives by one.
 """
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -15,6 +15,9 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectified_camera
 from ltvn_core.composition import open_method, open_predictor
+from ltvn_core.drives.drive_report import DriveReport, drive_doubts
+from ltvn_core.drives.joined_drives import JoinedDrive
+from ltvn_core.drives.joined_map import join_map
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_coverage import MapCoverage, map_coverage
@@ -55,6 +58,8 @@ class TopologicalMap:
     """By what name `predictor` can be opened again; empty where it has none."""
     coverage: MapCoverage | None = None
     """What the map knew of its drive when it was built; None for one that was loaded."""
+    drives: tuple[DriveReport, ...] = ()
+    """What became of each drive when the map was built from several; empty for a map of one, or one that was loaded."""
     doubts: tuple[str, ...] = ()
     """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
 
@@ -82,6 +87,7 @@ class TopologicalMap:
             predictor = open_predictor(name, meta.scene, entry.weights_for(name), camera=meta.camera)
         check_fingerprint(meta, predictor.fingerprint)
         keyframes = KeyframeStore(predictor)
+        keyframes.begin_drives(loaded.graph.drives)
         nodes = loaded.graph.nodes
         keyframes.add([seen for frame, seen in loaded.observations.items() if with_reserve or frame in nodes])
         return cls(
@@ -116,6 +122,7 @@ class TopologicalMap:
                 "system": self.system.name,
                 "method": asdict(self.system.method),
                 **({"predictor": self.predictor_name} if self.predictor_name else {}),
+                **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
                 **(config or {}),
             },
         )
@@ -149,12 +156,14 @@ def build_map(
     is_lens_known: bool = True,
     seed: int = 0,
     goals: Collection[FrameId] = (),
+    drives: Sequence[JoinedDrive] = (),
     progress: ProgressCallback | None = None,
 ) -> TopologicalMap:
     """Build a map from the observations of one or more drives (Algorithm 1 of the paper).
 
     Args:
         observations: RGB-D images with odometry, in any order; each has a `step` of its own, which names its node.
+            Those of several drives say nothing of each other by odometry, see `drives`.
         predictor: What compares images; None loads the shipped network.
         predictor_name: By what name it can be opened again, to be saved with the map.
         system: Strategies and thresholds; None is the paper's system with the `robust` preset.
@@ -165,6 +174,8 @@ def build_map(
             of a map that nobody can navigate by.
         seed: Draws the order in which images are sampled.
         goals: Frames that must be nodes because somebody will want to go there.
+        drives: Which images are of which drive, where there are several, see `drives.joined_drives`. They are joined
+            where they recognise each other, and what a later drive finds blocked is observed to be so.
         progress: Called now and then with the number of images done and of images in all.
 
     Raises:
@@ -180,8 +191,13 @@ def build_map(
     if camera is not None:
         images = [recorded_observation(seen, camera, target) for seen in observations]
     keyframes = KeyframeStore(predictor)
+    keyframes.begin_drives(each.first for each in drives)
     deltas = system.build(images, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress)
     graph = TopologicalGraph(deltas)
+    reports: tuple[DriveReport, ...] = ()
+    if drives:
+        joined = join_map(graph, keyframes, images, drives, predictor, system)
+        graph, keyframes, reports = joined.graph, joined.keyframes, joined.reports
     in_order = sorted(observations, key=lambda seen: seen.step)
     coverage = map_coverage(in_order, graph, keyframes, predictor, system)
     drive = MappedDrive(
@@ -194,7 +210,7 @@ def build_map(
         predictor_name=predictor_name,
         least_width_px=predictor_card(predictor).least_width_px,
     )
-    doubts = (*sequence_doubts(in_order), *diagnose(drive, coverage))
+    doubts = (*drive_doubts(reports), *_sequence_doubts(in_order, drives), *diagnose(drive, coverage))
     for doubt in doubts:
         log.warning(doubt)
     return TopologicalMap(
@@ -206,5 +222,15 @@ def build_map(
         camera=None if camera is None else rectified_camera(camera, target),
         predictor_name=predictor_name,
         coverage=coverage,
+        drives=reports,
         doubts=doubts,
     )
+
+
+def _sequence_doubts(in_order: Sequence[Observation], drives: Sequence[JoinedDrive]) -> Iterator[str]:
+    """Yield what is doubtful of the images of each drive; between two drives clock and odometry may jump."""
+    if not drives:
+        yield from sequence_doubts(in_order)
+    for drive in drives:
+        found = sequence_doubts([seen for seen in in_order if drive.holds(seen.step)])
+        yield from (f"{drive.name}: {doubt}" for doubt in found)

@@ -13,6 +13,7 @@ from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
     Cause,
+    DriveBegun,
     Edge,
     EdgeAdded,
     EdgeProtected,
@@ -227,7 +228,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
             return  # It does not fit: the recording is damaged, or its beginning is missing.
         case NodeAdded() | EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
             return
-        case ViewAdded() | ViewUsed() | ViewDropped():
+        case ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
             return
 
 

@@ -100,7 +100,7 @@ class GraphHistory:
                 pass  # It is there already.
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It is not drawn.
-            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped():
+            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
                 pass
 
     def clear(self) -> None:

@@ -139,6 +139,8 @@ def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple
         case d.ViewUsed(node, frame):
             back = d.ViewAdded(node, _view(graph_before, node, frame), d.Cause.HAND)
             return (d.ViewDropped(node, frame, d.Cause.HAND), back)
+        case d.DriveBegun():
+            return ()  # Where a drive begins is no edit.
         case d.FramesReserved(frames):
             return (d.FramesReleased(frames, d.Cause.HAND),)
         case d.FramesReleased(frames):

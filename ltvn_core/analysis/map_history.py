@@ -14,6 +14,7 @@ from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
+    DriveBegun,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -158,7 +159,7 @@ class MapHistory:
                 self._by_node.setdefault(node.id, []).append(change)
             case NodeDropped(node=node) | ViewAdded(node=node) | ViewUsed(node=node) | ViewDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
-            case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
+            case EdgeProtected() | NodeNamed() | DriveBegun() | FramesReserved() | FramesReleased():
                 pass  # Nobody asks for these by edge or node.
 
     def _keep(self, place: int, replay: MapReplay) -> None:

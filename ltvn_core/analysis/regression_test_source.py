@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from ltvn_core.graph.deltas import (
     BeliefUpdated,
+    DriveBegun,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -162,6 +163,6 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
                 rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
             case EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
                 pass  # It neither leads the robot nor tells what it believes.
-            case ViewAdded() | ViewUsed() | ViewDropped():
+            case ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
                 pass
     return list(rows.values())

@@ -75,6 +75,7 @@ def _change_kind_and_nodes(delta: d.GraphDelta) -> tuple[MarkKind, tuple[NodeId,
             | d.ViewAdded()
             | d.ViewUsed()
             | d.ViewDropped()
+            | d.DriveBegun()
             | d.FramesReserved()
             | d.FramesReleased()
         ):

@@ -72,6 +72,7 @@ class EpisodeRunner:
         self.scene = scene
         self.graph = loaded.graph
         self.keyframes = KeyframeStore(predictor)
+        self.keyframes.begin_drives(self.graph.drives)
         self.keyframes.add(list(loaded.observations.values()))
         self.truth = GroundTruth(scene.clearance, self.keyframes.observation)
         self.fingerprint = predictor.fingerprint

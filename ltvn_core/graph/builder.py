@@ -13,6 +13,7 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
+from ltvn_core.graph.drive_links import DriveLinkSearch
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
@@ -40,13 +41,15 @@ def build(
 ) -> tuple[GraphDelta, ...]:
     """Return the deltas that build a map from a trajectory, Algorithm 1.
 
+    Images of several drives, whose first frames `keyframes` knows, are joined where these recognise each other.
     Puts the images into `keyframes` and afterwards drops those that are neither nodes nor in reserve. Frames in `goals`
     never merge. Images without depth are left out where the predictor needs it. Raises MapError as `usable_trajectory`.
     """
     observations = usable_trajectory(observations, predictor, goals)
     keyframes.add(observations)
-    matcher, odometry_gate = Matcher(predictor, keyframes, method.matching), OdometryGate(observations, method.building)
+    matcher = Matcher(predictor, keyframes, method.matching)
     loop_closures = LoopClosureVerifier(matcher)
+    odometry_gate = _odometry_gate(observations, matcher, loop_closures, method)
     best: _BuildRun | None = None
     for start in _starts(observations, goals, method.building.restarts, rng):
         attempt = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
@@ -58,6 +61,17 @@ def build(
     assert best is not None
     keyframes.keep_only([*best.nodes, *best.reserve])
     return best.finish()
+
+
+def _odometry_gate(
+    observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, method: Method
+) -> OdometryGate:
+    """Return what odometry knows, of several drives with the links between them."""
+    starts = matcher.keyframes.drive_starts
+    if not starts or not method.building.odometry_drift:
+        return OdometryGate(observations, method.building, drive_starts=starts)
+    search = DriveLinkSearch(observations, starts, matcher, loop_closures, method.building)
+    return OdometryGate(observations, method.building, drive_starts=starts, links=search.links())
 
 
 def _no_progress(done: int, total: int) -> None:
@@ -132,6 +146,20 @@ class _BuildRun:
         """Pass over the images until a pass adds nothing, then with the lower cut, then with bridges."""
         self._enter([NodeAdded(node_from_observation(start), Cause.BUILD)])
         self._left = [seen for seen in self._observations if seen is not start]
+        self._grow_all(rng, progress)
+        while (other := self._start_elsewhere(rng)) is not None:
+            self._enter([NodeAdded(node_from_observation(other), Cause.BUILD)])
+            self._left = [seen for seen in self._left if seen is not other]
+            self._grow_all(rng, progress)
+
+    def _start_elsewhere(self, rng: np.random.Generator) -> Observation | None:
+        """Draw an image of a drive that has no place in the map yet, because nothing recognises it; None without."""
+        drive_of = self._matcher.keyframes.drive_of
+        placed = {drive_of(frame) for frame in (*self.nodes, *self._merged)}
+        left = [seen for seen in self._left if drive_of(seen.step) not in placed]
+        return left[rng.integers(len(left))] if left else None
+
+    def _grow_all(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
         config = self._method.building
         self._grow(_Stage.FIRST, rng, progress)
         if not config.second_pass_reachability:

@@ -210,6 +210,17 @@ class ViewDropped:
 
 
 @dataclass(frozen=True, slots=True)
+class DriveBegun:
+    """Images from a frame on are of another drive: its odometry has nothing to do with that of images before."""
+
+    frame: FrameId
+    """The first image."""
+    name: str
+    """What a person calls the drive, such as its file."""
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
 class FramesReserved:
     """Images joined T', the reserve from which the map can be expanded."""
 
@@ -237,6 +248,7 @@ GraphDelta: TypeAlias = (
     | ViewAdded
     | ViewUsed
     | ViewDropped
+    | DriveBegun
     | FramesReserved
     | FramesReleased
 )

@@ -14,6 +14,7 @@ from ltvn_core.config import Method
 from ltvn_core.graph.deltas import (
     BeliefUpdated,
     Cause,
+    DriveBegun,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -141,6 +142,6 @@ def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
             return {delta.edge.source, delta.edge.target} <= staying
         case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
             return True
-        case PresenceObserved() | ViewAdded() | ViewUsed() | ViewDropped():
+        case PresenceObserved() | ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
             return True
     assert_never(delta)

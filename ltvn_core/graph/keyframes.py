@@ -4,7 +4,7 @@ Owns observations and features of every frame that is a node or in the reserve, 
 Does not decide which frames to keep: the caller drops those that the map let go.
 """
 
-from bisect import bisect_left, insort
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -13,7 +13,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.types import Features, FrameId, Observation, Predictor
 
-_ODOMETRY_JUMP = 1.5
+ODOMETRY_JUMP = 1.5
 """Frames one after the other that are farther apart by odometry, as d, are not of one stretch of driving."""
 
 
@@ -27,6 +27,7 @@ class KeyframeStore:
         self._rows: dict[FrameId, int] = {}
         self._order: list[FrameId] = []
         self._free: list[int] = []
+        self._drive_starts: list[FrameId] = []
         self._features: Features | None = None
         self._has_odometry = False
         """Whether odometry ever moved; where it did not, it does not say which images are near each other."""
@@ -41,6 +42,19 @@ class KeyframeStore:
     def frames(self) -> Sequence[FrameId]:
         """All frames in the order they were taken."""
         return tuple(self._order)
+
+    @property
+    def drive_starts(self) -> tuple[FrameId, ...]:
+        """The first frames of the drives, in order, where there are several."""
+        return tuple(self._drive_starts)
+
+    def begin_drives(self, frames: Iterable[FrameId]) -> None:
+        """Hold images from each of some frames on to be of another drive: none before is their neighbour in time."""
+        self._drive_starts = sorted({*self._drive_starts, *frames})
+
+    def drive_of(self, frame: FrameId) -> int:
+        """Return the number of the drive that a frame is of."""
+        return bisect_right(self._drive_starts, frame)
 
     def add(self, observations: Sequence[Observation], features: Features | None = None) -> None:
         """Take in images; those not known yet are encoded in one batch unless their features (N, F) come along."""
@@ -85,6 +99,7 @@ class KeyframeStore:
         here = bisect_left(self._order, frame)
         beside = [self._order[k] for k in (here - 1, here + 1) if 0 <= k < len(self._order)]
         odometry = self.observation(frame).odometry
+        beside = [other for other in beside if self.drive_of(other) == self.drive_of(frame)]
         near = [distance(relative(odometry, self._observations[other].odometry)) < gap for other in beside]
         return tuple(other for other, is_near in zip(beside, near, strict=True) if is_near)
 
@@ -99,8 +114,9 @@ class KeyframeStore:
         if not self._has_odometry:
             return frames[:1]
         odometry = np.array([self._observations[frame].odometry for frame in frames])
-        jumps = np.flatnonzero(distance(relative(odometry[:-1], odometry[1:])) > _ODOMETRY_JUMP)
-        return frames[: jumps[0] + 1] if len(jumps) else frames
+        jumps = np.flatnonzero(distance(relative(odometry[:-1], odometry[1:])) > ODOMETRY_JUMP)
+        frames = frames[: jumps[0] + 1] if len(jumps) else frames
+        return [frame for frame in frames if self.drive_of(frame) == self.drive_of(frames[0])]
 
     def _store(self, seen: Observation, row: np.ndarray) -> None:
         store = self._with_room(row)

@@ -2,19 +2,20 @@
 
 Owns the allowance. It is evidence against false edges between perceptual aliases, and saves comparing what cannot be
 near; it places a node only where images in a row show nothing in common (`graph.bridges`). Where odometry jumps, as
-after a restart, it knows nothing, and nowhere where it stands still for the whole drive, which is how a drive without
-odometry is recorded.
+after a restart, and between two drives it knows only what links say, and nothing where it stands still for the whole
+drive, which is how a drive without odometry is recorded.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import BuildingConfig
-from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.geometry import compose, invert, relative, wrap_angle
 from ltvn_core.graph.matching import Matches
-from ltvn_core.types import FrameId, NodeId, Observation, Waypoint
+from ltvn_core.types import FrameId, NodeId, Observation, Pose, Waypoint
 
 _JUMP_M = 1.5
 """Two images in a row that are farther apart were not driven from one to the other."""
@@ -25,18 +26,45 @@ _PAUSE_S = 5.0
 _DRIFT_RAD_PER_M = 0.02
 
 
-class OdometryGate:
-    """Odometry along one trajectory."""
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveLink:
+    """Two images of different stretches of odometry that surely show one place."""
 
-    def __init__(self, observations: Sequence[Observation], config: BuildingConfig) -> None:
-        """Take the images in the order of their frames."""
+    frame: FrameId
+    other: FrameId
+    waypoint: Waypoint
+    """(3,): the other, seen from the first."""
+
+
+class OdometryGate:
+    """Odometry along one or several trajectories."""
+
+    def __init__(
+        self,
+        observations: Sequence[Observation],
+        config: BuildingConfig,
+        *,
+        drive_starts: Collection[FrameId] = (),
+        links: Sequence[DriveLink] | None = None,
+    ) -> None:
+        """Take the images in the order of their frames.
+
+        Images of linked stretches must fit to the link that is nearest along the ways. Images of two drives that no
+        link joins are held to be of different places if links were searched; `links` is None where nobody did. A drive
+        whose odometry stands still knows nothing.
+        """
         ordered = sorted(observations, key=lambda seen: seen.step)
         self._row = {seen.step: k for k, seen in enumerate(ordered)}
         self._poses = np.array([seen.odometry for seen in ordered])
         steps_m = np.hypot(*np.diff(self._poses[:, :2], axis=0).T)
         self._path_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-        stands_still = not np.ptp(self._poses, axis=0).any()
-        self._segment = np.concatenate([[0], np.cumsum((steps_m > _JUMP_M) | stands_still)])
+        frames = np.array([seen.step for seen in ordered])
+        self._drive = np.searchsorted(np.sort([*drive_starts]), frames, side="right")
+        self._moves = _moves(self._poses, self._drive)
+        breaks = (steps_m > _JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
+        self._segment = np.concatenate([[0], np.cumsum(breaks)])
+        self._separates = links is not None
+        self._links = [(self._row[each.frame], self._row[each.other], each.waypoint) for each in links or ()]
         self._stamps_s = np.array([seen.stamp for seen in ordered])
         self._config = config
 
@@ -45,11 +73,11 @@ class OdometryGate:
         if not nodes or not self._config.odometry_drift:
             return tuple(nodes)
         here, there = self._row[frame], self._rows(nodes)
-        apart = self._poses[there] - self._poses[here]
+        driven, path_m = self._way(here, there)
         reach = max(self._config.connect_distance, self._config.merge_distance)
-        near = np.hypot(apart[:, 0], apart[:, 1]) <= reach + self._allowance_m(here, there)
+        near = np.hypot(driven[:, 0], driven[:, 1]) <= reach + self._allowance_m(path_m)
         # d is at least sqrt(2) per radian, so what is turned far enough away is too far as well.
-        near &= np.abs(wrap_angle(apart[:, 2])) <= reach / np.sqrt(2) + self._allowance_rad(here, there)
+        near &= np.abs(wrap_angle(driven[:, 2])) <= reach / np.sqrt(2) + self._allowance_rad(path_m)
         return tuple(node for node, is_near in zip(nodes, near, strict=True) if is_near)
 
     def plausible(self, frame: FrameId, matches: Matches) -> NDArray[np.bool_]:
@@ -57,10 +85,10 @@ class OdometryGate:
         if not len(matches) or not self._config.odometry_drift:
             return np.ones(len(matches), bool)
         here, there = self._row[frame], self._rows(matches.nodes)
-        driven = relative(self._poses[here], self._poses[there])
+        driven, path_m = self._way(here, there)
         gap_m = np.hypot(*(driven - matches.waypoints)[:, :2].T)
         gap_rad = np.abs(wrap_angle(driven[:, 2] - matches.waypoints[:, 2]))
-        return (gap_m <= self._allowance_m(here, there)) & (gap_rad <= self._allowance_rad(here, there))
+        return (gap_m <= self._allowance_m(path_m)) & (gap_rad <= self._allowance_rad(path_m))
 
     def driven(self, frame: FrameId, other: FrameId) -> Waypoint | None:
         """Return where an image lies (3,) seen from another, by odometry alone.
@@ -75,17 +103,46 @@ class OdometryGate:
             return None
         return relative(self._poses[here], self._poses[there])
 
+    def knows(self, frame: FrameId, other: FrameId) -> bool:
+        """Tell whether odometry, with what links say, knows how two images lie to each other."""
+        _, path_m = self._way(self._row[frame], self._rows([other]))
+        return bool(np.isfinite(path_m[0]))
+
     def _rows(self, nodes: Sequence[NodeId]) -> NDArray[np.intp]:
         return np.array([self._row[node] for node in nodes], np.intp)
 
-    def _allowance_m(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
-        return self._within_segment(here, there, _SLACK_M, self._config.odometry_drift)
+    def _way(self, here: int, there: NDArray[np.intp]) -> tuple[Waypoint, NDArray[np.float64]]:
+        """Return where rows (N,) lie seen from one (N, 3), and by how long a way odometry knows it (N,).
 
-    def _allowance_rad(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
-        return self._within_segment(here, there, _SLACK_RAD, _DRIFT_RAD_PER_M)
+        A way is infinite where it knows nothing, and -infinite where the two are held to be of different places.
+        """
+        driven = relative(self._poses[here], self._poses[there])
+        same = self._segment[there] == self._segment[here]
+        apart = self._separates & (self._drive[there] != self._drive[here]) & self._moves[there] & self._moves[here]
+        path_m = np.where(same, np.abs(self._path_m[there] - self._path_m[here]), np.where(apart, -np.inf, np.inf))
+        for first, second, waypoint in self._links:
+            for near, far, step in ((first, second, waypoint), (second, first, invert(waypoint))):
+                if self._segment[near] != self._segment[here]:
+                    continue
+                length = abs(self._path_m[near] - self._path_m[here]) + np.abs(self._path_m[there] - self._path_m[far])
+                linked = ~same & (self._segment[there] == self._segment[far])
+                linked &= (length < path_m) | np.isneginf(path_m)
+                onward = relative(self._poses[far], self._poses[there[linked]])
+                to_far = compose(relative(self._poses[here], self._poses[near]), step)
+                driven[linked], path_m[linked] = compose(to_far, onward), length[linked]
+        return driven, path_m
 
-    def _within_segment(
-        self, here: int, there: NDArray[np.intp], slack: float, drift_per_m: float
-    ) -> NDArray[np.float64]:
-        path_m = np.abs(self._path_m[there] - self._path_m[here])
-        return np.where(self._segment[there] == self._segment[here], slack + drift_per_m * path_m, np.inf)
+    def _allowance_m(self, path_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _SLACK_M + self._config.odometry_drift * path_m
+
+    @staticmethod
+    def _allowance_rad(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _SLACK_RAD + _DRIFT_RAD_PER_M * path_m
+
+
+def _moves(poses: Pose, drive: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Tell (N,) of which of N images the drive has odometry that ever moves."""
+    moves = np.zeros(len(poses), bool)
+    for number in np.unique(drive):
+        moves[drive == number] = bool(np.ptp(poses[drive == number], axis=0).any())
+    return moves

@@ -16,6 +16,7 @@ from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
+    DriveBegun,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -120,7 +121,7 @@ class Planner:
                 pass  # What places look like leads nowhere.
             case NodeAdded() | NodeDropped():
                 return False  # It moves the rows, so the mirror is built anew.
-            case EdgeProtected() | NodeNamed() | FramesReserved() | FramesReleased():
+            case EdgeProtected() | NodeNamed() | DriveBegun() | FramesReserved() | FramesReleased():
                 return False
         return True
 

@@ -6,6 +6,7 @@ reserve or a view but never two of them, and a name belongs to one node. Does no
 """
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterable, KeysView, Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -15,6 +16,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import (
     BeliefUpdated,
     Cause,
+    DriveBegun,
     Edge,
     EdgeAdded,
     EdgeProtected,
@@ -53,6 +55,7 @@ class TopologicalGraph:
         self._presence: dict[EdgeKey, tuple[PresenceObservation, ...]] = {}
         self._views = NodeViews()
         self._reserve: dict[FrameId, None] = {}
+        self._drives: dict[FrameId, str] = {}
         self._names: dict[str, NodeId] = {}
         self._successors: dict[NodeId, dict[NodeId, None]] = {}
         self._predecessors: dict[NodeId, dict[NodeId, None]] = {}
@@ -84,6 +87,15 @@ class TopologicalGraph:
     def frames(self) -> tuple[FrameId, ...]:
         """All images that the map needs: those of nodes, of the reserve and of views."""
         return (*self._nodes, *self._reserve, *self._views.frames)
+
+    @property
+    def drives(self) -> Mapping[FrameId, str]:
+        """Names of the drives by their first frames, in order; empty for a map of one drive."""
+        return MappingProxyType(self._drives)
+
+    def drive_of(self, frame: FrameId) -> int:
+        """Return the number of the drive that an image is of, counted from 1; 0 before the first that has a name."""
+        return bisect_right(list(self._drives), frame)
 
     @property
     def reserve(self) -> KeysView[FrameId]:
@@ -133,6 +145,8 @@ class TopologicalGraph:
                 self._views.use(delta)
             case ViewDropped():
                 self._views.drop(delta.node, delta.frame)
+            case DriveBegun():
+                self._drives = dict(sorted({**self._drives, delta.frame: delta.name}.items()))
             case FramesReserved():
                 self._add_reserve(delta)
             case FramesReleased():
@@ -147,6 +161,7 @@ class TopologicalGraph:
         history += [EdgeAdded(edge, cause) for edge in self._edges.values()]
         history += presence_deltas(self._presence, cause)
         history += self._views.deltas(cause)
+        history += [DriveBegun(frame, name, cause) for frame, name in self._drives.items()]
         if self._reserve:
             history.append(FramesReserved(tuple(self._reserve), cause))
         return tuple(history)
@@ -158,6 +173,7 @@ class TopologicalGraph:
         clone._nodes, clone._edges, clone._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
         clone._presence = self._presence.copy()
         clone._views = self._views.copy()
+        clone._drives = self._drives
         clone._names = self._names.copy()
         clone._successors = {node: targets.copy() for node, targets in self._successors.items()}
         clone._predecessors = {node: sources.copy() for node, sources in self._predecessors.items()}
@@ -167,8 +183,8 @@ class TopologicalGraph:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TopologicalGraph):
             return NotImplemented
-        content = self._nodes, self._edges, self._presence, self.views, self._reserve
-        return content == (other._nodes, other._edges, other._presence, other.views, other._reserve)
+        content = self._nodes, self._edges, self._presence, self.views, self._reserve, self._drives
+        return content == (other._nodes, other._edges, other._presence, other.views, other._reserve, other._drives)
 
     __hash__ = None  # type: ignore[assignment]  # A graph changes, so it cannot be a key.
 

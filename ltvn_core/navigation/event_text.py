@@ -110,6 +110,8 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
             return EventDescription(f"node {node} recognised by its view {frame} ({cause})", node=node)
         case d.ViewDropped(node, frame, cause):
             return EventDescription(f"node {node} lost its view {frame} ({cause})", node=node)
+        case d.DriveBegun(frame, name, cause):
+            return EventDescription(f"images from {frame} on are of the drive {name!r} ({cause})")
         case d.FramesReserved(frames, cause):
             return EventDescription(f"{_count(len(frames), 'image')} joined the reserve ({cause})")
         case d.FramesReleased(frames, cause):

@@ -3,6 +3,7 @@
 Owns comparing each image with all others, and the deltas of nodes and edges. Does not own which pairs are joined.
 """
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -31,6 +32,12 @@ class EdgeCandidate(NamedTuple):
     def reversed(self) -> "EdgeCandidate":
         """Return the way back, driven in reverse."""
         return EdgeCandidate(self.target, self.source, self.p, invert(self.waypoint))
+
+
+def consecutive_rows(ordered: Sequence[Observation], keyframes: KeyframeStore) -> list[tuple[int, int]]:
+    """Return which images followed each other on a drive, as rows; none across the beginning of another drive."""
+    drives = [keyframes.drive_of(seen.step) for seen in ordered]
+    return [(row, row + 1) for row, (before, after) in enumerate(itertools.pairwise(drives)) if before == after]
 
 
 def encode_trajectory(

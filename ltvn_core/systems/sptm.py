@@ -4,7 +4,6 @@ Owns its rules for edges, localisation and subgoals, with the numbers of its pub
 and driving teaches nothing. The robot's pose estimator and controller are those of all systems.
 """
 
-import itertools
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 
@@ -25,6 +24,7 @@ from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
     all_image_deltas,
+    consecutive_rows,
     encode_trajectory,
     predict_all_pairs,
 )
@@ -101,7 +101,7 @@ def _build(
     observations = usable_trajectory(observations, predictor, goals)
     ordered, features = encode_trajectory(observations, keyframes)
     rows = [found.reachability.astype(np.float32) for found in predict_all_pairs(features, predictor, progress)]
-    pairs = [*itertools.pairwise(range(len(ordered))), *select_shortcuts(np.stack(rows))]
+    pairs = [*consecutive_rows(ordered, keyframes), *select_shortcuts(np.stack(rows))]
     return tuple(all_image_deltas(ordered, _both_ways(pairs, features, predictor), method.believing))
 
 

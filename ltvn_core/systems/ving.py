@@ -26,6 +26,7 @@ from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
     all_image_deltas,
+    consecutive_rows,
     encode_trajectory,
     has_no_waypoint,
     predict_all_pairs,
@@ -112,8 +113,9 @@ def _build(
     observations = usable_trajectory(observations, predictor, goals)
     ordered, features = encode_trajectory(observations, keyframes)
     candidates: dict[tuple[int, int], EdgeCandidate] = {}
+    followed = {row for row, _ in consecutive_rows(ordered, keyframes)}
     for k, found in enumerate(predict_all_pairs(features, predictor, progress)):
-        for candidate in _close_candidates(k, found, features, predictor):
+        for candidate in _close_candidates(k, found, features, predictor, is_followed=k in followed):
             _keep_shorter(candidates, candidate)
             if method.matching.both_directions:
                 _keep_shorter(candidates, candidate.reversed())
@@ -126,14 +128,21 @@ def _keep_shorter(candidates: dict[tuple[int, int], EdgeCandidate], candidate: E
         candidates[ends] = candidate
 
 
-def _close_candidates(k: int, found: Prediction, features: Features, predictor: Predictor) -> Iterator[EdgeCandidate]:
-    """Yield the links from image k to those that seem near, and to the next one, to which the drive went in a step."""
+def _close_candidates(
+    k: int, found: Prediction, features: Features, predictor: Predictor, *, is_followed: bool
+) -> Iterator[EdgeCandidate]:
+    """Yield the links from image k to those that seem near, and to the next one, to which the drive went in a step.
+
+    `is_followed`: the drive went on after it.
+    """
     near = (found.reachability >= reachability_of_steps(EDGE_STEPS)) & ~has_no_waypoint(found.waypoints)
     following = k + 1
-    near[k] = near[following : following + 1] = False
+    near[k] = False
+    if is_followed:
+        near[following] = False
     for other in np.flatnonzero(near):
         yield EdgeCandidate(k, int(other), found.reachability[other], found.waypoints[other])
-    if following < len(features):
+    if is_followed:
         onward = predictor.predict(features[k : k + 1], features[following : following + 1])
         yield EdgeCandidate(k, following, reachability_of_steps(1.0), onward.waypoints[0])
 

@@ -1,15 +1,19 @@
-"""`ltvn build`: a recording becomes a map."""
+"""`ltvn build`: a recording becomes a map, or several of one place do."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
+from ltvn_core.errors import OptionError
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.drives.drive_report import DriveReport
 
 
 @dataclass(frozen=True)
@@ -32,16 +36,18 @@ class BuildSummary:
     """Parts between which no path leads there and back; 1 is what one wants."""
     known_share: float
     """Share of the images that are nodes of the largest piece or recognised as one; elsewhere a robot is lost."""
+    drives: "tuple[DriveReport, ...]" = ()
+    """What became of each drive, where there are several: how it is joined, and what changed since those before."""
     doubts: tuple[str, ...] = ()
     """What is doubtful of the drive or of the map, in words; nothing where all is well."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BuildVerb(Verb):
-    """Build a map from a recording by Algorithm 1, or as one of the paper's rivals does."""
+    """Build a map from one or more recordings by Algorithm 1, or as one of the paper's rivals does."""
 
-    recording: Positional[Path]
-    """The recording to build from."""
+    recordings: Positional[tuple[Path, ...]]
+    """The recording to build from; or several drives of one place, on other days, from other starts."""
     output: Path
     """The map to write; must not exist yet."""
     preset: Literal["robust", "paper"] = "robust"
@@ -65,6 +71,8 @@ class BuildVerb(Verb):
         from ltvn_core.graph.connectivity import count_strongly_connected_components
         from ltvn_core.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 
+        if not self.recordings:
+            raise OptionError("Name at least one recording, such as: ltvn build drive.rrd --output map.rrd")
         require_new_path(self.output)
         options = BuildOptions(
             preset=self.preset,
@@ -79,7 +87,7 @@ class BuildVerb(Verb):
                 bar.total = total
                 bar.update(done - bar.n)
 
-            built, choice, observations = build_recorded_map(self.recording, options, show)
+            built, choice, observations = build_recorded_map(self.recordings, options, show)
         save_recorded_map(built, self.output, options)
         graph = built.graph
         assert built.coverage is not None
@@ -94,5 +102,6 @@ class BuildVerb(Verb):
             reserve=len(graph.reserve),
             pieces=count_strongly_connected_components(graph),
             known_share=round(built.coverage.share, 3),
+            drives=built.drives,
             doubts=built.doubts,
         )

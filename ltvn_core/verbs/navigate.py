@@ -150,6 +150,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
         script=None if options.world is None else open_script(options.world, meta.scene, seed=options.seed),
     )
     keyframes = KeyframeStore(predictor)
+    keyframes.begin_drives(loaded.graph.drives)
     keyframes.add(list(loaded.observations.values()))
     if options.maintenance is not None:
         truth = true_presence(simulation.world, keyframes.observation)

@@ -110,6 +110,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
     keyframes, graph = KeyframeStore(predictor), loaded.graph
     if len(graph.nodes) < 2:
         raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
+    keyframes.begin_drives(graph.drives)
     keyframes.add([loaded.observations[frame] for frame in graph.frames if frame not in graph.reserve])
     truth = GroundTruth(load_scene(meta.scene).clearance, lambda node: loaded.observations[node])
     faults = tuple(_insert_faults(options, loaded, truth, keyframes, predictor, system.method))

@@ -125,6 +125,7 @@ def _play_recorded(
     with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
         graph = TopologicalGraph() if known is None else known.graph
         if known is not None:
+            keyframes.begin_drives(graph.drives)
             keyframes.add(list(known.observations.values()))
             writer.write_map(graph, known.observations.values())
         runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)

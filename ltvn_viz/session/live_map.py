@@ -3,14 +3,15 @@
 Owns when the map is replaced as a whole. The decisions are `ltvn_core.graph`'s.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
 from ltvn_core.errors import MapError
-from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta, NodeDropped
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
 from ltvn_core.graph.image_similarity import most_similar_nodes
-from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.keyframes import ODOMETRY_JUMP, KeyframeStore
 from ltvn_core.graph.map_coverage import map_coverage
 from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
@@ -19,7 +20,7 @@ from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.request import predictor_card
-from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Rgb, is_usable
+from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, Rgb, is_usable
 from ltvn_viz.session.live_robot import LiveRobot
 
 IMAGES_AT_ONCE = 64
@@ -47,6 +48,8 @@ class LiveMap:
         """What is doubtful of the map that was built last, in words."""
         self._online = self._new_online()
         self._navigator: Navigator | None = None
+        self._next_drive: FrameId | None = None
+        self._last_odometry: Pose | None = None
 
     @property
     def fingerprint(self) -> str:
@@ -75,10 +78,24 @@ class LiveMap:
 
     def load(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> Sequence[GraphDelta]:
         """Take a map with its pictures in place of the present one and return the deltas that make it up."""
-        self.keyframes = KeyframeStore(self._predictor)
+        self.keyframes = self._new_keyframes(self._predictor, graph.drives)
         self.keyframes.add(observations)
         self._replace(graph)
+        if observations:
+            # The odometry of whoever drives on is another, whether or not anybody does.
+            self._next_drive = max(seen.step for seen in observations) + 1
+            self.keyframes.begin_drives([self._next_drive])
         return graph.deltas(Cause.LOAD)
+
+    def _begun_drive(self, observation: Observation) -> Sequence[GraphDelta]:
+        """Begin another drive where the map was loaded, or where the robot was put down elsewhere."""
+        before, self._last_odometry = self._last_odometry, observation.odometry
+        first, self._next_drive = self._next_drive, None
+        if first is None and (before is None or distance(relative(before, observation.odometry)) < ODOMETRY_JUMP):
+            return ()
+        frame = observation.step if first is None else first
+        self.keyframes.begin_drives([frame])
+        return self.change([DriveBegun(frame, f"live, image {observation.step} on", Cause.ONLINE)])
 
     def offer(self, observation: Observation) -> Sequence[GraphDelta]:
         """Let the map grow by one image; returns what changed.
@@ -91,10 +108,11 @@ class LiveMap:
         if self._online is None:
             self.keyframes.add([observation])
             return ()
+        begun = self._begun_drive(observation)
         deltas = self._online.offer(observation)
         for delta in deltas:
             self.graph.apply(delta)
-        return deltas
+        return [*begun, *deltas]
 
     def rebuild(self, progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
         """Build anew from all pictures at hand; returns every change from the old map. Raises MapError for none."""
@@ -112,7 +130,7 @@ class LiveMap:
         Until the new map is whole nothing changes. Without pictures there is no map either, and only the network does.
         """
         seen = [each for each in self.observations() if is_usable(each, predictor)]
-        keyframes = KeyframeStore(predictor)
+        keyframes = self._new_keyframes(predictor, self.graph.drives)
         for first in range(0, len(seen), IMAGES_AT_ONCE):
             progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
             keyframes.add(seen[first : first + IMAGES_AT_ONCE])
@@ -129,9 +147,10 @@ class LiveMap:
     def _replaced(self, built: Sequence[GraphDelta], seen: Sequence[Observation]) -> Sequence[GraphDelta]:
         fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
         released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
-        self._replace(TopologicalGraph(built))
+        drives = [DriveBegun(frame, name, Cause.BUILD) for frame, name in self.graph.drives.items()]
+        self._replace(TopologicalGraph([*built, *drives]))
         self.doubts = self._diagnosed(seen)
-        return [*fell, *released, *built]
+        return [*fell, *released, *built, *drives]
 
     def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[str]:
         """Return what is doubtful of the map that was built from images in order, with likely causes."""
@@ -188,6 +207,12 @@ class LiveMap:
         if not self.graph.nodes:
             raise MapError("The map is empty, so there is nowhere to go yet; hold W A S D and drive a little first.")
         return [node for node, _ in most_similar_nodes(rgb, self.keyframes, list(self.graph.nodes), count)]
+
+    @staticmethod
+    def _new_keyframes(predictor: Predictor, drive_starts: Iterable[FrameId]) -> KeyframeStore:
+        keyframes = KeyframeStore(predictor)
+        keyframes.begin_drives(drive_starts)
+        return keyframes
 
     def _replace(self, graph: TopologicalGraph) -> None:
         self.graph = graph

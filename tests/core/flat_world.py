@@ -111,6 +111,10 @@ class FlatRobot:
         self.stops += 1
         self.twist = ZERO_TWIST
 
+    def put_down(self, pose: Sequence[float], odometry: Sequence[float]) -> None:
+        """Stand elsewhere from now on, with odometry that began anew."""
+        self.pose, self._odometry = np.array(pose, np.float64), np.array(odometry, np.float64)
+
     def advance(self) -> None:
         """Let one control step pass."""
         self.step += 1

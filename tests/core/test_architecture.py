@@ -65,6 +65,7 @@ CORE_ORDER = (
     "training",
     "systems",
     "composition",
+    "drives",
     "topological_map",
     "recorded_map",
     "evaluation",

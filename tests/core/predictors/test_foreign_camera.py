@@ -22,7 +22,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def built(drive: Path, output: Path, predictor: str) -> BuildSummary:
-    summary = BuildVerb(recording=drive, output=output, predictor=predictor).run()
+    summary = BuildVerb(recordings=(drive,), output=output, predictor=predictor).run()
     assert isinstance(summary, BuildSummary)
     return summary
 

@@ -35,7 +35,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("system", ["ltvn", "sptm", "ving"])
 def test_a_map_is_built_with_the_weights_of_its_system(drive: Path, tmp_path: Path, system: str) -> None:
     output = tmp_path / "map.rrd"
-    BuildVerb(recording=drive, output=output, system=system).run()
+    BuildVerb(recordings=(drive,), output=output, system=system).run()
     meta = load_map(output).meta
     assert meta.fingerprint == weights_fingerprint(system_entry(system).weights)
     assert meta.config["system"] == system
@@ -43,7 +43,7 @@ def test_a_map_is_built_with_the_weights_of_its_system(drive: Path, tmp_path: Pa
 
 def test_a_saved_map_is_driven_by_the_system_that_built_it(drive: Path, tmp_path: Path) -> None:
     built, trip, after = (tmp_path / name for name in ("map.rrd", "trip.rrd", "after.rrd"))
-    BuildVerb(recording=drive, output=built, system="sptm", predictor="oracle").run()
+    BuildVerb(recordings=(drive,), output=built, system="sptm", predictor="oracle").run()
     NavigateVerb(map=built, recording=trip, output=after, predictor="oracle", queries=2).run()
     assert Recording.open(trip).meta.config["system"] == "sptm"
     assert load_map(after).meta.config["system"] == "sptm"
@@ -53,7 +53,7 @@ def test_a_saved_map_is_driven_by_the_system_that_built_it(drive: Path, tmp_path
 
 def test_the_app_drives_a_map_with_its_own_system_and_weights_and_records_that(drive: Path, tmp_path: Path) -> None:
     built = tmp_path / "map.rrd"
-    BuildVerb(recording=drive, output=built, system="ving").run()
+    BuildVerb(recordings=(drive,), output=built, system="ving").run()
     with ExitStack() as stack:
         state = open_app_state(AppOptions(map=built, recordings=tmp_path), stack, ThumbnailStore())
         state.live.begin_recording()

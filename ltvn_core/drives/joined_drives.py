@@ -1,0 +1,142 @@
+"""Recordings of several drives as the images of one map: numbered on, on one clock, for one camera.
+
+Owns what images of different drives must not share: numbers and times. Their odometry stays as it is.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+
+from ltvn_core.cameras.rectification import have_same_rays
+from ltvn_core.errors import MapError
+from ltvn_core.navigation.events import WorldChanged
+from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.recording.reader import Recording
+from ltvn_core.types import FrameId, Observation
+
+_PAUSE_S = 60.0
+"""At least so long lies between two drives of which nobody knows more."""
+_ROUND = 1000
+"""Images of a later drive are counted on from a multiple of this, so that a person sees which number was which."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JoinedDrive:
+    """One of several drives."""
+
+    name: str
+    first: FrameId
+    """Its first image,"""
+    last: FrameId
+    """and its last, as they are numbered in the map."""
+    added_steps: int = 0
+    """So much more than in its recording."""
+    world_offset_s: float = 0.0
+    """Added to a stamp in the map it gives the time of the world, where its recording tells that."""
+
+    def holds(self, frame: FrameId) -> bool:
+        """Tell whether an image is of this drive."""
+        return self.first <= frame <= self.last
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JoinedDrives:
+    """The images of all drives."""
+
+    observations: list[Observation]
+    """In order, as the camera of the first drive would have taken them."""
+    drives: tuple[JoinedDrive, ...]
+    """Empty where there is only one."""
+    doubts: tuple[str, ...]
+    """What a person should know, in words."""
+
+
+def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
+    """Read the images of one or more recordings; the first keeps its numbers and its times.
+
+    Raises MapError where a recording has no images, or is named twice.
+    """
+    if len(recordings) == 1:
+        only = recordings[0]
+        return JoinedDrives([only.observation(frame) for frame in only.frames], (), ())
+    _check(recordings)
+    observations, drives, doubts = list[Observation](), list[JoinedDrive](), list[str]()
+    for recording in recordings:
+        joined = _following(recording, observations, drives)
+        added_s = _added_seconds(recording, recordings[0], observations)
+        added = joined.added_steps
+        observations += [_moved(recording, frame, recordings[0], added, added_s) for frame in recording.frames]
+        drives.append(replace(joined, world_offset_s=joined.world_offset_s - added_s))
+        doubts += _doubts(recording, recordings[0])
+    return JoinedDrives(observations, tuple(drives), tuple(doubts))
+
+
+def _check(recordings: Sequence[Recording]) -> None:
+    paths = [recording.path.resolve() for recording in recordings]
+    if twice := next((path for path in paths if paths.count(path) > 1), None):
+        raise MapError(f"{twice.name} is named twice; each drive counts once.")
+    for recording in recordings:
+        if not recording.frames:
+            raise MapError(f"{recording.path} holds no images; leave it out, or record it again.")
+
+
+def _following(recording: Recording, before: Sequence[Observation], drives: Sequence[JoinedDrive]) -> JoinedDrive:
+    added = 0
+    if before and recording.frames[0] <= before[-1].step:
+        added = math.ceil((before[-1].step + 1 - recording.frames[0]) / _ROUND) * _ROUND
+    names = {drive.name for drive in drives}
+    name = recording.path.name
+    return JoinedDrive(
+        name=name if name not in names else str(Path(recording.path.parent.name) / name),
+        first=recording.frames[0] + added,
+        last=recording.frames[-1] + added,
+        added_steps=added,
+        world_offset_s=_world_offset_s(recording),
+    )
+
+
+def _moved(recording: Recording, frame: FrameId, first: Recording, added_steps: int, added_s: float) -> Observation:
+    seen = recording.observation(frame)
+    if not have_same_rays(recording.meta.camera, first.meta.camera):
+        seen = recorded_observation(seen, recording.meta.camera, first.meta.camera)
+    return replace(seen, step=seen.step + added_steps, stamp=seen.stamp + added_s)
+
+
+def _added_seconds(recording: Recording, first: Recording, before: Sequence[Observation]) -> float:
+    """Return what to add to the clock of a drive so that it goes on after those before; mostly 0 for calendar time.
+
+    Where the clocks of both begin at nothing the calendar says how much later the second drive was.
+    """
+    begins_s = float(recording.poses.stamps[0])
+    if not before or begins_s > before[-1].stamp:
+        return 0.0
+    later_s = _started_later(recording, first)
+    return max(float(first.poses.stamps[0]) + later_s, before[-1].stamp + _PAUSE_S) - begins_s
+
+
+def _started_later(recording: Recording, first: Recording) -> float:
+    try:
+        began = [datetime.fromisoformat(each.meta.started_at) for each in (first, recording)]
+        return (began[1] - began[0]).total_seconds()
+    except (ValueError, TypeError):  # A recording of another make says it in another way, or not at all.
+        return 0.0
+
+
+def _world_offset_s(recording: Recording) -> float:
+    """Return the time of the world at stamp 0 of a recording, where it tells; else 0."""
+    told = (stamped for stamped in recording.events if isinstance(stamped.event, WorldChanged))
+    for stamped in told:
+        assert isinstance(stamped.event, WorldChanged)
+        return stamped.event.at_s - stamped.stamp
+    return 0.0
+
+
+def _doubts(recording: Recording, first: Recording) -> list[str]:
+    """Return what speaks against joining two drives at all."""
+    here, there = recording.meta, first.meta
+    if here.scene == there.scene:
+        return []
+    named = f"{recording.path.name} was recorded in {here.scene!r}, {first.path.name} in {there.scene!r}"
+    return [f"{named}; only drives of one place make one map."]

@@ -1,0 +1,100 @@
+"""Where drives meet whose odometry has nothing in common: images of two drives that surely show one place.
+
+One match may be a perceptual alias. Matches that agree about how the two odometries lie to each other are none, or
+whole places are alike, so of several opinions the one with most matches counts, and a few must share it (ours). Owns
+that vote; the matches are the network's.
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ltvn_core.config import BuildingConfig
+from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
+from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.types import FrameId, Observation
+
+_APART = 0.35
+"""Images of one drive nearer than this d are asked about once."""
+_MOST_ASKED, _MOST_MET = 60, 300
+"""So many images of the later drive, evenly spread, are compared with so many of the earlier one."""
+_BEST = 3
+_MOST_MATCHES = 60
+_LEAST_AGREEING = 3
+"""Fewer images that agree are held to be perceptual aliases."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveLinkSearch:
+    """Searches links between the drives of one map."""
+
+    observations: Sequence[Observation]
+    drive_starts: Sequence[FrameId]
+    matcher: Matcher
+    loop_closures: LoopClosureVerifier
+    config: BuildingConfig
+
+    def links(self) -> tuple[DriveLink, ...]:
+        """Return the links between all drives; a few thousand comparisons for each pair of drives."""
+        drives: dict[int, list[Observation]] = {}
+        for seen in sorted(self.observations, key=lambda seen: seen.step):
+            drives.setdefault(bisect_right(self.drive_starts, seen.step), []).append(seen)
+        return tuple(link for pair in combinations(drives.values(), 2) for link in self._between(*pair))
+
+    def _between(self, earlier: Sequence[Observation], later: Sequence[Observation]) -> list[DriveLink]:
+        met, asked = _spread(earlier, _MOST_MET), _spread(later, _MOST_ASKED)
+        found = [link for frame in asked for link in self._matches(frame, met)]
+        rows = np.unique(np.linspace(0, len(found) - 1, min(len(found), _MOST_MATCHES)).astype(int)).tolist()
+        left, agreed = [found[row] for row in rows], list[DriveLink]()
+        while left:
+            supporters = [self._agreeing(link, left) for link in left]
+            best = max(supporters, key=len)
+            if len({link.frame for link in best}) < min(_LEAST_AGREEING, len(asked)):
+                break
+            agreed += best
+            # Where odometry jumped within a drive, what came after the jump may be linked as well.
+            gate = self._gate(agreed)
+            left = [link for link in left if link not in best and not gate.knows(link.frame, link.other)]
+        return agreed
+
+    def _matches(self, frame: FrameId, others: Sequence[FrameId]) -> list[DriveLink]:
+        """Return the best matches of an image that become edges, and fit along both drives."""
+        thresholds = OperatorThresholds.building(self.config)
+        found = self.matcher.match(self.matcher.keyframes.features([frame]), others)
+        found = found.take(connectable(found, thresholds))
+        found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
+        found = self.loop_closures.connections(frame, found, thresholds)
+        return [DriveLink(frame, other, found.waypoints[k]) for k, other in enumerate(found.nodes)]
+
+    def _agreeing(self, link: DriveLink, others: Sequence[DriveLink]) -> list[DriveLink]:
+        """Return the links that lie as this one foretells, itself among them."""
+        gate = self._gate([link])
+        return [other for other in others if gate.plausible(other.frame, _as_matches(other)).all()]
+
+    def _gate(self, links: Sequence[DriveLink]) -> OdometryGate:
+        return OdometryGate(self.observations, self.config, drive_starts=self.drive_starts, links=links)
+
+
+def _as_matches(link: DriveLink) -> Matches:
+    waypoint = np.asarray(link.waypoint)[None]
+    return Matches((link.other,), np.ones(1), waypoint, distance(waypoint), np.ones(1, bool))
+
+
+def _spread(drive: Sequence[Observation], most: int) -> list[FrameId]:
+    """Return images of a drive that are apart from each other by odometry, and at most so many, evenly spread.
+
+    A drive without odometry is taken as it is.
+    """
+    kept = list(drive[:1])
+    for seen in drive[1:]:
+        if distance(relative(kept[-1].odometry, seen.odometry)) >= _APART:
+            kept.append(seen)
+    kept = kept if len(kept) > 1 else list(drive)
+    rows = np.unique(np.linspace(0, len(kept) - 1, min(len(kept), most)).astype(int)).tolist()
+    return [kept[row].step for row in rows]

@@ -54,7 +54,9 @@ def test_a_place_that_looks_different_gets_views_that_are_used_the_next_time() -
     added = changes(ViewAdded, [event for query in range(3) for event in drive(place, query, goal)])
     assert added
     for delta in added:
-        truth = relative(place.poses[delta.node], place.keyframes.features([delta.view.frame])[0, :3])
+        truth = relative(
+            place.poses[delta.node], np.array(place.keyframes.features([delta.view.frame])[0, :3], np.float64)
+        )
         assert np.abs(np.array(delta.view.pose) - truth).max() < 0.1
         assert np.hypot(*truth[:2]) < ViewConfig().distance
     assert changes(ViewUsed, [event for query in range(3, 6) for event in drive(place, query, goal)])

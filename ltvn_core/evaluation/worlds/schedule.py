@@ -39,13 +39,13 @@ class ScheduledQuery:
     at_s: float
     episode: EpisodePlan
     shortest_m: float
-    """Length of the shortest way at that moment,"""
-    detour_m: float
-    """and how much longer that is than in the scene as it was made."""
+    """Length of the shortest way at that moment."""
     closed: tuple[EdgeKey, ...]
     """Edges of the first map that are closed at that moment,"""
     closed_later: tuple[EdgeKey, ...]
     """and an hour later."""
+    detour_m: float = 0.0
+    """How much longer the shortest way is than in the scene as it was made."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,16 @@ class DebuggerPage:
             self.until(lambda: self.shown.question is question)
         return self.settled()
 
+    def questions(self) -> list[QuestionName]:
+        """Return the questions on offer, without the one that asks nothing."""
+        self.page.get_by_label("Question", exact=True).locator("visible=true").click()
+        self.page.get_by_role("option").first.wait_for()
+        offered = self.page.get_by_role("option").all_inner_texts()
+        self.page.keyboard.press("Escape")
+        return [
+            question for question in QuestionName if question.value in offered and question is not QuestionName.NONE
+        ]
+
     def follow(self, label: str | re.Pattern[str]) -> None:
         """Click the first link whose whole label is this, and wait until the page has answered."""
         self.settled()  # What an older view said may be meant otherwise than what the app says now.

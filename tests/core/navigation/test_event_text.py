@@ -32,6 +32,7 @@ DELTAS: tuple[d.GraphDelta, ...] = (
     d.ViewAdded(4, d.NodeView(30, HERE, 3.0), d.Cause.SIGHT),
     d.ViewUsed(4, 30, 9.0, d.Cause.SIGHT),
     d.ViewDropped(4, 30, d.Cause.SIGHT),
+    d.DriveBegun(40, "tuesday.rrd", d.Cause.ONLINE),
     d.FramesReserved((5, 6), d.Cause.ONLINE),
     d.FramesReleased((5,), d.Cause.EXPAND),
 )

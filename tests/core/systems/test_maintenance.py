@@ -24,7 +24,9 @@ def test_every_system_can_have_every_maintenance() -> None:
             knows_presence = name in ("persistent", "forgetting", "fremen", "truth")
             assert (changed.presence is not None) == knows_presence
             assert isinstance(changed.maintenance, NoMaintenance) == (name == "static")
-            assert replace(changed, maintenance=system.maintenance, presence=system.presence) == system
+            assert (changed.views is not None) == knows_presence
+            own = {part: getattr(system, part) for part in ("maintenance", "presence", "views")}
+            assert replace(changed, **own) == system
 
 
 def test_the_papers_maintenance_keeps_what_was_measured_for_the_predictor() -> None:

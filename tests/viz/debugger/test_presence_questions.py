@@ -98,10 +98,10 @@ def test_why_it_went_around_is_told_for_a_plan_over_an_edge_that_was_seen_blocke
     harness.do(c.NavigateTo(goal))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     plan = max((each.planned.nodes for each in harness.state.live.timeline.plans), key=len)
-    see(harness, (plan[0], plan[1]), 9 * HOUR, present=False)
-    see(harness, (plan[-2], plan[-1]), 9 * HOUR, present=False)
     harness.do(c.NavigateTo(plan[0]))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    see(harness, (plan[0], plan[1]), 9 * HOUR, present=False)
+    see(harness, (plan[-2], plan[-1]), 9 * HOUR, present=False)
     harness.do(c.NavigateTo(goal))
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
 

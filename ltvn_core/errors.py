@@ -49,6 +49,10 @@ class OptionError(LtvnError):
     """An option of the command line or of the page has no such value."""
 
 
+class EngineError(LtvnError):
+    """A worker of a cluster is not like the machine that gives it work."""
+
+
 class ServerError(LtvnError):
     """The page cannot be served, for instance because the port is taken."""
 

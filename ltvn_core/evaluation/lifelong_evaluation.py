@@ -16,6 +16,7 @@ from joblib import delayed
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import calibration_bins
 from ltvn_core.evaluation.lifelong_batches import load_queries, run_queries
+from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.results import LifelongPoint, LifelongResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import (
@@ -66,17 +67,20 @@ def run_lifelong(
     command: str,
     parallel: Workers,
     progress: EvaluationProgress,
+    part: Part = WHOLE,
 ) -> list[LifelongResult]:
     """Run the lifelong evaluation of several plans, one scene and seed each; existing results are only read.
 
-    Raises OptionError if the folder has results of other settings.
+    A `part` runs its share of the plans, and returns the results of all that are done by then, whoever ran them. Raises
+    OptionError if the folder has results of other settings.
     """
-    jobs = prepare_all(plans, folder, parallel, progress)
+    jobs = prepare_all(part.of(plans), folder, parallel, progress)
     for at in schedule.points:
         for done in parallel(_jobs_at(jobs, schedule, at)):
             progress.work_done(done)
     list(parallel(delayed(_finish)(plan, files, schedule, command) for plan, files in jobs))
-    return [load_results(_result_file(files, schedule), LifelongResult) for _, files in jobs]
+    results = (_result_file(TrialFiles.of(plan, folder), schedule) for plan in plans)
+    return [load_results(result, LifelongResult) for result in results if result.exists()]
 
 
 def _jobs_at(jobs: Sequence[tuple[TrialPlan, TrialFiles]], schedule: Schedule, at: int) -> Iterator[Any]:

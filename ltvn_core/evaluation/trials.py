@@ -20,6 +20,7 @@ from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
 from ltvn_core.evaluation.map_drawings import save_drawing
+from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import read_share, told_repeatedly
 from ltvn_core.evaluation.protocol import EpisodePlan
@@ -111,25 +112,52 @@ def run_trials(
     command: str,
     parallel: Workers,
     progress: EvaluationProgress,
+    part: Part = WHOLE,
 ) -> list[TrialResult]:
     """Run the static test of several plans, one scene and seed each; existing results are only read.
 
-    Raises OptionError if the folder has results of other settings.
+    A `part` runs its share of the episodes, and returns the results of the plans whose episodes are all done by then,
+    whoever ran them. Raises OptionError if the folder has results of other settings.
     """
-    jobs = prepare_all(plans, folder, parallel, progress)
+    mine = _share(plans, episodes, part)
+    jobs = prepare_all(list(dict.fromkeys(plan for plan, _ in mine)), folder, parallel, progress)
+    batches = {plan: [batch for each, batch in mine if each == plan] for plan, _ in jobs}
     with told_repeatedly(lambda: progress.unfinished(sum(_unfinished_episodes(files) for _, files in jobs))):
-        for done in parallel(batch for plan, files in jobs for batch in episode_batch_jobs(plan, files, 0, episodes)):
+        for done in parallel(
+            job for plan, files in jobs for job in episode_batch_jobs(plan, files, 0, episodes, batches[plan])
+        ):
             progress.work_done(done)
-    list(parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in jobs))
-    # Read from the files, because batches finish in any order.
-    return [load_results(files.trial(episodes), TrialResult) for _, files in jobs]
+    # Read from the files, because batches finish in any order, and other parts may have run some.
+    whole = [(plan, files) for plan, files in _all_files(plans, folder) if _is_complete(files, episodes)]
+    list(parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in whole))
+    return [load_results(files.trial(episodes), TrialResult) for _, files in whole]
+
+
+def episodes_to_run(plans: Sequence[TrialPlan], episodes: int, part: Part) -> int:
+    """Return how many episodes a part of the static tests of some plans has."""
+    return sum(until - first for _, (first, until) in _share(plans, episodes, part))
+
+
+def _share(plans: Sequence[TrialPlan], episodes: int, part: Part) -> list[tuple[TrialPlan, tuple[int, int]]]:
+    """Return the batches of a part."""
+    return part.of([(plan, batch) for plan in plans for batch in _batch_ranges(episodes)])
+
+
+def _all_files(plans: Sequence[TrialPlan], folder: Path) -> list[tuple[TrialPlan, TrialFiles]]:
+    return [(plan, TrialFiles.of(plan, folder)) for plan in plans]
+
+
+def _is_complete(files: TrialFiles, episodes: int) -> bool:
+    """Tell whether all episodes of a static test are done, by this command or by others."""
+    batches = (files.episodes(0, first, until) for first, until in _batch_ranges(episodes))
+    return files.trial(episodes).exists() or (files.map().exists() and all(batch.exists() for batch in batches))
 
 
 def prepare_all(
     plans: Sequence[TrialPlan], folder: Path, parallel: Workers, progress: EvaluationProgress
 ) -> list[tuple[TrialPlan, TrialFiles]]:
     """Create drives, weights and maps in parallel; raises as `run_trials`."""
-    jobs = [(plan, TrialFiles.of(plan, folder)) for plan in plans]
+    jobs = _all_files(plans, folder)
     for plan, files in jobs:
         claim_files(plan, files)
     without_data: set[str] = {plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()}
@@ -150,10 +178,16 @@ def _share_prepared(files: TrialFiles) -> float:
     return 1.0 if files.map().exists() else read_share(files.preparation)
 
 
-def episode_batch_jobs(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int) -> Iterator[Any]:
-    """Yield the batches of the static test with the map after a number of queries, for `joblib.Parallel`."""
+def episode_batch_jobs(
+    plan: TrialPlan,
+    files: TrialFiles,
+    queries: int,
+    episodes: int,
+    batches: Sequence[tuple[int, int]] | None = None,
+) -> Iterator[Any]:
+    """Yield batches of the static test with the map after so many queries, all by default, for `joblib.Parallel`."""
     drawn = prepare(plan, files).episodes(episodes, plan.seed)
-    for first, until in _batch_ranges(episodes):
+    for first, until in _batch_ranges(episodes) if batches is None else batches:
         yield delayed(run_episode_batch)(plan, files, queries, first, drawn[first:until])
 
 

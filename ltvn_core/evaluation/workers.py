@@ -1,30 +1,49 @@
-"""Workers of an evaluation: the cores of this machine, or an existing Ray or Dask cluster, through joblib.
+"""Workers of an evaluation: the cores of this machine, or a Ray or Dask cluster, through joblib.
 
-Jobs share nothing but files, so on a cluster the folder of the evaluation must have the same path on all machines.
+Jobs share nothing but files, so on a cluster the folder of the evaluation must have the same path on all machines. A
+worker of another version, with other weights or without that folder refuses its job.
 """
 
+import re
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
 from typing import Any, TypeAlias
+from uuid import uuid4
 
-from joblib import Parallel, cpu_count, parallel_config
+from joblib import Parallel, cpu_count, delayed, parallel_config
 
-from ltvn_core.errors import OptionError
+from ltvn_core.errors import EngineError, OptionError
 
 Workers: TypeAlias = Callable[[Iterable[Any]], Iterable[Any]]
 """Runs joblib's delayed calls and yields their results in any order."""
 
+_JOBS_PER_WORKER = 2
+"""Ray gets so many jobs at once, because joblib cannot stream results from it."""
+
 
 @contextmanager
-def workers(processes: int | None, cluster: str | None) -> Iterator[Workers]:
+def workers(processes: int | None, cluster: str | None, folder: Path) -> Iterator[Workers]:
     """Yield something that runs joblib's delayed calls, and hands their results back as they come.
 
-    `processes` None takes all cores. `cluster` is `ray://HOST:PORT` (Ray) or `tcp://HOST:PORT` (Dask). Raises
-    OptionError for another address, and where the package that it needs is not installed.
+    Args:
+        processes: So many of this machine; None takes all cores.
+        cluster: Instead `ray://HOST:PORT` (Ray), `tcp://HOST:PORT` (Dask), or `local:N`: N workers of Dask, here.
+        folder: Where the files of the jobs are.
+
+    Raises:
+        OptionError: There is no such cluster, or the package that it needs is not installed.
+        EngineError: While it runs: a worker is not like this machine.
     """
     if cluster is not None:
-        with _on_cluster(cluster), Parallel(return_as="generator_unordered") as parallel:
-            yield parallel
+        with ExitStack() as stack:
+            run = stack.enter_context(_on_cluster(cluster))
+            stamp = stack.enter_context(_stamped(folder))
+            yield lambda jobs: run(delayed(_run_alike)(stamp, *job) for job in jobs)
         return
     count = cpu_count() if processes is None else processes
     if count < 1:
@@ -36,25 +55,65 @@ def workers(processes: int | None, cluster: str | None) -> Iterator[Workers]:
 
 
 @contextmanager
-def _on_cluster(address: str) -> Iterator[None]:
+def _on_cluster(address: str) -> Iterator[Workers]:
     scheme = address.partition("://")[0]
     if scheme == "ray":
-        with _needs("ray", address):
-            import ray  # pyright: ignore[reportMissingImports]
-            from ray.util.joblib import register_ray  # pyright: ignore[reportMissingImports]
-
-        ray.init(address)
-        register_ray()
-        with parallel_config(backend="ray"):
-            yield
-    elif scheme in ("tcp", "tls"):
-        with _needs("distributed", address):
-            from dask.distributed import Client  # pyright: ignore[reportMissingImports]
-
-        with Client(address), parallel_config(backend="dask"):
-            yield
+        with _on_ray(address) as parallel:
+            yield parallel
+    elif scheme in ("tcp", "tls") or re.fullmatch(r"local:[1-9]\d{0,3}", address):
+        with _on_dask(address) as parallel:
+            yield parallel
     else:
-        raise OptionError(f"--cluster must be ray://HOST:PORT or tcp://HOST:PORT (Dask), got {address!r}.")
+        raise OptionError(
+            f"--cluster must be ray://HOST:PORT, tcp://HOST:PORT (Dask), or local:N for N workers, got {address!r}."
+        )
+
+
+@contextmanager
+def _on_dask(address: str) -> Iterator[Workers]:
+    with _needs("distributed", address):
+        from dask.distributed import Client, LocalCluster  # pyright: ignore[reportMissingImports]
+
+    with ExitStack() as stack:
+        if address.startswith("local:"):
+            count = int(address.removeprefix("local:"))
+            local = LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
+            address = stack.enter_context(local).scheduler_address
+        with _refusing(address, OSError):
+            stack.enter_context(Client(address))
+        stack.enter_context(parallel_config(backend="dask"))
+        yield stack.enter_context(Parallel(return_as="generator_unordered"))
+
+
+@contextmanager
+def _on_ray(address: str) -> Iterator[Workers]:
+    with _needs("ray[client]", address):
+        import ray  # pyright: ignore[reportMissingImports]
+        from ray.util.joblib import register_ray  # pyright: ignore[reportMissingImports]
+
+    with _refusing(address, ConnectionError):
+        ray.init(address)
+    try:
+        register_ray()
+        count = max(1, int(ray.cluster_resources().get("CPU", 1)))
+        with parallel_config(backend="ray"), Parallel(n_jobs=count) as parallel:
+            yield lambda jobs: _by_batches(parallel, jobs, _JOBS_PER_WORKER * count)
+    finally:
+        ray.shutdown()
+
+
+def _by_batches(parallel: Parallel, jobs: Iterable[Any], size: int) -> Iterator[Any]:
+    waiting = iter(jobs)
+    while some := list(islice(waiting, size)):
+        yield from parallel(some) or ()
+
+
+@contextmanager
+def _refusing(address: str, failure: type[Exception]) -> Iterator[None]:
+    try:
+        yield
+    except failure as error:
+        raise OptionError(f"No cluster answers at {address}: {error}") from error
 
 
 @contextmanager
@@ -62,4 +121,48 @@ def _needs(package: str, address: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as missing:
-        raise OptionError(f"--cluster {address} needs {missing.name}: pip install {package}") from missing
+        raise OptionError(f'--cluster {address} needs {missing.name}: pip install "{package}"') from missing
+
+
+@dataclass(frozen=True, slots=True)
+class _Stamp:
+    """What a worker must have in common with the machine that gives it jobs."""
+
+    version: str
+    weights: str
+    """Fingerprint of those that came with the package."""
+    token: Path
+    """A file in the shared folder."""
+
+
+@contextmanager
+def _stamped(folder: Path) -> Iterator[_Stamp]:
+    folder.mkdir(parents=True, exist_ok=True)
+    token = folder.absolute() / f".shared-{uuid4().hex[:8]}"
+    token.touch()
+    try:
+        yield _Stamp(version("ltvn"), _shipped_fingerprint(), token)
+    finally:
+        token.unlink(missing_ok=True)
+
+
+@cache
+def _shipped_fingerprint() -> str:
+    from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+    from ltvn_core.network.weights_file import weights_fingerprint
+
+    return weights_fingerprint(SHIPPED_WEIGHTS)
+
+
+def _run_alike(stamp: _Stamp, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+    """Run a job, but only on a worker that is like the machine which gave it. Raises EngineError."""
+    if not stamp.token.exists():
+        raise EngineError(
+            f"A worker does not see the folder {stamp.token.parent}; on a cluster all machines must have it at the "
+            "same path. Name a shared --folder."
+        )
+    if (here := version("ltvn")) != stamp.version:
+        raise EngineError(f"A worker has version {here} of ltvn, this machine {stamp.version}. Install the same one.")
+    if (weights := _shipped_fingerprint()) != stamp.weights:
+        raise EngineError(f"A worker has the weights {weights}, this machine {stamp.weights}. Install the same ones.")
+    return function(*args, **kwargs)

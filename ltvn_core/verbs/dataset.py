@@ -35,15 +35,19 @@ class DatasetVerb(Verb):
     """Scenes that are made at the same time."""
     seed: int = 0
     """Draws the poses."""
+    part: str = ""
+    """Only a share of the scenes, as 3/16 is the third of sixteen; for arrays of jobs."""
 
     def run(self) -> Summary:
         """Make the missing shards; raises SceneError and DatasetError."""
+        from ltvn_core.evaluation.parts import Part
         from ltvn_core.simulation.scene_registry import scene_names
         from ltvn_core.training.simulated_scenes import open_dataset_scene
         from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
         from ltvn_core.training_data.shards import read_shard
 
         names = self.scenes or tuple(name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES))
+        names = Part.parse(self.part).of(names)
         recipe = DatasetRecipe(seed=self.seed, clusters=self.clusters)
         paths = generate_shards(names, open_dataset_scene, self.folder, recipe, processes=self.processes)
         images = pairs = reachable = 0

@@ -11,7 +11,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
-from ltvn_core.verbs.verb import Verb
+from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,6 +55,22 @@ class EvaluateSummary:
     wall_s: float
 
 
+@dataclass(frozen=True)
+class PartSummary:
+    """What a part of a test did; the other parts are not all done."""
+
+    part: str
+    done: int
+    """Episodes or queries that this part has done."""
+    tests: int
+    """Of all parts, one for each scene, seed and maintenance,"""
+    finished: int
+    """and those of them of which nothing is missing any more."""
+    folder: Path
+    """Where all parts belong."""
+    wall_s: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class ProtocolOptions(Verb):
     """Options shared by the verbs that test a method as the paper does."""
@@ -86,7 +102,11 @@ class ProtocolOptions(Verb):
     workers: int | None = None
     """Processes to run side by side; by default as many as there are cores."""
     cluster: str | None = None
-    """A running cluster instead: ray://HOST:PORT, or tcp://HOST:PORT for Dask; all machines must see the folder."""
+    """A cluster instead: ray://HOST:PORT or tcp://HOST:PORT (Dask) that is running, or local:N, which starts N workers
+    of Dask here; all machines must see the folder."""
+    part: str = ""
+    """Only a share of the work, as 3/16 is the third of sixteen: for arrays of jobs that know nothing of each other.
+    Once all have run, in one folder or copied into one, the command without it sums up."""
 
     def protocol(self, episodes: int) -> "EvaluationProtocol":
         """Return the numbers of the test. Raises OptionError."""
@@ -141,25 +161,26 @@ class EvaluateVerb(ProtocolOptions):
     record_failures: int = 0
     """Run so many of the failed episodes of each scene and seed again and record them, for `ltvn replay`."""
 
-    def run(self) -> EvaluateSummary:
+    def run(self) -> Summary:
         """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
         from joblib import delayed
         from tqdm import tqdm
 
         from ltvn_core.evaluation.failure_recordings import record_failures
+        from ltvn_core.evaluation.parts import Part
         from ltvn_core.evaluation.perturbations.perturbation_registry import parse_perturbations
         from ltvn_core.evaluation.trial_plans import TrialFiles
-        from ltvn_core.evaluation.trials import run_trials
+        from ltvn_core.evaluation.trials import episodes_to_run, run_trials
         from ltvn_core.evaluation.workers import workers
         from ltvn_core.verbs.evaluation_bar import progress_on_bar
 
         if self.record_failures < 0:
             raise OptionError(f"--record-failures must be 0 or more, got {self.record_failures}.")
-        started = time.monotonic()
+        started, part = time.monotonic(), Part.parse(self.part)
         plans = self.plans(self.method, self.episodes, parse_perturbations(self.perturb))
         with (
-            workers(self.workers, self.cluster) as parallel,
-            tqdm(total=self.episodes * len(plans), desc="evaluate", unit="episode") as bar,
+            workers(self.workers, self.cluster, self.folder) as parallel,
+            tqdm(total=episodes_to_run(plans, self.episodes, part), desc="evaluate", unit="episode") as bar,
         ):
             trials = run_trials(
                 plans,
@@ -168,7 +189,10 @@ class EvaluateVerb(ProtocolOptions):
                 command=command(),
                 parallel=parallel,
                 progress=progress_on_bar(bar, len(plans)),
+                part=part,
             )
+            if len(trials) < len(plans):
+                return PartSummary(str(part), bar.n, len(plans), len(trials), self.folder, time.monotonic() - started)
             if self.record_failures:
                 jobs = [(plan, TrialFiles.of(plan, self.folder)) for plan in plans]
                 again = zip(jobs, trials, strict=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ltvn_core.errors import OptionError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.evaluate import ProtocolOptions, command
+from ltvn_core.verbs.evaluate import PartSummary, ProtocolOptions, command
 from ltvn_core.verbs.verb import Summary
 from ltvn_core.verbs.world_summary import WorldSummary
 
@@ -78,9 +78,10 @@ class LifelongVerb(ProtocolOptions):
             )
         return self._without_world(self.maintenance[0] if self.maintenance else None)
 
-    def _in_world(self, world: str) -> WorldSummary:
+    def _in_world(self, world: str) -> Summary:
         from tqdm import tqdm
 
+        from ltvn_core.evaluation.parts import Part
         from ltvn_core.evaluation.workers import workers
         from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
         from ltvn_core.evaluation.worlds.world_plans import WorldPlan
@@ -93,31 +94,40 @@ class LifelongVerb(ProtocolOptions):
             for name in self.maintenance or (self.preset,)
             for trial in trials
         ]
+        part = Part.parse(self.part)
         with (
-            workers(self.workers, self.cluster) as parallel,
-            tqdm(total=self.queries * len(plans), desc=f"world {world}", unit="query") as bar,
+            workers(self.workers, self.cluster, self.folder) as parallel,
+            tqdm(total=self.queries * len(part.of(plans)), desc=f"world {world}", unit="query") as bar,
         ):
-            progress = progress_on_bar(bar, len(trials))
-            results = run_world_evaluation(plans, self.folder, command=command(), parallel=parallel, progress=progress)
+            progress = progress_on_bar(bar, len({plan.trial for plan in part.of(plans)}))
+            results = run_world_evaluation(
+                plans, self.folder, command=command(), parallel=parallel, progress=progress, part=part
+            )
+        if len(results) < len(plans):
+            return PartSummary(str(part), bar.n, len(plans), len(results), self.folder, time.monotonic() - started)
         return WorldSummary.of(results, seeds=self.seed, folder=self.folder, wall_s=time.monotonic() - started)
 
-    def _without_world(self, maintenance: str | None) -> LifelongSummary:
+    def _without_world(self, maintenance: str | None) -> Summary:
         from tqdm import tqdm
 
         from ltvn_core.evaluation.lifelong_evaluation import Schedule, run_lifelong
+        from ltvn_core.evaluation.parts import Part
         from ltvn_core.evaluation.workers import workers
         from ltvn_core.verbs.evaluation_bar import progress_on_bar
 
         started, schedule = time.monotonic(), Schedule(self.queries, self.every, self.episodes)
+        part = Part.parse(self.part)
         plans = [replace(plan, maintenance=maintenance) for plan in self.plans(DEFAULT_SYSTEM, self.episodes)]
         with (
-            workers(self.workers, self.cluster) as parallel,
-            tqdm(total=schedule.work * len(plans), desc="lifelong", unit="query") as bar,
+            workers(self.workers, self.cluster, self.folder) as parallel,
+            tqdm(total=schedule.work * len(part.of(plans)), desc="lifelong", unit="query") as bar,
         ):
-            progress = progress_on_bar(bar, len(plans))
+            progress = progress_on_bar(bar, len(part.of(plans)))
             results = run_lifelong(
-                plans, self.folder, schedule, command=command(), parallel=parallel, progress=progress
+                plans, self.folder, schedule, command=command(), parallel=parallel, progress=progress, part=part
             )
+        if len(results) < len(plans):
+            return PartSummary(str(part), bar.n, len(plans), len(results), self.folder, time.monotonic() - started)
         return self._summary(results, maintenance, time.monotonic() - started)
 
     def _summary(self, results: "Sequence[LifelongResult]", maintenance: str | None, wall_s: float) -> LifelongSummary:

@@ -12,10 +12,11 @@ from typing import Any
 from joblib import delayed
 
 from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import told_repeatedly
 from ltvn_core.evaluation.results import load_results, save_results
-from ltvn_core.evaluation.trial_plans import claim_settings
+from ltvn_core.evaluation.trial_plans import TrialFiles, claim_settings
 from ltvn_core.evaluation.trials import EvaluationProgress, prepare_all
 from ltvn_core.evaluation.workers import Workers
 from ltvn_core.evaluation.worlds.schedule import Schedule, draw_schedule
@@ -27,15 +28,22 @@ from ltvn_core.simulation.scene_registry import load_scene
 
 
 def run_world_evaluation(
-    plans: Sequence[WorldPlan], folder: Path, *, command: str, parallel: Workers, progress: EvaluationProgress
+    plans: Sequence[WorldPlan],
+    folder: Path,
+    *,
+    command: str,
+    parallel: Workers,
+    progress: EvaluationProgress,
+    part: Part = WHOLE,
 ) -> list[WorldResult]:
     """Run the evaluation of several plans; existing results are only read.
 
-    Raises OptionError if the folder has results of other settings, and WorldError where the scene cannot change so.
+    A `part` runs its share of the plans, and returns the results of all that are done by then, whoever ran them. Raises
+    OptionError if the folder has results of other settings, and WorldError where the scene cannot change so.
     """
-    trials = list(dict.fromkeys(plan.trial for plan in plans))
-    files_of = dict(prepare_all(trials, folder, parallel, progress))
-    jobs = [(plan, WorldFiles.of(plan, files_of[plan.trial])) for plan in plans]
+    mine = part.of(plans)
+    files_of = dict(prepare_all(list(dict.fromkeys(plan.trial for plan in mine)), folder, parallel, progress))
+    jobs = [(plan, WorldFiles.of(plan, files_of[plan.trial])) for plan in mine]
     for plan, files in jobs:
         claim_settings(files.settings, _settings(plan))
     first = {files.schedule: (plan, files) for plan, files in jobs}
@@ -45,7 +53,8 @@ def run_world_evaluation(
             progress.work_done(done)
     for plan, files in jobs:
         _finish(plan, files, command)
-    return [load_results(files.result, WorldResult) for _, files in jobs]
+    results = (WorldFiles.of(plan, TrialFiles.of(plan.trial, folder)).result for plan in plans)
+    return [load_results(result, WorldResult) for result in results if result.exists()]
 
 
 def _settings(plan: WorldPlan) -> dict[str, Any]:

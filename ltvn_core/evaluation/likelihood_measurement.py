@@ -5,7 +5,6 @@ Half of the attempts are at true edges and half at false ones, with the same num
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +13,8 @@ from numpy.typing import NDArray
 from ltvn_core.config import Method
 from ltvn_core.evaluation.edge_driver import EdgeDriver, MeasuredAttempt
 from ltvn_core.evaluation.edge_proposals import EdgeProposal, EdgeProposals
-from ltvn_core.evaluation.predicted_drive import PredictedDrive, predict_drive
-from ltvn_core.geometry import distance
+from ltvn_core.evaluation.predicted_drive import predict_drive
+from ltvn_core.evaluation.scene_figures import SceneFigures, scene_figures
 from ltvn_core.network.cards.driving_calibration import DrivingMeasurements
 from ltvn_core.network.metrics.binned_metrics import calibration_table, error_table
 from ltvn_core.network.metrics.success_rate import SuccessRate
@@ -35,17 +34,6 @@ AttemptCallback = Callable[[], object]
 """Called after every attempt."""
 
 
-@dataclass(frozen=True, eq=False)
-class SceneMeasurement:
-    """The measurement in one scene."""
-
-    drive: PredictedDrive
-    edges: NDArray[np.bool_]
-    """(N, N): reachable pairs that become edges."""
-    attempted: tuple[MeasuredAttempt, ...]
-    not_begun: int
-
-
 def measure_scene(
     scene: "Scene",
     camera: Renderer,
@@ -57,7 +45,7 @@ def measure_scene(
     rng: np.random.Generator,
     progress: AttemptCallback,
     spec: RobotSpec = LOCOBOT,
-) -> SceneMeasurement:
+) -> SceneFigures:
     """Predict all pairs of a drive, and let a robot of `spec` drive `attempts` of its edges or all if there are fewer.
 
     Raises SceneError.
@@ -69,9 +57,7 @@ def measure_scene(
         for edges in (proposals.true_edges(rng), proposals.false_edges(rng)):
             tried.extend(_drive_some(robot, edges, attempts // 2, progress))
     attempted = tuple(each for each in tried if each is not None)
-    return SceneMeasurement(
-        drive=drive, edges=proposals.edges(), attempted=attempted, not_begun=len(tried) - len(attempted)
-    )
+    return scene_figures(drive, proposals.edges(), attempted, not_begun=len(tried) - len(attempted))
 
 
 def _drive_some(
@@ -89,50 +75,33 @@ def _drive_some(
             return
 
 
-def summarise_measurements(scenes: Sequence[SceneMeasurement], command: str) -> DrivingMeasurements:
+def summarise_measurements(scenes: Sequence[SceneFigures], command: str) -> DrivingMeasurements:
     """Combine the measurements of several scenes."""
-    attempted = [each for scene in scenes for each in scene.attempted]
-    there = [each for each in attempted if each.edge.true]
-    not_there = [each for each in attempted if not each.edge.true]
-    error_m, error_d, straight_m, overlap = (
-        np.concatenate(column) for column in zip(*map(_errors, scenes), strict=True)
+    errors, pairs, attempts = (
+        np.concatenate(columns)
+        for columns in zip(*((each.errors, each.pairs, each.attempts) for each in scenes), strict=True)
     )
-    certainty, reachable = (
-        np.concatenate(column) for column in zip(*map(_reachability_and_truth, scenes), strict=True)
-    )
-    edges = np.concatenate([scene.edges[scene.drive.reachable] for scene in scenes])
+    there, not_there = attempts[attempts["true"]], attempts[~attempts["true"]]
     return DrivingMeasurements(
         command=command,
-        scenes=tuple(scene.drive.scene.name for scene in scenes),
-        images=len(scenes[0].drive.poses),
-        success_if_reachable=SuccessRate.of(sum(each.succeeded for each in there), len(there)),
-        success_if_not=SuccessRate.of(sum(each.succeeded for each in not_there), len(not_there)),
-        arrival_if_reachable=SuccessRate.of(sum(each.arrived for each in there), len(there)),
-        arrival_if_not=SuccessRate.of(sum(each.arrived for each in not_there), len(not_there)),
-        connected_if_not=sum(each.edge.connected for each in not_there),
+        scenes=tuple(scene.scene for scene in scenes),
+        images=scenes[0].images,
+        success_if_reachable=_rate(there["succeeded"]),
+        success_if_not=_rate(not_there["succeeded"]),
+        arrival_if_reachable=_rate(there["arrived"]),
+        arrival_if_not=_rate(not_there["arrived"]),
+        connected_if_not=int(not_there["connected"].sum()),
         not_begun=sum(scene.not_begun for scene in scenes),
-        distance_sigma=_spread(error_d[edges]),
-        distance_sigma_all=_spread(error_d),
-        calibration=calibration_table(certainty, reachable),
-        error_by_distance=error_table(DISTANCE_BINS_M, straight_m, error_m),
-        error_by_overlap=error_table(OVERLAP_BINS, overlap, error_m),
+        distance_sigma=_spread(errors["d"][errors["is_edge"]]),
+        distance_sigma_all=_spread(errors["d"]),
+        calibration=calibration_table(pairs["reachability"], pairs["is_reachable"]),
+        error_by_distance=error_table(DISTANCE_BINS_M, errors["straight_m"], errors["position_m"]),
+        error_by_overlap=error_table(OVERLAP_BINS, errors["overlap"], errors["position_m"]),
     )
 
 
-def _errors(scene: SceneMeasurement) -> tuple[NDArray[np.float64], ...]:
-    """Return (P,) position error, error of d, straight distance and overlap of all reachable pairs."""
-    drive = scene.drive
-    true = drive.waypoints[drive.reachable]
-    predicted = drive.predicted.waypoints[drive.reachable]
-    error_m = np.hypot(*(predicted - true)[:, :2].T)
-    straight_m = np.hypot(true[:, 0], true[:, 1])
-    return error_m, distance(predicted) - distance(true), straight_m, drive.overlap[drive.reachable].astype(np.float64)
-
-
-def _reachability_and_truth(scene: SceneMeasurement) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return (P,) r and truth of all ordered pairs."""
-    pairs = ~np.eye(len(scene.drive.poses), dtype=bool)
-    return scene.drive.predicted.reachability[pairs], scene.drive.reachable[pairs]
+def _rate(successes: NDArray[np.bool_]) -> SuccessRate:
+    return SuccessRate.of(int(successes.sum()), len(successes))
 
 
 def _spread(numbers: NDArray[np.float64]) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.verbs.part_summary import PartSummary
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
@@ -52,22 +53,6 @@ class EvaluateSummary:
     """Images of all mapping drives in which the camera found no depth; they are in the drives and not in the maps."""
     folder: Path
     """Holds drives, weights, maps and results; called again, the verb goes on from there."""
-    wall_s: float
-
-
-@dataclass(frozen=True)
-class PartSummary:
-    """What a part of a test did; the other parts are not all done."""
-
-    part: str
-    done: int
-    """Episodes or queries that this part has done."""
-    tests: int
-    """Of all parts, one for each scene, seed and maintenance,"""
-    finished: int
-    """and those of them of which nothing is missing any more."""
-    folder: Path
-    """Where all parts belong."""
     wall_s: float
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from ltvn_core.errors import OptionError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.evaluate import PartSummary, ProtocolOptions, command
+from ltvn_core.verbs.evaluate import ProtocolOptions, command
+from ltvn_core.verbs.part_summary import PartSummary
 from ltvn_core.verbs.verb import Summary
 from ltvn_core.verbs.world_summary import WorldSummary
 

@@ -1,15 +1,20 @@
 """`ltvn measure`: the constants of Eq. 3 and Eq. 4, and the errors behind them, from simulated drives."""
 
+import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NoReturn
 
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.training.held_out_scenes import TEST_SCENES
+from ltvn_core.verbs.part_summary import PartSummary
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
+    from ltvn_core.evaluation.scene_figures import SceneFigures
     from ltvn_core.network.cards.driving_calibration import DrivingMeasurements
 
 IMAGES_PER_SCENE = 150
@@ -52,6 +57,10 @@ class MeasureVerb(Verb):
     """Draws drives, edges, starts and odometry noise."""
     scenes: tuple[str, ...] = TEST_SCENES
     """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
+    folder: Path | None = None
+    """Keep what each scene showed here, so that a stopped measurement goes on, and parts come together."""
+    part: str = ""
+    """Only a share of the scenes, as 3/16 is the third of sixteen; for arrays of jobs. The last one sums up."""
     write: bool = False
     """Write the result into the weights' card, or beside the geometric predictor, from where the method takes its
     constants."""
@@ -62,6 +71,8 @@ class MeasureVerb(Verb):
 
         self._check()
         measured = self._measure()
+        if isinstance(measured, PartSummary):
+            return measured
         refused, constants = None, None
         try:
             constants = likelihoods(measured)
@@ -88,41 +99,84 @@ class MeasureVerb(Verb):
                 f"--images must be {_FEWEST_IMAGES} or more, got {self.images}; fewer have hardly an edge."
             )
 
-    def _measure(self) -> "DrivingMeasurements":
-        import numpy as np
+    def _measure(self) -> "DrivingMeasurements | PartSummary":
+        """Measure the scenes of this part, and sum up if none is missing any more."""
         from tqdm import tqdm
+
+        from ltvn_core.evaluation.likelihood_measurement import summarise_measurements
+        from ltvn_core.evaluation.parts import Part
+
+        started, part = time.monotonic(), Part.parse(self.part)
+        if self.folder is None and part.count > 1:
+            raise OptionError("--part needs a --folder, where all parts lay what they measure.")
+        mine = part.of(self._attempts_in_scenes())
+        with tqdm(total=sum(attempts for _, _, attempts in mine), desc="measure", unit="edge") as bar:
+            here = {name: self._measured(number, name, attempts, bar) for number, name, attempts in mine}
+        found = {name: here.get(name) or self._kept(name) for name in self.scenes}
+        whole = [figures for figures in found.values() if figures is not None]
+        if len(whole) < len(self.scenes):
+            assert self.folder is not None
+            wall_s = time.monotonic() - started
+            return PartSummary(str(part), len(mine), len(self.scenes), len(whole), self.folder, wall_s)
+        return summarise_measurements(whole, self._command())
+
+    def _attempts_in_scenes(self) -> list[tuple[int, str, int]]:
+        """Return number, name and attempts of each scene."""
+        share, more = divmod(self.attempts, len(self.scenes))
+        return [(number, name, share + (number < more)) for number, name in enumerate(self.scenes)]
+
+    def _measured(self, number: int, name: str, attempts: int, bar: "tqdm[NoReturn]") -> "SceneFigures":
+        """Return what is kept of a scene, or measure it and keep that."""
+        if (kept := self._kept(name)) is not None:
+            bar.update(attempts)
+            return kept
+        figures = self._measure_scene(number, name, attempts, bar)
+        if self.folder is not None:
+            figures.save(self._file(name))
+        return figures
+
+    def _kept(self, name: str) -> "SceneFigures | None":
+        from ltvn_core.evaluation.scene_figures import SceneFigures
+        from ltvn_core.evaluation.trial_plans import claim_settings
+        from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+        from ltvn_core.network.weights_file import weights_fingerprint
+
+        if self.folder is None:
+            return None
+        named = asdict(self) | {"weights": weights_fingerprint(self.weights or SHIPPED_WEIGHTS)}
+        for option in ("json", "debug", "write", "folder", "part"):
+            del named[option]
+        claim_settings(self.folder / "measure.json", named)
+        return SceneFigures.load(self._file(name)) if self._file(name).exists() else None
+
+    def _file(self, name: str) -> Path:
+        assert self.folder is not None
+        return self.folder / f"{Path(name).stem}.measured.npz"
+
+    def _measure_scene(self, number: int, name: str, attempts: int, bar: "tqdm[NoReturn]") -> "SceneFigures":
+        import numpy as np
 
         from ltvn_core.composition import open_predictor, simulated_robot
         from ltvn_core.config import preset
-        from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
+        from ltvn_core.evaluation.likelihood_measurement import measure_scene
         from ltvn_core.predictors.choice import ImageSource
         from ltvn_core.robots.robot_spec import LOCOBOT
         from ltvn_core.simulation.rendering.renderer_selection import open_renderer
         from ltvn_core.simulation.scene_registry import load_scene
 
-        share = self.attempts // len(self.scenes)
-        shares = [share + (k < self.attempts % len(self.scenes)) for k in range(len(self.scenes))]
-        measured = []
         choice = ImageSource(camera=LOCOBOT.camera).choose(self.predictor)
-        spec = simulated_robot(choice.name)
-        with tqdm(total=self.attempts, desc="measure", unit="edge") as bar:
-            for k, (name, attempts) in enumerate(zip(self.scenes, shares, strict=True)):
-                scene = load_scene(name)
-                predictor = open_predictor(choice.name, name, self.weights, camera=spec.camera)
-                measured.append(
-                    measure_scene(
-                        scene,
-                        open_renderer(scene, spec.camera),
-                        predictor,
-                        preset(self.preset),
-                        attempts=attempts,
-                        images=self.images,
-                        rng=np.random.default_rng([self.seed, k]),
-                        progress=bar.update,
-                        spec=spec,
-                    )
-                )
-        return summarise_measurements(measured, self._command())
+        spec, scene = simulated_robot(choice.name), load_scene(name)
+        return measure_scene(
+            scene,
+            open_renderer(scene, spec.camera),
+            open_predictor(choice.name, name, self.weights, camera=spec.camera),
+            preset(self.preset),
+            attempts=attempts,
+            images=self.images,
+            rng=np.random.default_rng([self.seed, number]),
+            progress=bar.update,
+            spec=spec,
+        )
 
     def _command(self) -> str:
         named = "" if self.scenes == TEST_SCENES else f" --scenes {' '.join(self.scenes)}"

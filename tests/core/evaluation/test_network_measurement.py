@@ -2,6 +2,7 @@
 
 from contextlib import closing
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +11,12 @@ pytest.importorskip("embreex")
 pytest.importorskip("pybullet")
 
 from ltvn_core.config import ROBUST
+from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.edge_driver import EdgeDriver
 from ltvn_core.evaluation.edge_proposals import EdgeProposal
-from ltvn_core.evaluation.likelihood_measurement import SceneMeasurement, measure_scene, summarise_measurements
+from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
 from ltvn_core.evaluation.predicted_drive import predict_drive
+from ltvn_core.evaluation.scene_figures import SceneFigures
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
@@ -38,7 +41,7 @@ def blind_oracle() -> OraclePredictor:
 
 
 @lru_cache
-def measured() -> SceneMeasurement:
+def measured() -> SceneFigures:
     steps: list[None] = []
     found = measure_scene(
         scene(),
@@ -50,16 +53,16 @@ def measured() -> SceneMeasurement:
         rng=np.random.default_rng(1),
         progress=lambda: steps.append(None),
     )
-    assert len(steps) == len(found.attempted)
+    assert len(steps) == len(found.attempts)
     return found
 
 
 @pytest.mark.slow
 def test_an_oracle_drives_edges_that_exist_with_success() -> None:
-    true = [each for each in measured().attempted if each.edge.true]
+    true = measured().attempts[measured().attempts["true"]]
     assert len(true) == 6
-    assert np.mean([each.succeeded for each in true]) >= 0.8
-    assert np.mean([each.arrived for each in true]) >= 0.8
+    assert np.mean(true["succeeded"]) >= 0.8
+    assert np.mean(true["arrived"]) >= 0.8
 
 
 def test_what_an_oracle_predicts_has_no_error() -> None:
@@ -68,6 +71,15 @@ def test_what_an_oracle_predicts_has_no_error() -> None:
     assert all(row.position_p90_m == pytest.approx(0, abs=1e-9) for row in figures.error_by_distance if row.pairs)
     assert sum(row.pairs for row in figures.calibration) == 70 * 69
     assert figures.success_if_reachable.trials == 6
+
+
+def test_scenes_that_were_measured_apart_come_together(tmp_path: Path) -> None:
+    measured().save(tmp_path / "demo.measured.npz")
+    kept = SceneFigures.load(tmp_path / "demo.measured.npz")
+    assert summarise_measurements([kept], "ltvn measure") == summarise_measurements([measured()], "ltvn measure")
+    (tmp_path / "torn.measured.npz").write_bytes((tmp_path / "demo.measured.npz").read_bytes()[:200])
+    with pytest.raises(OptionError, match="holds no measurement"):
+        SceneFigures.load(tmp_path / "torn.measured.npz")
 
 
 def test_an_edge_through_a_wall_fails_however_sure_the_predictor_is() -> None:

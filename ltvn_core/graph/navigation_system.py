@@ -1,17 +1,20 @@
 """A navigation system as the paper's Table I takes it apart: five strategies that can be exchanged one by one.
 
 Owns the interfaces alone. The paper's own strategies are put together in `graph.ltvn`, its baselines' in
-`ltvn_core.systems`; the navigator drives whatever `NavigationSystem` it is given. The other systems of the table fit by
-replacing, in `ltvn(method)`:
+`ltvn_core.systems`, a file each; the navigator drives whatever `NavigationSystem` it is given:
 
 | system | build | edge_weight | subgoal | localise | maintenance |
 |---|---|---|---|---|---|
-| Meng et al. | greedy anchors, the last frame still reachable | -ln p | first node | r of the next anchors | none |
-| SGM | two-way consistent merging, then 5 nearest out-edges | hops | first node | nearest | delete what failed |
-| SoRB | all images, edge if d < MAXDIST | d | first node | nearest | none |
-| HTM | images drawn from a generative model | 1 / normalised score | first node | best score | none |
-| LEAP | none: its subgoals are optimised for each query | - | optimised | - | none |
-| BRM | rooms and objects instead of images | -ln p | next room | classifier | Bayes on counts, from `after_attempt` |
+| LTVN | Algorithm 1 | d | first node | least d near the last plan | Bayes, pruning, new nodes |
+| SPTM | all images, the 2,000 best shortcuts | hops | farthest close node | r of the next nodes | none |
+| ViNG | all images, edge if near in time | steps | first node | nearest in time | none |
+| Meng et al. | greedy anchors, the last image still reachable | -ln p | first node | r of the next anchors | none |
+| SGM | two-way consistent merging, 5 nearest out-edges | hops | first node | nearest in time | delete what failed |
+| BRM | Algorithm 1 | -ln p | first node | as LTVN | Bayes on noisy observations |
+| PlaceNav | Algorithm 1 | d | first node | discrete Bayes filter | as LTVN |
+
+Not here: SoRB (all images, edge if an ensemble says d < MAXDIST), HTM (images drawn from a generative model) and LEAP
+(no map: its subgoals are optimised for each query).
 """
 
 from collections.abc import Callable, Collection, Sequence

@@ -10,14 +10,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
 from ltvn_core.errors import OptionError
-from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
 from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins, require_own
 from ltvn_core.systems.entry import SystemEntry, SystemFactory
 
 DEFAULT_SYSTEM = "ltvn"
 """The system where nobody names one, and that of maps and recordings that name none."""
 
-OWN_SYSTEMS = ("ltvn", "sptm", "ving")
+OWN_SYSTEMS = ("ltvn", "sptm", "ving", "meng", "sgm", "brm", "placenav")
 """The systems of this package in the order of tables."""
 
 
@@ -32,8 +32,8 @@ def own_systems() -> Iterator[SystemEntry]:
 
 
 def baseline_systems() -> Iterator[SystemEntry]:
-    """Yield the entries of this package whose network learned labels of its own."""
-    return (entry for entry in own_systems() if entry.weights != SHIPPED_WEIGHTS)
+    """Yield the entries of this package that brought a network with labels of its own; others may share it."""
+    return (entry for entry in own_systems() if entry.weights == shipped_weights(entry.name) != SHIPPED_WEIGHTS)
 
 
 def system_entry(name: str) -> SystemEntry:

@@ -53,7 +53,7 @@ def temporal_distance(p: float) -> float:
 
 def ving_system(method: Method) -> NavigationSystem:
     """Return ViNG; `method` has the thresholds of the controller and of judging, whose r is put into steps."""
-    scaled = _with_step_thresholds(method)
+    scaled = with_step_thresholds(method)
     return NavigationSystem(
         name="ving",
         method=scaled,
@@ -65,7 +65,7 @@ def ving_system(method: Method) -> NavigationSystem:
     )
 
 
-def _with_step_thresholds(method: Method) -> Method:
+def with_step_thresholds(method: Method) -> Method:
     """Return the method with "looks reachable" meaning "no farther than an edge" wherever the navigator asks."""
     edge = reachability_of_steps(EDGE_STEPS)
     driving = replace(

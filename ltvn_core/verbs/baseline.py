@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
-from ltvn_core.systems.registry import own_systems, system_entry
+from ltvn_core.systems.registry import baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
 from ltvn_core.training.labelled_walks import labelled_walks
 from ltvn_core.training.system_training import TemporalTraining
@@ -158,10 +158,9 @@ class BaselineVerb(Verb):
 
 def _temporal_training(system: str) -> TemporalTraining:
     """Return how a system learns by time; raises OptionError for one that does not."""
-    training = system_entry(system).training
-    if isinstance(training, TemporalTraining):
+    training, trained = system_entry(system).training, [entry.name for entry in baseline_systems()]
+    if isinstance(training, TemporalTraining) and system in trained:
         return training
-    others = [entry.name for entry in own_systems() if isinstance(entry.training, TemporalTraining)]
     raise OptionError(
-        f"{system} learns from poses, with `ltvn train`; those that learn by time alone are: {', '.join(others)}."
+        f"{system} has no network of its own that learns by time alone; those that have are: {', '.join(trained)}."
     )

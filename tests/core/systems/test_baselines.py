@@ -34,22 +34,14 @@ from ltvn_core.systems.sptm import (
 )
 from ltvn_core.systems.ving import EDGE_STEPS, reachability_of_steps, temporal_distance, ving_system
 from ltvn_core.training_data import temporal_rules
-from ltvn_core.types import Features, Observation, Prediction
-from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
+from ltvn_core.types import Observation
+from tests.core.flat_world import FlatPredictor, TemporalPredictor, observation_at, one_room, tour
 from tests.repository import DEMO_DRIVE
 
 ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7), (2.0, 0.7)]
 IMAGES = list(tour(ROUND, spins=False))
 FRAMES = [seen.step for seen in IMAGES]
 BOTH = pytest.mark.parametrize("rival", [sptm_system, ving_system])
-
-
-class TemporalPredictor(FlatPredictor):
-    """Calls two poses so many steps apart as they are tenths of a metre, and knows no walls."""
-
-    def predict(self, sources: Features, targets: Features) -> Prediction:
-        _, waypoints = super().predict(sources, targets)
-        return Prediction(np.exp(-np.hypot(*waypoints[:, :2].T) / 0.1 / ving_rules.TAU_STEPS), waypoints)
 
 
 def mapped(

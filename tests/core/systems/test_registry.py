@@ -10,6 +10,7 @@ from ltvn_core.errors import OptionError, PluginError
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.registry import (
     DEFAULT_SYSTEM,
+    OWN_SYSTEMS,
     known_system,
     own_systems,
     recorded_system,
@@ -50,7 +51,7 @@ def test_each_own_entry_agrees_with_its_system_and_its_weights_are_there(entry: 
 
 def test_a_system_of_another_package_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install(tmp_path, monkeypatch, "cautious = cautious_robots:CAUTIOUS")
-    assert system_names() == ("ltvn", "sptm", "ving", "cautious")
+    assert system_names() == (*OWN_SYSTEMS, "cautious")
     assert "cautious_robots" not in sys.modules
     entry = system_entry("cautious")
     assert (entry.label, entry.factory(ROBUST).name) == ("Cautious", "cautious")
@@ -65,7 +66,7 @@ def test_a_plain_function_is_a_system_too(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_no_other_package_takes_the_place_of_an_own_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install(tmp_path, monkeypatch, "ltvn = cautious_robots:CAUTIOUS")
-    assert system_names() == ("ltvn", "sptm", "ving")
+    assert system_names() == OWN_SYSTEMS
     assert system_entry("ltvn").label == "LTVN"
 
 

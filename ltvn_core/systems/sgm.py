@@ -1,0 +1,164 @@
+"""SGM (Emmons et al. 2020), "Sparse Graphical Memory", as the paper compares it, on the temporal distance of ViNG.
+
+Owns its rules: an image merges with a node if both are as far from all neighbours of the node, going there and coming
+back (two-way consistency); of a node's edges the five shortest stay; paths count hops; an edge that fails is deleted.
+Theirs counts steps of a simulated point, of which ten are an edge; a step here is from one image of a drive to the
+next, of which ViNG's network tells eight apart, so all its cutoffs are scaled by that (ours). Its images are merged by
+a moving average of embeddings; here a node keeps its first image, because the robot must drive to it.
+"""
+
+from collections.abc import Collection, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import Method
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.deltas import Belief, Cause, EdgePruned
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation
+from ltvn_core.graph.maintenance import AttemptEvidence
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.trajectory import usable_trajectory
+from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.systems.all_image_map import (
+    EdgeCandidate,
+    all_image_deltas,
+    encode_trajectory,
+    has_no_waypoint,
+    predict_all_pairs,
+)
+from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.ving import EDGE_STEPS, reachability_of_steps, temporal_distance, with_step_thresholds
+from ltvn_core.training.system_training import TemporalTraining
+from ltvn_core.training_data.temporal_rules import TAU_STEPS, TemporalDistanceRule
+from ltvn_core.types import Features, FrameId, Observation, Predictor
+
+MERGE_STEPS = 2.0
+"""Only nodes no farther than this, there and back, may stand for an image (ours, for a cutoff of embeddings)."""
+CONSISTENCY_STEPS = 5.0 * EDGE_STEPS / 10.0
+"""Greatest difference of the distances of an image and a node from a neighbour of the node."""
+FAR_STEPS = 4 * EDGE_STEPS
+"""Images that are farther apart count as so far, as a learned distance saturates (ours)."""
+NEAREST_COUNT = 5
+"""A node keeps so many edges that lead from it."""
+
+Steps = NDArray[np.float64]
+"""(N, N) temporal distances between images, from the row to the column, at most `FAR_STEPS`."""
+_LEAST_REACHABILITY = 1e-6
+
+
+def sgm_system(method: Method) -> NavigationSystem:
+    """Return SGM; `method` has the thresholds of the controller and of judging, whose r is put into steps."""
+    scaled = with_step_thresholds(method)
+    return NavigationSystem(
+        name="sgm",
+        method=scaled,
+        build=partial(_build, method=scaled),
+        edge_weight=_hop_cost,
+        localise=_localise,
+        subgoal=choose_first_node,
+        maintenance=DeleteOnFailure(),
+    )
+
+
+class DeleteOnFailure(NoMaintenance):
+    """An edge that the robot could not drive is deleted at once, which SGM calls cleanup."""
+
+    def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
+        """Prune the edge that failed."""
+        if attempt.succeeded or (attempt.source, attempt.target) not in graph.edges:
+            return ()
+        return (EdgePruned(attempt.source, attempt.target, Cause.ATTEMPT),)
+
+
+def _hop_cost(belief: Belief) -> float:
+    return 1.0
+
+
+def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:
+    """Find the nearest node in time, however far."""
+    matches = matcher.match(features, prior.candidates(graph))
+    steps = np.array([temporal_distance(r) for r in matches.reachability])
+    return best_localisation(matches, steps, np.isfinite(matches.distances), GLOBAL)
+
+
+def _build(
+    observations: Sequence[Observation],
+    keyframes: KeyframeStore,
+    predictor: Predictor,
+    *,
+    method: Method,
+    rng: np.random.Generator,
+    goals: Collection[FrameId] = (),
+    progress: ProgressCallback | None = None,
+) -> Deltas:
+    """Return a sparse map in which `goals` never merge; nothing is drawn with `rng`."""
+    observations = usable_trajectory(observations, predictor, goals)
+    ordered, features = encode_trajectory(observations, keyframes)
+    found = list(predict_all_pairs(features, predictor, progress))
+    reachability = np.stack([np.where(has_no_waypoint(each.waypoints), 0.0, each.reachability) for each in found])
+    waypoints = np.stack([each.waypoints for each in found])
+    steps = _steps(reachability, both_directions=method.matching.both_directions)
+    nodes = merge_consistent(steps, {k for k, seen in enumerate(ordered) if seen.step in goals})
+    row = {k: place for place, k in enumerate(nodes)}
+    joined = []
+    for a, b in nearest_edges(steps[np.ix_(nodes, nodes)]):
+        source, target = nodes[a], nodes[b]
+        p = reachability_of_steps(steps[source, target])
+        surer_back = reachability[target, source] > reachability[source, target]
+        back = EdgeCandidate(row[target], row[source], p, waypoints[target, source])
+        joined.append(back.reversed() if surer_back else EdgeCandidate(a, b, p, waypoints[source, target]))
+    keyframes.keep_only([ordered[k].step for k in nodes])
+    return tuple(all_image_deltas([ordered[k] for k in nodes], joined, method.believing))
+
+
+def _steps(reachability: NDArray[np.float64], *, both_directions: bool) -> Steps:
+    """Return the temporal distances; where a robot may reverse, the way back counts as the way there."""
+    surer = np.maximum(reachability, reachability.T) if both_directions else reachability
+    return np.minimum(-TAU_STEPS * np.log(np.maximum(surer, _LEAST_REACHABILITY)), FAR_STEPS)
+
+
+def merge_consistent(steps: Steps, kept: Collection[int] = ()) -> list[int]:
+    """Return which of N images become nodes, in their order; the others merge with one. Those `kept` never merge."""
+    nodes: list[int] = []
+    for image in range(len(steps)):
+        near = [node for node in nodes if max(steps[image, node], steps[node, image]) <= MERGE_STEPS]
+        if image in kept or not any(_are_consistent(steps, image, node, nodes) for node in near):
+            nodes.append(image)
+    return nodes
+
+
+def _are_consistent(steps: Steps, image: int, node: int, nodes: Sequence[int]) -> bool:
+    """Tell whether an image is as far as a node from all nodes that the node has edges from and to.
+
+    A node without edges has nothing to compare with, and stands for no other image.
+    """
+    others = np.array([other for other in nodes if other != node], np.intp)
+    before, after = others[steps[others, node] < EDGE_STEPS], others[steps[node, others] < EDGE_STEPS]
+    if not len(before) and not len(after):
+        return False
+    coming = np.abs(steps[before, image] - steps[before, node])
+    going = np.abs(steps[image, after] - steps[node, after])
+    return bool(np.concatenate([coming, going]).max() < CONSISTENCY_STEPS)
+
+
+def nearest_edges(steps: Steps) -> list[tuple[int, int]]:
+    """Return the edges between N nodes: shorter than the cutoff, and of each node those to the nearest five."""
+    edges = []
+    for node, row in enumerate(steps):
+        near = [int(other) for other in np.argsort(row, kind="stable") if other != node and row[other] < EDGE_STEPS]
+        edges += [(node, other) for other in near[:NEAREST_COUNT]]
+    return edges
+
+
+SGM = SystemEntry(
+    name="sgm",
+    label="SGM",
+    factory=sgm_system,
+    weights=shipped_weights("ving"),
+    training=TemporalTraining(TemporalDistanceRule(), even_distances=False),
+)

@@ -1,0 +1,174 @@
+"""Meng et al. and SGM keep few images by rules of their own; BRM and PlaceNav exchange one part of our own system."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from ltvn_core.config import ROBUST
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgePruned
+from ltvn_core.graph.expansion import reachable_nodes
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import GLOBAL, LOCAL, LocalisationPrior
+from ltvn_core.graph.maintenance import AttemptEvidence
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.systems.brm import brm_system, posterior
+from ltvn_core.systems.meng import ADJACENT_P, AnchorMap, meng_system, sparsify
+from ltvn_core.systems.placenav import BayesFilter, placenav_system
+from ltvn_core.systems.sgm import MERGE_STEPS, NEAREST_COUNT, merge_consistent, nearest_edges, sgm_system
+from ltvn_core.systems.ving import EDGE_STEPS
+from ltvn_core.types import Observation, Pose
+from tests.core.flat_world import FlatPredictor, TemporalPredictor, one_room, tour
+
+ROUND = [(0.7, 0.7), (4.2, 0.7), (4.2, 3.2), (0.7, 3.2), (0.7, 0.7), (2.0, 0.7)]
+IMAGES = list(tour(ROUND, spins=False))
+
+
+class Corridor:
+    """Images at places along a line in metres; one is reachable from another within `sight_m`."""
+
+    def __init__(self, places: Sequence[float], sight_m: float) -> None:
+        self.places, self.sight_m = np.array(places), sight_m
+
+    def __call__(self, sources: Sequence[int], targets: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        ahead = self.places[list(targets)] - self.places[list(sources)]
+        waypoints = np.stack([ahead, 0 * ahead, 0 * ahead], axis=-1)
+        return np.where(np.abs(ahead) <= self.sight_m, 0.99, 0.1), waypoints
+
+
+def pose(seen: Observation) -> Pose:
+    assert seen.exact_pose is not None
+    return seen.exact_pose
+
+
+def mapped(
+    system: NavigationSystem, images: list[Observation], predictor: FlatPredictor | None = None
+) -> tuple[TopologicalGraph, Matcher]:
+    predictor = predictor or FlatPredictor(one_room())
+    keyframes = KeyframeStore(predictor)
+    graph = TopologicalGraph(system.build(images, keyframes, predictor, rng=np.random.default_rng(0)))
+    return graph, Matcher(predictor, keyframes, system.method.matching)
+
+
+def test_an_anchor_is_the_last_image_that_can_still_be_reached_from_the_one_before() -> None:
+    places = np.arange(0.0, 3.01, 0.25)
+    assert sparsify(Corridor(places, sight_m=1.0), 0, 12) == [0, 4, 8, 12]
+    assert sparsify(Corridor(places, sight_m=0.1), 0, 3) == [0, 1, 2, 3]
+    assert sparsify(Corridor(places, sight_m=1.0), 0, 12, goals=[5]) == [0, 4, 5, 9, 12]
+
+
+def test_a_second_drive_along_the_same_way_uses_the_anchors_of_the_first() -> None:
+    there = np.arange(0.0, 5.01, 0.25)
+    back = there[::-1][1:]
+    anchors = AnchorMap(Corridor([*there, *back], 1.0), (), np.random.default_rng(0), both_directions=True)
+    anchors.add(0, 20)
+    first = anchors.nodes
+    anchors.add(20, 40)
+    assert len(anchors.nodes) < 2 * len(first)
+    assert {(b, a) for a, b in anchors.edges} == set(anchors.edges)
+    once = AnchorMap(Corridor(there, 1.0), (), np.random.default_rng(0), both_directions=False)
+    once.add(0, 20)
+    assert set(once.edges) == {(0, 4), (4, 8), (8, 12), (12, 16), (16, 20)}
+
+
+def test_places_seen_in_two_drives_are_joined_only_where_whole_windows_are_near() -> None:
+    # The second drive crosses the first at a right angle: one anchor is near, the anchors around it are not.
+    class Cross(Corridor):
+        def __call__(self, sources, targets):  # noqa: ANN001, ANN204
+            reachability, waypoints = super().__call__(sources, targets)
+            apart = (np.array(sources) >= 21) != (np.array(targets) >= 21)
+            meet = {(10, 31), (31, 10)}
+            near = [pair in meet for pair in zip(sources, targets, strict=True)]
+            return np.where(apart, np.where(near, 0.99, 0.1), reachability), waypoints
+
+    line = np.arange(0.0, 5.01, 0.25)
+    anchors = AnchorMap(Cross([*line, *line], 0.25), (), np.random.default_rng(0), both_directions=True)
+    anchors.add(0, 20)
+    anchors.add(21, 41)
+    assert not {(10, 31), (31, 10)} & set(anchors.edges)
+
+
+def test_meng_weighs_ways_by_their_probability_and_finds_its_place_along_the_path_first() -> None:
+    system = meng_system(ROBUST)
+    graph, matcher = mapped(system, IMAGES)
+    assert 4 < len(graph.nodes) < len(IMAGES) / 2
+    assert system.edge_weight(Belief(ADJACENT_P, 1.0, 0.1)) == pytest.approx(1e-4, rel=0.01)
+    here = FlatPredictor(one_room()).encode([IMAGES[0]])
+    assert system.localise(here, graph, LocalisationPrior(), matcher).scope == GLOBAL
+    found = system.localise(here, graph, LocalisationPrior(tuple(graph.nodes)[:3]), matcher)
+    assert (found.node, found.scope) == (IMAGES[0].step, LOCAL)
+
+
+def test_an_image_merges_where_all_neighbours_see_it_where_they_see_the_node() -> None:
+    line = np.abs(np.subtract.outer(np.arange(12.0), np.arange(12.0)))
+    nodes = merge_consistent(line)
+    assert nodes[:2] == [0, 1]  # The first node has no edges to compare yet, so the second image is no double of it.
+    assert 2 <= len(nodes) < 12
+    assert merge_consistent(line, kept=set(range(12))) == list(range(12))
+    places = np.array([*range(11), 30.0])
+    look_alike = np.abs(np.subtract.outer(places, places))
+    look_alike[11, 0] = look_alike[0, 11] = 0.5 * MERGE_STEPS  # Resembles the first, but the second is far from it.
+    assert 11 in merge_consistent(look_alike)
+
+
+def test_of_each_node_the_five_shortest_edges_stay() -> None:
+    line = np.abs(np.subtract.outer(np.arange(20.0), np.arange(20.0)))
+    edges = nearest_edges(line)
+    assert all(sum(source == node for source, _ in edges) == NEAREST_COUNT for node in range(20))
+    assert max(line[edge] for edge in edges) < EDGE_STEPS
+    assert nearest_edges(line * 10) == []
+
+
+def test_sgms_map_is_sparse_and_leads_everywhere() -> None:
+    system = sgm_system(ROBUST)
+    graph, matcher = mapped(system, IMAGES, TemporalPredictor(one_room()))
+    assert len(graph.nodes) < len(IMAGES) / 2
+    start = next(iter(graph.nodes))
+    assert len(reachable_nodes(graph, start)) > 0.9 * len(graph.nodes)
+    here = TemporalPredictor(one_room()).encode([IMAGES[0]])
+    assert system.localise(here, graph, LocalisationPrior(), matcher).node == IMAGES[0].step
+
+
+def test_sgm_deletes_an_edge_at_its_first_failure() -> None:
+    graph, _ = mapped(sgm_system(ROBUST), IMAGES)
+    source, target = next(iter(graph.edges))
+    maintenance = sgm_system(ROBUST).maintenance
+    failed = AttemptEvidence(source=source, target=target, distance=1.0, succeeded=False)
+    (delta,) = maintenance.after_attempt(graph, failed)
+    assert isinstance(delta, EdgePruned)
+    graph.apply(delta)
+    assert maintenance.after_attempt(graph, failed) == ()
+    assert maintenance.after_attempt(graph, AttemptEvidence(target, source, 1.0, succeeded=True)) == ()
+
+
+def test_brm_doubts_an_edge_at_once_and_believes_again_after_a_success() -> None:
+    assert posterior(0.9, succeeded=False) < 0.5 < posterior(0.9, succeeded=True)
+    once = posterior(0.9, succeeded=False)
+    assert posterior(once, succeeded=True) > 0.99
+    system = brm_system(ROBUST)
+    graph, _ = mapped(system, IMAGES)
+    source, target = next(iter(graph.edges))
+    failed = AttemptEvidence(source=source, target=target, distance=1.0, succeeded=False)
+    (delta,) = system.maintenance.after_attempt(graph, failed)
+    assert isinstance(delta, BeliefUpdated)
+    assert delta.belief.p < graph.edges[source, target].belief.p
+    assert (delta.attempts, delta.successes) == (1, 0)
+    assert system.edge_weight(delta.belief) > system.edge_weight(graph.edges[source, target].belief)
+
+
+def test_a_belief_over_places_is_not_carried_off_by_one_image_that_resembles_another_place() -> None:
+    graph, matcher = mapped(placenav_system(ROBUST), IMAGES)
+    image_of = {seen.step: seen for seen in IMAGES}
+    here = min(graph.nodes)
+    away = max(graph.nodes, key=lambda node: np.hypot(*(pose(image_of[node]) - pose(image_of[here]))[:2]))
+    under_way, follow = LocalisationPrior(tuple(graph.nodes)), BayesFilter()
+    encode = FlatPredictor(one_room()).encode
+    place = follow(encode([image_of[here]]), graph, LocalisationPrior(), matcher)
+    assert (place.node, place.scope) == (here, GLOBAL)
+    for _ in range(3):
+        place = follow(encode([image_of[here]]), graph, under_way, matcher)
+    assert (place.node, place.scope) == (here, LOCAL)
+    assert follow(encode([image_of[away]]), graph, under_way, matcher).node != away
+    assert follow(encode([image_of[away]]), graph, LocalisationPrior(), matcher).node == away

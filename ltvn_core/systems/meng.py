@@ -198,7 +198,7 @@ class AnchorMap:
         if not pairs:
             return
         middle, waypoints = self._reach(*zip(*pairs, strict=True))
-        for k in np.flatnonzero(middle > SURE_REACHABILITY):
+        for k in np.flatnonzero(middle > SURE_REACHABILITY).tolist():
             windows = (self._window_of[node] for node in pairs[k])
             least = float(self._reach(*windows)[0].min())
             if least > SURE_REACHABILITY:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgePruned
@@ -29,7 +30,7 @@ IMAGES = list(tour(ROUND, spins=False))
 class Corridor:
     """Images at places along a line in metres; one is reachable from another within `sight_m`."""
 
-    def __init__(self, places: Sequence[float], sight_m: float) -> None:
+    def __init__(self, places: Sequence[float] | NDArray[np.float64], sight_m: float) -> None:
         self.places, self.sight_m = np.array(places), sight_m
 
     def __call__(self, sources: Sequence[int], targets: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
@@ -72,15 +73,15 @@ def _on_cluster(address: str) -> Iterator[Workers]:
 @contextmanager
 def _on_dask(address: str) -> Iterator[Workers]:
     with _needs("distributed", address):
-        from dask.distributed import Client, LocalCluster  # pyright: ignore[reportMissingImports]
+        dask: Any = import_module("dask.distributed")  # Its types are of its asynchronous half.
 
     with ExitStack() as stack:
         if address.startswith("local:"):
             count = int(address.removeprefix("local:"))
-            local = LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
+            local = dask.LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
             address = stack.enter_context(local).scheduler_address
         with _refusing(address, OSError):
-            stack.enter_context(Client(address))
+            stack.enter_context(dask.Client(address))
         stack.enter_context(parallel_config(backend="dask"))
         yield stack.enter_context(Parallel(return_as="generator_unordered"))
 
@@ -88,8 +89,8 @@ def _on_dask(address: str) -> Iterator[Workers]:
 @contextmanager
 def _on_ray(address: str) -> Iterator[Workers]:
     with _needs("ray[client]", address):
-        import ray  # pyright: ignore[reportMissingImports]
-        from ray.util.joblib import register_ray  # pyright: ignore[reportMissingImports]
+        ray: Any = import_module("ray")
+        register_ray = import_module("ray.util.joblib").register_ray
 
     with _refusing(address, ConnectionError):
         ray.init(address)

@@ -12,7 +12,7 @@ from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.part_summary import PartSummary
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
-from ltvn_core.verbs.verb import Summary, Verb
+from ltvn_core.verbs.verb import Verb
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -146,7 +146,7 @@ class EvaluateVerb(ProtocolOptions):
     record_failures: int = 0
     """Run so many of the failed episodes of each scene and seed again and record them, for `ltvn replay`."""
 
-    def run(self) -> Summary:
+    def run(self) -> EvaluateSummary | PartSummary:
         """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
         from joblib import delayed
         from tqdm import tqdm

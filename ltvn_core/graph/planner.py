@@ -35,6 +35,8 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _MIN_P = 1e-3
+_LEAST_P = 1e-6
+"""Where the belief is all that an edge costs."""
 
 EdgeWeight: TypeAlias = Callable[[Belief], float]
 """What an edge costs, given what is believed of it; finite and not negative."""
@@ -55,6 +57,16 @@ NO_PATH = GraphPath((), math.inf)
 def edge_cost(belief: Belief, config: PlanningConfig) -> float:
     """Return mu, or mu - weight * ln p where the belief counts."""
     return belief.mu - config.belief_weight * math.log(max(belief.p, _MIN_P))
+
+
+def hop_cost(belief: Belief) -> float:
+    """Return 1, so that the cheapest path has the fewest edges."""
+    return 1.0
+
+
+def surprise_cost(belief: Belief) -> float:
+    """Return -ln p, so that the cheapest path is the most probable one."""
+    return -math.log(max(belief.p, _LEAST_P))
 
 
 class Planner:

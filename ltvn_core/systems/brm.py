@@ -5,16 +5,16 @@ is the most probable one. Its nodes are kinds of rooms, named by a classifier; h
 and its numbers of observation noise are kept. So it tells what its update and its planning are worth beside ours.
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause
+from ltvn_core.graph.deltas import BeliefUpdated, Cause
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
+from ltvn_core.graph.planner import surprise_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.entry import SystemEntry
 
@@ -25,12 +25,7 @@ _LEAST_P = 1e-6
 
 def brm_system(method: Method) -> NavigationSystem:
     """Return BRM on the map of our own system; `method` has all thresholds."""
-    return replace(ltvn_system(method), name="brm", edge_weight=_surprise, maintenance=BayesianEdges(), online=None)
-
-
-def _surprise(belief: Belief) -> float:
-    """Return -ln p, so that the cheapest path is the most probable one."""
-    return -math.log(max(belief.p, _LEAST_P))
+    return replace(ltvn_system(method), name="brm", edge_weight=surprise_cost, maintenance=BayesianEdges(), online=None)
 
 
 @dataclass(frozen=True, slots=True)

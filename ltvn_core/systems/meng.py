@@ -7,7 +7,6 @@ what stands in for theirs is marked "ours". A tour counts as several trajectorie
 """
 
 import itertools
-import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 
@@ -16,11 +15,11 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import Method
 from ltvn_core.graph.builder import ProgressCallback
-from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
+from ltvn_core.graph.planner import surprise_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.systems.all_image_map import EdgeCandidate, all_image_deltas, encode_trajectory
@@ -44,7 +43,6 @@ AT_NODE_REACHABILITY = 0.9
 """The robot, or the goal, is at a node with such r,"""
 ON_PATH_REACHABILITY = 0.7
 """and on the last path with such r already."""
-_MIN_P = 1e-6
 
 Reach = Callable[[Sequence[int], Sequence[int]], tuple[NDArray[np.float64], Waypoint]]
 """Returns r (P,) and waypoints (P, 3) from P images of the tour to P others, all by their place in it."""
@@ -56,16 +54,11 @@ def meng_system(method: Method) -> NavigationSystem:
         name="meng",
         method=method,
         build=partial(_build, method=method),
-        edge_weight=_surprise,
+        edge_weight=surprise_cost,
         localise=_localise,
         subgoal=choose_first_node,
         maintenance=NoMaintenance(),
     )
-
-
-def _surprise(belief: Belief) -> float:
-    """Return -ln p, so that the cheapest path is the most probable one."""
-    return -math.log(max(belief.p, _MIN_P))
 
 
 def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:

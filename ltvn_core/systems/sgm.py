@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import Method
 from ltvn_core.graph.builder import ProgressCallback
-from ltvn_core.graph.deltas import Belief, Cause, EdgePruned
+from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
+from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.network.shipped_weights import shipped_weights
@@ -58,7 +59,7 @@ def sgm_system(method: Method) -> NavigationSystem:
         name="sgm",
         method=scaled,
         build=partial(_build, method=scaled),
-        edge_weight=_hop_cost,
+        edge_weight=hop_cost,
         localise=_localise,
         subgoal=choose_first_node,
         maintenance=DeleteOnFailure(),
@@ -73,10 +74,6 @@ class DeleteOnFailure(NoMaintenance):
         if attempt.succeeded or (attempt.source, attempt.target) not in graph.edges:
             return ()
         return (EdgePruned(attempt.source, attempt.target, Cause.ATTEMPT),)
-
-
-def _hop_cost(belief: Belief) -> float:
-    return 1.0
 
 
 def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:

@@ -13,11 +13,11 @@ from scipy.ndimage import median_filter
 
 from ltvn_core.config import Method
 from ltvn_core.graph.builder import ProgressCallback
-from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
+from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.network.shipped_weights import shipped_weights
@@ -55,7 +55,7 @@ def sptm_system(method: Method) -> NavigationSystem:
         name="sptm",
         method=method,
         build=partial(_build, method=method),
-        edge_weight=_hop_cost,
+        edge_weight=hop_cost,
         localise=_localise,
         subgoal=choose_farthest_close_node,
         maintenance=NoMaintenance(),
@@ -66,10 +66,6 @@ def choose_farthest_close_node(path: Sequence[NodeId], reachability: Callable[[N
     """Choose the farthest of the next 7 nodes with r >= 0.95, the first if there is none."""
     ahead = range(min(MAX_NODES_AHEAD, len(path) - 1), 1, -1)
     return next((k for k in ahead if reachability(path[k]) >= MIN_REACHABILITY), 1)
-
-
-def _hop_cost(belief: Belief) -> float:
-    return 1.0
 
 
 def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:

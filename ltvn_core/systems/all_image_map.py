@@ -4,7 +4,7 @@ Owns comparing each image with all others, and the deltas of nodes and edges. Do
 """
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import node_from_observation, pose_row
+from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor, Waypoint
 
 
@@ -41,10 +42,13 @@ def consecutive_rows(ordered: Sequence[Observation], keyframes: KeyframeStore) -
 
 
 def encode_trajectory(
-    observations: Sequence[Observation], keyframes: KeyframeStore
+    observations: Sequence[Observation], keyframes: KeyframeStore, predictor: Predictor, goals: Collection[FrameId]
 ) -> tuple[list[Observation], Features]:
-    """Return the images in the order they were taken and their features (N, F); `keyframes` holds just these."""
-    ordered = sorted(observations, key=lambda seen: seen.step)
+    """Return the usable images in the order they were taken and their features (N, F); `keyframes` holds just these.
+
+    Raises MapError as `usable_trajectory`.
+    """
+    ordered = sorted(usable_trajectory(observations, predictor, goals), key=lambda seen: seen.step)
     frames: list[FrameId] = [seen.step for seen in ordered]
     keyframes.add(ordered)
     keyframes.keep_only(frames)

@@ -21,7 +21,6 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.planner import surprise_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.systems.all_image_map import EdgeCandidate, all_image_deltas, encode_trajectory
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import Features, FrameId, Observation, Predictor, Waypoint
@@ -82,8 +81,7 @@ def _build(
     progress: ProgressCallback | None = None,
 ) -> Deltas:
     """Return a map of anchors, the goals among them; `rng` draws the older nodes that are compared."""
-    observations = usable_trajectory(observations, predictor, goals)
-    ordered, features = encode_trajectory(observations, keyframes)
+    ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     matcher, both = Matcher(predictor, keyframes, method.matching), method.matching.both_directions
 
     def reach(sources: Sequence[int], targets: Sequence[int]) -> tuple[NDArray[np.float64], Waypoint]:

@@ -23,7 +23,6 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
@@ -94,8 +93,7 @@ def _build(
     progress: ProgressCallback | None = None,
 ) -> Deltas:
     """Return a sparse map in which `goals` never merge; nothing is drawn with `rng`."""
-    observations = usable_trajectory(observations, predictor, goals)
-    ordered, features = encode_trajectory(observations, keyframes)
+    ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     found = list(predict_all_pairs(features, predictor, progress))
     reachability = np.stack([np.where(has_no_waypoint(each.waypoints), 0.0, each.reachability) for each in found])
     waypoints = np.stack([each.waypoints for each in found])

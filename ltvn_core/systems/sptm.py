@@ -19,7 +19,6 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
@@ -94,8 +93,7 @@ def _build(
     progress: ProgressCallback | None = None,
 ) -> Deltas:
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
-    observations = usable_trajectory(observations, predictor, goals)
-    ordered, features = encode_trajectory(observations, keyframes)
+    ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     rows = [found.reachability.astype(np.float32) for found in predict_all_pairs(features, predictor, progress)]
     pairs = [*consecutive_rows(ordered, keyframes), *select_shortcuts(np.stack(rows))]
     return tuple(all_image_deltas(ordered, _both_ways(pairs, features, predictor), method.believing))

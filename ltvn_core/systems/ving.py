@@ -21,7 +21,6 @@ from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, b
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
@@ -110,8 +109,7 @@ def _build(
     progress: ProgressCallback | None = None,
 ) -> Deltas:
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
-    observations = usable_trajectory(observations, predictor, goals)
-    ordered, features = encode_trajectory(observations, keyframes)
+    ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     candidates: dict[tuple[int, int], EdgeCandidate] = {}
     followed = {row for row, _ in consecutive_rows(ordered, keyframes)}
     for k, found in enumerate(predict_all_pairs(features, predictor, progress)):

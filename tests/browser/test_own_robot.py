@@ -73,6 +73,20 @@ def drive_by(app: RunningApp, page: Page, length_m: float) -> None:
     hold(app, page, "w", lambda: float(np.hypot(*(pose(app) - start)[:2])) > length_m)
 
 
+def gallery_of_built_map(app: RunningApp, page: Page) -> list[int]:
+    """Return the goals that the page shows, once it shows those of the map as it is now and no earlier ones."""
+    shown: list[int] = []
+
+    def is_shown() -> bool:
+        ids = page.locator(".lt-gallery img").evaluate_all("images => images.map(image => +image.dataset.id)")
+        shown[:] = ids
+        offered = list(app.session.state.goals.gallery)
+        return bool(ids) and ids == offered and app.session.state.live_map.graph.nodes.keys() >= set(offered)
+
+    until(is_shown)
+    return shown
+
+
 def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: Page, tmp_path: Path) -> None:
     live, live_map = app.session.state.live, app.session.state.live_map
     expect(page.get_by_text("What the method sees: 96 x 72 pixels")).to_be_visible()
@@ -91,9 +105,7 @@ def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: 
     until(lambda: app.session.mode is Mode.TELEOP and app.session.state.worker.pending == 0)
 
     page.get_by_role("tab", name="Go").click()
-    pictures = page.locator(".lt-gallery img")
-    pictures.first.wait_for()
-    goals = [int(picture.get_attribute("data-id") or -1) for picture in pictures.all()]
+    goals = gallery_of_built_map(app, page)
     away = [np.hypot(*(live_map.keyframes.observation(goal).odometry - pose(app))[:2]) for goal in goals]
     goal, start = goals[int(np.argmax(away))], pose(app)
     page.locator(f'.lt-gallery img[data-id="{goal}"]').click()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.config import LocalisingConfig
 from ltvn_core.graph.loop_closures import AgreementCriterion, LoopClosureVerifier, ObservationSequence
@@ -98,8 +98,7 @@ class Localiser:
         return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)
 
     def _scores(self, matches: Matches) -> np.ndarray:
-        doubt = -np.log(np.maximum(matches.reachability, _MIN_REACHABILITY))
-        return matches.distances + self._config.reachability_weight * doubt
+        return matches.distances + self._config.reachability_weight * doubt(matches.reachability)
 
     def _near_enough(self, matches: Matches) -> np.ndarray:
         return (matches.distances < self._config.distance) & (matches.reachability > self._config.reachability)
@@ -153,6 +152,11 @@ def trail_fit_mask(
     loop_closures = LoopClosureVerifier(matcher)
     pairs = zip(matches.nodes, matches.waypoints, strict=True)
     return matches.by_view | np.array([fits_trail(loop_closures, trail, *pair, config) for pair in pairs], bool)
+
+
+def doubt(reachability: ArrayLike) -> NDArray[np.float64]:
+    """Return -ln r of r of any shape, finite."""
+    return np.asarray(-np.log(np.maximum(reachability, _MIN_REACHABILITY)), np.float64)
 
 
 def best_localisation(

@@ -65,6 +65,13 @@ def predict_all_pairs(
             progress(k + 1, len(features))
 
 
+def keep_shorter(candidates: dict[tuple[int, int], EdgeCandidate], candidate: EdgeCandidate) -> None:
+    """Put a link among others, unless there is one of the same ends already of which the network is surer."""
+    ends = candidate.source, candidate.target
+    if ends not in candidates or candidates[ends].p < candidate.p:
+        candidates[ends] = candidate
+
+
 def has_no_waypoint(waypoints: Waypoint) -> NDArray[np.bool_]:
     """Tell (N,) to which images the network gave no waypoint, because it only glanced at them."""
     return np.asarray(~waypoints.any(axis=-1))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Method
-from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
+from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation, doubt
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
@@ -26,8 +26,8 @@ STEPS_ALONG_EDGES = 2
 """From one image to the next the robot may go so far."""
 QUANTILES, RATIO = (0.025, 0.975), 5.0
 """Between nodes at these quantiles of likeness one image makes a difference of this factor."""
-_LEAST_REACHABILITY, _FAR = 1e-6, 3.0
-"""Nodes that resemble less, or are farther by d, count as so much."""
+_FAR = 3.0
+"""Nodes that are farther by d count as so far."""
 
 
 def placenav_system(method: Method) -> NavigationSystem:
@@ -55,8 +55,7 @@ class BayesFilter:
         nodes = prior.candidates(graph)
         matches = matcher.match(features, nodes)
         # Their descriptors tell near from nearer; where r is the same, the length of the waypoint does.
-        doubt = -np.log(np.maximum(matches.reachability, _LEAST_REACHABILITY))
-        unlikeness = doubt + np.minimum(matches.distances, _FAR)
+        unlikeness = doubt(matches.reachability) + np.minimum(matches.distances, _FAR)
         if not prior.plan:
             self._belief = None
         scope = GLOBAL if self._belief is None else LOCAL

@@ -17,9 +17,7 @@ from ltvn_core.config import Method
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation
 from ltvn_core.graph.maintenance import AttemptEvidence
-from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -32,10 +30,16 @@ from ltvn_core.systems.all_image_map import (
     predict_all_pairs,
 )
 from ltvn_core.systems.entry import SystemEntry
-from ltvn_core.systems.ving import EDGE_STEPS, reachability_of_steps, temporal_distance, with_step_thresholds
+from ltvn_core.systems.temporal_distance import (
+    EDGE_STEPS,
+    NearestInTime,
+    reachability_of_steps,
+    temporal_distances,
+    with_step_thresholds,
+)
 from ltvn_core.training.system_training import TemporalTraining
-from ltvn_core.training_data.temporal_rules import TAU_STEPS, TemporalDistanceRule
-from ltvn_core.types import Features, FrameId, Observation, Predictor
+from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
+from ltvn_core.types import FrameId, Observation, Predictor
 
 MERGE_STEPS = 2.0
 """Only nodes no farther than this, there and back, may stand for an image (ours, for a cutoff of embeddings)."""
@@ -48,7 +52,6 @@ NEAREST_COUNT = 5
 
 Steps = NDArray[np.float64]
 """(N, N) temporal distances between images, from the row to the column, at most `FAR_STEPS`."""
-_LEAST_REACHABILITY = 1e-6
 
 
 def sgm_system(method: Method) -> NavigationSystem:
@@ -59,7 +62,7 @@ def sgm_system(method: Method) -> NavigationSystem:
         method=scaled,
         build=partial(_build, method=scaled),
         edge_weight=hop_cost,
-        localise=_localise,
+        localise=NearestInTime(),  # However far.
         subgoal=choose_first_node,
         maintenance=DeleteOnFailure(),
     )
@@ -73,13 +76,6 @@ class DeleteOnFailure(NoMaintenance):
         if attempt.succeeded or (attempt.source, attempt.target) not in graph.edges:
             return ()
         return (EdgePruned(attempt.source, attempt.target, Cause.ATTEMPT),)
-
-
-def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:
-    """Find the nearest node in time, however far."""
-    matches = matcher.match(features, prior.candidates(graph))
-    steps = np.array([temporal_distance(r) for r in matches.reachability])
-    return best_localisation(matches, steps, np.isfinite(matches.distances), GLOBAL)
 
 
 def _build(
@@ -97,7 +93,9 @@ def _build(
     found = list(predict_all_pairs(features, predictor, progress))
     reachability = np.stack([np.where(has_no_waypoint(each.waypoints), 0.0, each.reachability) for each in found])
     waypoints = np.stack([each.waypoints for each in found])
-    steps = _steps(reachability, both_directions=method.matching.both_directions)
+    # Where a robot may reverse, the way back counts as the way there.
+    surer = np.maximum(reachability, reachability.T) if method.matching.both_directions else reachability
+    steps = np.minimum(temporal_distances(surer), FAR_STEPS)
     nodes = merge_consistent(steps, {k for k, seen in enumerate(ordered) if seen.step in goals})
     row = {k: place for place, k in enumerate(nodes)}
     joined = []
@@ -109,12 +107,6 @@ def _build(
         joined.append(back.reversed() if surer_back else EdgeCandidate(a, b, p, waypoints[source, target]))
     keyframes.keep_only([ordered[k].step for k in nodes])
     return tuple(all_image_deltas([ordered[k] for k in nodes], joined, method.believing))
-
-
-def _steps(reachability: NDArray[np.float64], *, both_directions: bool) -> Steps:
-    """Return the temporal distances; where a robot may reverse, the way back counts as the way there."""
-    surer = np.maximum(reachability, reachability.T) if both_directions else reachability
-    return np.minimum(-TAU_STEPS * np.log(np.maximum(surer, _LEAST_REACHABILITY)), FAR_STEPS)
 
 
 def merge_consistent(steps: Steps, kept: Collection[int] = ()) -> list[int]:

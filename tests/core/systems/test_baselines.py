@@ -22,7 +22,7 @@ from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.systems import ving as ving_rules
+from ltvn_core.systems import temporal_distance
 from ltvn_core.systems.sptm import (
     MAX_NODES_AHEAD,
     MAX_SHORTCUTS,
@@ -32,7 +32,8 @@ from ltvn_core.systems.sptm import (
     select_shortcuts,
     sptm_system,
 )
-from ltvn_core.systems.ving import EDGE_STEPS, reachability_of_steps, temporal_distance, ving_system
+from ltvn_core.systems.temporal_distance import EDGE_STEPS, reachability_of_steps, temporal_distances
+from ltvn_core.systems.ving import ving_system
 from ltvn_core.training_data import temporal_rules
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, TemporalPredictor, observation_at, one_room, tour
@@ -171,12 +172,12 @@ def test_ving_is_where_the_temporal_distance_is_least_or_nowhere() -> None:
 
 
 def test_the_labels_and_the_map_mean_the_same_by_a_step() -> None:
-    assert ving_rules.TAU_STEPS == temporal_rules.TAU_STEPS
+    assert temporal_distance.TAU_STEPS == temporal_rules.TAU_STEPS
 
 
 def test_steps_and_closeness_are_inverse_and_the_navigator_asks_in_steps() -> None:
-    assert temporal_distance(reachability_of_steps(4.0)) == pytest.approx(4.0)
-    assert math.isfinite(temporal_distance(0.0))
+    assert float(temporal_distances(reachability_of_steps(4.0))) == pytest.approx(4.0)
+    assert math.isfinite(temporal_distances(0.0))
     method = ving_system(ROBUST).method
     assert method.judging.success_reachability == pytest.approx(reachability_of_steps(EDGE_STEPS))
     assert method.driving.lost_reachability < method.driving.departure_reachability

@@ -19,7 +19,7 @@ from ltvn_core.systems.brm import brm_system, posterior
 from ltvn_core.systems.meng import ADJACENT_P, AnchorMap, meng_system, sparsify
 from ltvn_core.systems.placenav import BayesFilter, placenav_system
 from ltvn_core.systems.sgm import MERGE_STEPS, NEAREST_COUNT, merge_consistent, nearest_edges, sgm_system
-from ltvn_core.systems.ving import EDGE_STEPS
+from ltvn_core.systems.temporal_distance import EDGE_STEPS
 from ltvn_core.types import Observation, Pose
 from tests.core.flat_world import FlatPredictor, TemporalPredictor, one_room, tour
 

@@ -1,0 +1,76 @@
+"""What r means to systems that plan by time: r = exp(-steps / TAU), a step being from one image of a drive to the next.
+
+Owns that scale, the localisation that goes with it, and what thresholds of the navigator mean on it. What is joined and
+where a path leads is each system's own.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ltvn_core.config import Method
+from ltvn_core.graph.deltas import Belief
+from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation, doubt
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.training_data.temporal_rules import TAU_STEPS
+from ltvn_core.types import Features
+
+EDGE_STEPS = 8.0
+"""Images that seem no farther apart than this are joined by ViNG; other systems scale their limits by it."""
+
+
+def reachability_of_steps(steps: float) -> float:
+    """Return r of a temporal distance in steps."""
+    return math.exp(-steps / TAU_STEPS)
+
+
+def temporal_distances(reachability: ArrayLike) -> NDArray[np.float64]:
+    """Return the steps that r of any shape stands for."""
+    return TAU_STEPS * doubt(reachability)
+
+
+def temporal_cost(belief: Belief) -> float:
+    """Return the steps that an edge takes, at least one."""
+    # Nothing was ever labelled nearer than a step; where the network exaggerates, a detour would cost nothing.
+    return max(1.0, float(temporal_distances(belief.p)))
+
+
+@dataclass(frozen=True, slots=True)
+class NearestInTime:
+    """Localisation: the robot is at the node at the least temporal distance, if that is near enough."""
+
+    within_steps: float = math.inf
+
+    def __call__(
+        self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
+    ) -> Localisation:
+        """Find that node among all that are not doubted."""
+        matches = matcher.match(features, prior.candidates(graph))
+        steps = temporal_distances(matches.reachability)
+        near = (steps <= self.within_steps) & np.isfinite(matches.distances)
+        return best_localisation(matches, steps, near, GLOBAL)
+
+
+def with_step_thresholds(method: Method) -> Method:
+    """Return the method with "looks reachable" meaning "no farther than an edge" wherever the navigator asks."""
+    edge = reachability_of_steps(EDGE_STEPS)
+    driving = replace(
+        method.driving,
+        departure_reachability=edge if method.driving.departure_reachability else 0.0,
+        lost_reachability=reachability_of_steps(2 * EDGE_STEPS),
+    )
+    judging = replace(
+        method.judging, success_reachability=edge, arrive_reachability=reachability_of_steps(EDGE_STEPS / 2)
+    )
+    # A failure should weigh as much against edges of several steps as it does against edges of a metre.
+    penalty = method.planning.failure_penalty * EDGE_STEPS
+    return replace(
+        method,
+        driving=driving,
+        judging=judging,
+        planning=replace(method.planning, failure_penalty=penalty),
+        building=replace(method.building, connect_reachability=edge),
+    )

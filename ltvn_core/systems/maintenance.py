@@ -14,6 +14,7 @@ from ltvn_core.graph.presence.edge_filters import edge_filter
 from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
+from ltvn_core.systems.brm import BayesianEdges
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 
 _FILTERED = ("persistent", "forgetting", "fremen")
@@ -36,6 +37,8 @@ def with_maintenance(system: NavigationSystem, name: str, *, truth: EdgePresence
         preset = PAPER if name == "paper" else ROBUST
         method = replace(system.method, believing=_believing(preset.believing, system.method.believing))
         return replace(system, maintenance=LifelongMaintenance(method), presence=None, views=None)
+    if name == "brm":
+        return replace(system, maintenance=BayesianEdges(), presence=None, views=None)
     maintenance = PresenceMaintenance(system.method)
     return replace(system, maintenance=maintenance, presence=_presence(name, truth), views=ViewConfig())
 
@@ -58,7 +61,7 @@ def recorded_filter(name: str) -> PresenceFilter | None:
 
     None where its plans took no account of that, `persistent` where the recording does not say.
     """
-    if name in ("static", "paper", "robust"):
+    if name in ("static", "paper", "robust", "brm"):
         return None
     return edge_filter(name if name in _FILTERED else "persistent")
 

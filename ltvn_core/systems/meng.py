@@ -7,7 +7,7 @@ what stands in for theirs is marked "ours". A tour counts as several trajectorie
 """
 
 import itertools
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -23,6 +23,7 @@ from ltvn_core.graph.planner import surprise_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.all_image_map import EdgeCandidate, all_image_deltas, encode_trajectory
 from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.remembered_reach import Reach, RememberedReach
 from ltvn_core.types import Features, FrameId, Observation, Predictor, Waypoint
 
 SURE_REACHABILITY = 0.9
@@ -38,13 +39,12 @@ TRAJECTORY_IMAGES = 100
 """A tour is taken for trajectories of so many images (ours)."""
 IMAGES_AHEAD = 64
 """No anchor is farther from the one before it (ours; no image is)."""
+_IMAGES_AT_ONCE = 16
+"""So many images ahead are compared at once."""
 AT_NODE_REACHABILITY = 0.9
 """The robot, or the goal, is at a node with such r,"""
 ON_PATH_REACHABILITY = 0.7
 """and on the last path with such r already."""
-
-Reach = Callable[[Sequence[int], Sequence[int]], tuple[NDArray[np.float64], Waypoint]]
-"""Returns r (P,) and waypoints (P, 3) from P images of the tour to P others, all by their place in it."""
 
 
 def meng_system(method: Method) -> NavigationSystem:
@@ -92,7 +92,7 @@ def _build(
         return np.asarray(answer.reachability, np.float64), answer.waypoints
 
     wanted = frozenset(k for k, seen in enumerate(ordered) if seen.step in goals)
-    anchors = AnchorMap(reach, wanted, rng, both_directions=both)
+    anchors = AnchorMap(RememberedReach(reach, both_directions=both), wanted, rng, both_directions=both)
     for first in range(0, max(len(ordered) - 1, 1), TRAJECTORY_IMAGES):
         anchors.add(first, min(first + TRAJECTORY_IMAGES, len(ordered) - 1))
         if progress is not None:
@@ -112,12 +112,19 @@ def sparsify(reach: Reach, first: int, last: int, goals: Collection[int] = ()) -
     anchors = [first]
     while anchors[-1] < last:
         source = anchors[-1]
-        ahead = range(source + 1, min(source + IMAGES_AHEAD, last) + 1)
-        surely = reach([source] * len(ahead), ahead)[0] > SURE_REACHABILITY
-        count = len(ahead) if surely.all() else int(np.argmin(surely))
-        farthest = source + max(count, 1)
+        farthest = max(_last_in_reach(reach, source, min(source + IMAGES_AHEAD, last)), source + 1)
         anchors.append(min((goal for goal in goals if source < goal < farthest), default=farthest))
     return anchors
+
+
+def _last_in_reach(reach: Reach, source: int, last: int) -> int:
+    """Return the last image before the first one that is not surely reachable from `source`."""
+    for first in range(source + 1, last + 1, _IMAGES_AT_ONCE):
+        ahead = range(first, min(first + _IMAGES_AT_ONCE, last + 1))
+        surely = reach([source] * len(ahead), ahead)[0] > SURE_REACHABILITY
+        if not surely.all():
+            return first - 1 + int(np.argmin(surely))
+    return last
 
 
 class AnchorMap:

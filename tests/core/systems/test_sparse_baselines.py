@@ -18,6 +18,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.brm import brm_system, posterior
 from ltvn_core.systems.meng import ADJACENT_P, AnchorMap, meng_system, sparsify
 from ltvn_core.systems.placenav import BayesFilter, placenav_system
+from ltvn_core.systems.remembered_reach import RememberedReach
 from ltvn_core.systems.sgm import MERGE_STEPS, NEAREST_COUNT, merge_consistent, nearest_edges, sgm_system
 from ltvn_core.systems.temporal_distance import EDGE_STEPS
 from ltvn_core.types import Observation, Pose
@@ -32,8 +33,10 @@ class Corridor:
 
     def __init__(self, places: Sequence[float] | NDArray[np.float64], sight_m: float) -> None:
         self.places, self.sight_m = np.array(places), sight_m
+        self.asked: list[tuple[int, int]] = []
 
     def __call__(self, sources: Sequence[int], targets: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        self.asked += zip(sources, targets, strict=True)
         ahead = self.places[list(targets)] - self.places[list(sources)]
         waypoints = np.stack([ahead, 0 * ahead, 0 * ahead], axis=-1)
         return np.where(np.abs(ahead) <= self.sight_m, 0.99, 0.1), waypoints
@@ -72,6 +75,24 @@ def test_a_second_drive_along_the_same_way_uses_the_anchors_of_the_first() -> No
     once = AnchorMap(Corridor(there, 1.0), (), np.random.default_rng(0), both_directions=False)
     once.add(0, 20)
     assert set(once.edges) == {(0, 4), (4, 8), (8, 12), (12, 16), (16, 20)}
+
+
+def test_what_was_answered_once_is_not_asked_again_and_the_map_is_the_same() -> None:
+    there = np.arange(0.0, 5.01, 0.25)
+    plain, remembered = (Corridor([*there, *there[::-1][1:]], 1.0) for _ in range(2))
+    maps = [
+        AnchorMap(reach, (), np.random.default_rng(0), both_directions=True)
+        for reach in (plain, RememberedReach(remembered, both_directions=True))
+    ]
+    for anchors in maps:
+        anchors.add(0, 20)
+        anchors.add(20, 40)
+    assert maps[0].nodes == maps[1].nodes
+    edges, again = maps[0].edges, maps[1].edges
+    assert list(edges) == list(again)
+    for ends, edge in edges.items():
+        assert (edge.p, *edge.waypoint) == pytest.approx((again[ends].p, *again[ends].waypoint))
+    assert len(remembered.asked) == len({frozenset(pair) for pair in remembered.asked}) < len(plain.asked) / 2
 
 
 def test_places_seen_in_two_drives_are_joined_only_where_whole_windows_are_near() -> None:

@@ -1,5 +1,7 @@
 """SE(2) in closed form: compose, invert, relate, and the paper's distance. Pure numpy, batched over leading axes."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -8,35 +10,21 @@ from ltvn_core.types import Pose, Waypoint
 
 def wrap_angle(angle_rad: ArrayLike) -> NDArray[np.float64]:
     """Wrap angles into (-pi, pi]."""
-    return np.pi - np.mod(np.pi - np.asarray(angle_rad, np.float64), 2 * np.pi)
+    return _wrapped(np.asarray(angle_rad, np.float64))
 
 
 def compose(pose: Pose, waypoint: Waypoint) -> Pose:
     """Return the pose reached from `pose` (..., 3) by `waypoint` (..., 3) given in its frame."""
-    pose, waypoint = np.asarray(pose, np.float64), np.asarray(waypoint, np.float64)
-    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
-    return np.stack(
-        [
-            pose[..., 0] + cos * waypoint[..., 0] - sin * waypoint[..., 1],
-            pose[..., 1] + sin * waypoint[..., 0] + cos * waypoint[..., 1],
-            wrap_angle(pose[..., 2] + waypoint[..., 2]),
-        ],
-        axis=-1,
-    )
+    (x, y, yaw), (ahead, left, turn) = _coordinates(pose), _coordinates(waypoint)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return _together(x + cos * ahead - sin * left, y + sin * ahead + cos * left, _wrapped(yaw + turn))
 
 
 def invert(waypoint: Waypoint) -> Waypoint:
     """Return the source in the frame of the target, (..., 3)."""
-    waypoint = np.asarray(waypoint, np.float64)
-    cos, sin = np.cos(waypoint[..., 2]), np.sin(waypoint[..., 2])
-    return np.stack(
-        [
-            -cos * waypoint[..., 0] - sin * waypoint[..., 1],
-            sin * waypoint[..., 0] - cos * waypoint[..., 1],
-            wrap_angle(-waypoint[..., 2]),
-        ],
-        axis=-1,
-    )
+    ahead, left, turn = _coordinates(waypoint)
+    cos, sin = np.cos(turn), np.sin(turn)
+    return _together(-cos * ahead - sin * left, sin * ahead - cos * left, _wrapped(-turn))
 
 
 def relative(source: Pose, target: Pose) -> Waypoint:
@@ -61,3 +49,18 @@ def rotation(yaw_rad: float) -> NDArray[np.float64]:
     """Return the (2, 2) rotation matrix of a yaw."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.array([[cos, -sin], [sin, cos]])
+
+
+def _coordinates(pose: Pose) -> Any:
+    """Return x, y and yaw: numbers (...), or plain floats of one pose, with which Python is several times as fast."""
+    pose = np.asarray(pose, np.float64)
+    return pose.tolist() if pose.ndim == 1 else (pose[..., 0], pose[..., 1], pose[..., 2])
+
+
+def _together(x: Any, y: Any, yaw: Any) -> Pose:
+    """Return poses (..., 3) of coordinates (...)."""
+    return np.stack([x, y, yaw], axis=-1) if np.ndim(x) else np.array([x, y, yaw], np.float64)
+
+
+def _wrapped(angle_rad: Any) -> Any:
+    return np.pi - (np.pi - angle_rad) % (2 * np.pi)

@@ -60,7 +60,7 @@ class OriginalImage:
     """The camera, scaled to the size of this picture."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Observation:
     """One image with depth and odometry. Make it from outside data with `preprocessing.preprocess_observation`."""
 

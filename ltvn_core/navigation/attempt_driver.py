@@ -13,7 +13,7 @@ from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.controller import drives_backwards, steer
-from ltvn_core.navigation.depth_points import obstacle_points, transform_points
+from ltvn_core.navigation.depth_points import RELEVANT_RANGE_M, map_points, transform_points
 from ltvn_core.navigation.detour import find_detour, path_clearance_m
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
 from ltvn_core.navigation.motion import MotionExecutor
@@ -145,7 +145,7 @@ class AttemptDriver:
         if not self._config.back_up_clearance_m:
             return False
         seen = [
-            transform_points(obstacle_points(image.depth, self._spec.camera), compose(waypoint, pose))
+            transform_points(map_points(image, self._spec.camera, RELEVANT_RANGE_M), compose(waypoint, pose))
             for image, pose in self._perception.observations_around(target, _FRAMES_AROUND_NODE)
         ]
         return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m

@@ -16,7 +16,7 @@ from ltvn_core.graph.presence.obstruction import nearby_poses
 from ltvn_core.graph.presence.presence_maintenance import was_driven
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.depth_points import obstacle_points, transform_points
+from ltvn_core.navigation.depth_points import map_points, obstacle_points, transform_points
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import NodeId, Pose, Waypoint
@@ -119,7 +119,7 @@ class DeadReckoning:
             return False
         now = transform_points(obstacle_points(seen.depth, camera, _RANGE_M), invert(waypoint))
         half_fov_rad = camera.horizontal_fov_rad / 2
-        before_m = _nearest(obstacle_points(image.depth, camera, _RANGE_M), half_fov_rad)
+        before_m = _nearest(map_points(image, camera, _RANGE_M), half_fov_rad)
         now_m = _nearest(now, half_fov_rad)
         least = np.maximum(_CHANGED_M, _CHANGED_PART * np.minimum(before_m, now_m))
         bearings = ((np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS * 2 - 1) * half_fov_rad

@@ -1,20 +1,25 @@
 """What a depth image shows of the things that stop a robot, as points on the floor.
 
-Owns which heights are solid and how densely an image is read. Remembers nothing (`navigation.obstacle_memory`).
+Owns which heights are solid and how densely an image is read, and reads an image of a map once. What the robot saw on
+its way is remembered elsewhere (`navigation.obstacle_memory`).
 """
+
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import rotation
-from ltvn_core.types import Depth, Pose
+from ltvn_core.types import Depth, Observation, Pose
 
 RELEVANT_RANGE_M = 1.5
 """Things farther away cannot matter before the next image."""
 _MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
 """Between these heights above the floor things stop the robot."""
 _EVERY_PIXEL = 2
+_READ: WeakKeyDictionary[Observation, dict[tuple[CameraModel, float], NDArray[np.float64]]] = WeakKeyDictionary()
+"""What images that are at hand show; forgotten with the image."""
 
 
 def points_within(depth: Depth, camera: CameraModel, range_m: float) -> NDArray[np.float64]:
@@ -22,6 +27,12 @@ def points_within(depth: Depth, camera: CameraModel, range_m: float) -> NDArray[
     sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     rows, columns = np.nonzero((sparse > 0) & (sparse < range_m))
     return camera.unproject(np.stack([columns, rows], axis=-1) * _EVERY_PIXEL, sparse[rows, columns])
+
+
+def depths_within(depth: Depth, range_m: float) -> Depth:
+    """Return the depths (M,) of the same points, in the same order."""
+    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+    return sparse[(sparse > 0) & (sparse < range_m)]
 
 
 def are_solid(points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -38,6 +49,15 @@ def obstacle_points(depth: Depth | None, camera: CameraModel, range_m: float = R
         return np.empty((0, 2))
     points = points_within(depth, camera, range_m)
     return points[are_solid(points), :2]
+
+
+def map_points(image: Observation, camera: CameraModel, range_m: float) -> NDArray[np.float64]:
+    """Return the `obstacle_points` (M, 2) of an image of a map, which is asked about again and again; read only."""
+    read = _READ.setdefault(image, {})
+    if (points := read.get((camera, range_m))) is None:
+        points = read[camera, range_m] = obstacle_points(image.depth, camera, range_m)
+        points.flags.writeable = False
+    return points
 
 
 def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.geometry import relative
+from ltvn_core.geometry import invert
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.depth_points import are_solid, points_within, transform_points
+from ltvn_core.navigation.depth_points import are_solid, depths_within, points_within, transform_points
 from ltvn_core.navigation.depth_scan import RANGE_M, DepthScan, bearing_bins
 from ltvn_core.types import Observation
 
@@ -39,16 +39,20 @@ class MovingObstacles:
         self._bystanders = bystanders
         self._scans: deque[DepthScan] = deque(maxlen=24)
 
-    def moving(self, observation: Observation, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points (M, 2) of an image, in the odometry frame, have moved (M,), and remember the image."""
-        moved = self._moved(observation.stamp, points)
+    def moving(self, observation: Observation, points: NDArray[np.float64], range_m: float) -> NDArray[np.bool_]:
+        """Return which of the `obstacle_points` within a range have moved (M,), and remember the image.
+
+        The points (M, 2) are given in the odometry frame.
+        """
         if observation.depth is None:
-            return moved
+            return np.zeros(len(points), bool)
         seen = points_within(observation.depth, self._camera, RANGE_M)
         solid = are_solid(seen)
         scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, solid)
         things = seen[solid, :2]
-        things = things[self._moved(observation.stamp, transform_points(things, observation.odometry))]
+        have_moved = self._moved(observation.stamp, transform_points(things, observation.odometry))
+        moved = have_moved[depths_within(observation.depth, RANGE_M)[solid] < range_m]
+        things = things[have_moved]
         if _are_somebody(things, scan):
             self._bystanders.noticed(observation.stamp)
             near = np.hypot(*things.T) < _PLACED_M
@@ -59,13 +63,15 @@ class MovingObstacles:
         return moved
 
     def _moved(self, stamp: float, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        free, stood = np.zeros(len(points), bool), np.zeros(len(points), bool)
-        for scan in self._scans:
+        free = np.zeros(len(points), bool)
+        asked = np.arange(len(points))
+        for scan in reversed(self._scans):
             if _YOUNGEST_S <= stamp - scan.stamp <= _OLDEST_S:
-                was_free, was_there = _votes(scan, points)
-                free |= was_free
-                stood |= was_there
-        return free & ~stood
+                was_free, was_there = _votes(scan, points[asked])
+                free[asked] |= was_free
+                free[asked[was_there]] = False
+                asked = asked[~was_there]  # What stood still is not moving, whatever older images saw.
+        return free
 
 
 def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
@@ -76,8 +82,9 @@ def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
 
 def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return where (M,) an earlier image saw free floor, and where it saw a thing."""
-    places = np.column_stack([points, np.zeros(len(points))])
-    ahead, left, _ = relative(scan.pose, places).T
+    x, y, yaw = invert(scan.pose)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    ahead, left = x + cos * points[:, 0] - sin * points[:, 1], y + sin * points[:, 0] + cos * points[:, 1]
     away_m, bearing = np.hypot(ahead, left), np.arctan2(left, ahead)
     inside, beside = scan.inside(bearing), scan.beside(bearing)
     free = inside & (beside > away_m + _FREE_BEYOND_M).all(axis=0)

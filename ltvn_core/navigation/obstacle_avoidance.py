@@ -30,21 +30,27 @@ def collision_free_command(
     if not twist.linear_m_s or len(points) <= MAX_NOISE_POINTS:
         return twist
     reach_m = min(length_m, abs(twist.linear_m_s) * _HORIZON_S)
+    now_m = float(_obstacle_distances_m(np.zeros((1, 2)), points)[0])
     for turn_offset in _TURN_OFFSETS_RAD_S if config.swerve else _TURN_OFFSETS_RAD_S[:1]:
         turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
         # Steering aside costs speed, so that there is time to see what comes into view.
         adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
-        if _is_free(adjusted, points, reach_m, radius_m + config.veto_margin_m):
+        if _is_free(adjusted, points, reach_m, _clear_m(radius_m + config.veto_margin_m, now_m)):
             return adjusted
     slow = Twist(twist.linear_m_s * _NARROW_SPEED_FACTOR, twist.angular_rad_s)
-    return slow if _is_free(slow, points, reach_m, radius_m + NARROW_MARGIN_M) else None
+    return slow if _is_free(slow, points, reach_m, _clear_m(radius_m + NARROW_MARGIN_M, now_m)) else None
+
+
+def _clear_m(clear_m: float, now_m: float) -> float:
+    """Return how far the robot must stay away from everything, the nearest of which is `now_m` away now.
+
+    A robot that is too near already may move away, but not nearer.
+    """
+    return min(clear_m, now_m - CLEARANCE_TOLERANCE_M)
 
 
 def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, clear_m: float) -> bool:
-    now_m = _obstacle_distances_m(np.zeros((1, 2)), points)[0]
-    then_m = _obstacle_distances_m(_arc(twist, reach_m), points)
-    # A robot that is too near already may move away, but not nearer.
-    return bool(then_m.min() > min(clear_m, now_m - CLEARANCE_TOLERANCE_M))
+    return bool(_obstacle_distances_m(_arc(twist, reach_m), points).min() > clear_m)
 
 
 def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
@@ -59,5 +65,7 @@ def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
 
 def _obstacle_distances_m(places: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (P,) metres from places (P, 2) to the nearest believable point."""
-    gaps = np.linalg.norm(places[:, None] - points, axis=-1)
-    return np.partition(gaps, MAX_NOISE_POINTS, axis=1)[:, MAX_NOISE_POINTS]
+    ahead, left = (places[:, None, axis] - points[:, axis] for axis in (0, 1))
+    # Squares are ordered as distances are, and only one root for each place is needed.
+    squares = np.partition(ahead**2 + left**2, MAX_NOISE_POINTS, axis=1)
+    return np.sqrt(squares[:, MAX_NOISE_POINTS])

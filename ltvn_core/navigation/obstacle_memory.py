@@ -96,7 +96,7 @@ class ObstacleMemory:
         here = obstacle_points(observation.depth, self._camera)
         points = transform_points(here, observation.odometry)
         if self._movement is not None:
-            moving = self._movement.moving(observation, points)
+            moving = self._movement.moving(observation, points, RELEVANT_RANGE_M)
             points, self._moving = points[~moving], points[moving]
             # People are remembered by themselves: their points would stay when they have gone.
             for place in self.people(observation.stamp):
@@ -154,4 +154,5 @@ class ObstacleMemory:
         if not known:
             return np.empty((0, 2))
         points = (np.concatenate(known) - odometry[:2]) @ rotation(float(odometry[2]))
-        return points[np.abs(points).max(axis=1) < RELEVANT_RANGE_M]
+        ahead, left = np.abs(points).T
+        return points[(ahead < RELEVANT_RANGE_M) & (left < RELEVANT_RANGE_M)]

@@ -25,7 +25,7 @@ from ltvn_core.graph.presence.presence_observations import is_open
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.depth_points import obstacle_points, transform_points
+from ltvn_core.navigation.depth_points import map_points, obstacle_points, transform_points
 from ltvn_core.navigation.free_view import FreeView
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
@@ -148,7 +148,7 @@ class ObstructionFinder:
         nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
         camera = self._context.spec.camera
         known = [
-            transform_points(obstacle_points(image.depth, camera, 2 * _RANGE_M), compose(poses[other], pose))
+            transform_points(map_points(image, camera, 2 * _RANGE_M), compose(poses[other], pose))
             for other in nearest
             for image, pose in self._perception.observations_around(other, _IMAGES_AROUND)
         ]

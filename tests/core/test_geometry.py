@@ -94,3 +94,12 @@ def test_batches_give_what_single_poses_give() -> None:
     assert np.allclose(compose(a, b), [compose(x, y) for x, y in zip(a, b, strict=True)])
     assert np.allclose(relative(a[0], b), [relative(a[0], y) for y in b])
     assert np.allclose(distance(a), [distance(x) for x in a])
+
+
+@given(poses, poses)
+def test_one_pose_gives_the_very_numbers_of_many(a: np.ndarray, b: np.ndarray) -> None:
+    many = np.tile(a, (2, 1)), np.tile(b, (2, 1))
+    assert all(np.array_equal(row, compose(a, b)) for row in compose(*many))
+    assert all(np.array_equal(row, relative(a, b)) for row in relative(*many))
+    assert all(np.array_equal(row, invert(a)) for row in invert(many[0]))
+    assert all(np.array_equal(row, compose(a, b)) for row in (*compose(a, many[1]), *compose(many[0], b)))

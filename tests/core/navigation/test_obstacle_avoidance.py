@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import ROBUST
-from ltvn_core.navigation.depth_points import obstacle_points
+from ltvn_core.navigation.depth_points import map_points, obstacle_points
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -124,3 +124,13 @@ def test_through_a_narrow_gap_the_robot_goes_slowly() -> None:
     assert through is not None
     assert 0 < through.linear_m_s < 0.5 * AHEAD.linear_m_s
     assert through.angular_rad_s == 0
+
+
+def test_what_an_image_of_a_map_shows_is_read_once_for_each_range() -> None:
+    image = replace(observation_at(np.zeros(3), 0), depth=scene((0.9, 0.5, 0.3, 0.5)))
+    for range_m in (1.5, 0.5):
+        points = map_points(image, LENS, range_m)
+        assert np.array_equal(points, obstacle_points(image.depth, LENS, range_m))
+        assert map_points(image, LENS, range_m) is points
+        with pytest.raises(ValueError, match="read-only"):
+            points[:] = 0.0

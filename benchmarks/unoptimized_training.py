@@ -6,7 +6,7 @@ Every pair is learned from by itself, both images encoded in float32, nothing sh
 import numpy as np
 import torch
 
-from ltvn_core.network.loss import pair_loss
+from ltvn_core.network.loss import cross_entropy, pair_loss
 from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import images_to_tensors
 from ltvn_core.network.training_examples import TrainingBatch
@@ -31,5 +31,6 @@ class UnoptimizedTrainer:
         reachable = torch.from_numpy(batch.reachable[: self.pairs]).float()
         waypoints = torch.from_numpy(batch.waypoints(sources, targets)).float()
         self.optimiser.zero_grad(set_to_none=True)
-        pair_loss(output.logit, output.pose, reachable, waypoints, alpha=3.0, beta=3.0).backward()
+        doubt = cross_entropy(output.logit, reachable)
+        pair_loss(doubt, output.pose, reachable, waypoints, alpha=3.0, beta=3.0).backward()
         self.optimiser.step()

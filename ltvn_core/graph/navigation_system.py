@@ -10,11 +10,12 @@ Owns the interfaces alone. The paper's own strategies are put together in `graph
 | ViNG | all images, edge if near in time | steps | first node | nearest in time | none |
 | Meng et al. | greedy anchors, the last image still reachable | -ln p | first node | r of the next anchors | none |
 | SGM | two-way consistent merging, 5 nearest out-edges | hops | first node | nearest in time | delete what failed |
+| SoRB | 1,000 images at most, edge if an ensemble says near | steps | the goal if nearer | nearest in time | none |
+| HTM | all images, the 50 best of a complete graph | 1 / share of a score | first node | best score | none |
 | BRM | Algorithm 1 | -ln p | first node | as LTVN | Bayes on noisy observations |
 | PlaceNav | Algorithm 1 | d | first node | discrete Bayes filter | as LTVN |
 
-Not here: SoRB (all images, edge if an ensemble says d < MAXDIST), HTM (images drawn from a generative model) and LEAP
-(no map: its subgoals are optimised for each query).
+Not here: LEAP, which has no map: `docs/architecture.md` says why it is not run.
 """
 
 from collections.abc import Callable, Collection, Sequence

@@ -79,5 +79,27 @@ class StackedArchitecture:
     """Width of the fully connected layer before the output."""
 
 
+@dataclass(frozen=True, slots=True)
+class EnsembleArchitecture(PairArchitecture):
+    """Widths of `EnsembleNetwork`: of the trained network below, and of the last layers that judge in its place."""
+
+    name: str = "ensemble"
+    """Family of the network; it decides what is built when weights are read."""
+    members: int = 3
+    """Number of last layers that judge a pair by themselves, as many as SoRB has critics."""
+    member_hidden: int = 64
+    """Width of the first of each, twice that of the second."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContrastiveArchitecture(EnsembleArchitecture):
+    """Widths of `ContrastiveNetwork`."""
+
+    name: str = "contrastive"
+    """Family of the network; it decides what is built when weights are read."""
+    members: int = 1
+    """One score."""
+
+
 AnyArchitecture = PairArchitecture | StackedArchitecture
 """The description of a network of any family."""

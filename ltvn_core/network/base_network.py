@@ -12,6 +12,7 @@ from torch import Tensor, nn
 
 from ltvn_core.network.architecture import AnyArchitecture
 from ltvn_core.network.image_features import FeaturesT
+from ltvn_core.network.loss import cross_entropy
 from ltvn_core.network.pair_head import PairOutput
 from ltvn_core.network.prefilter import PrefilterScores
 
@@ -78,6 +79,10 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
     def auxiliary_losses(self, compared: ComparedBatch[FeaturesT]) -> dict[str, Tensor]:
         """Return the terms that training adds to Eq. 1, by the name of their weight in `LearningPlan`."""
         return {}
+
+    def reachability_loss(self, logit: Tensor, reachable: Tensor) -> Tensor:
+        """Return L_r of Eq. 1 for P pairs, (P,), from their logits (P,) and labels (P,)."""
+        return cross_entropy(logit, reachable)
 
     def reachability(self, logit: Tensor) -> Tensor:
         """Return the calibrated probability of logits of any shape."""

@@ -3,6 +3,7 @@
 The weights of the terms are in `ltvn_core.network.optimization.hyperparameters.Hyperparameters`.
 """
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -18,19 +19,37 @@ _OPPOSITE_COS = -0.17
 
 
 def pair_loss(
-    logit: Tensor, pose: Tensor, reachable: Tensor, waypoints: Tensor, *, alpha: float, beta: float
+    reachability_loss: Tensor, pose: Tensor, reachable: Tensor, waypoints: Tensor, *, alpha: float, beta: float
 ) -> Tensor:
     """Return Eq. 1, the mean over P pairs of L_r + r (alpha L_p + beta L_theta).
 
-    L_r is the binary cross-entropy of the logit (P,) against r (P,), L_p the Euclidean norm (not squared) of the error
-    in (dx, dy), and L_theta = |sin - sin^| + |cos - cos^|. Pose (P, 4) is dx, dy, sin, cos; waypoints are (P, 3).
+    L_r (P,) is the network's own loss of its logit against r (P,), L_p the Euclidean norm (not squared) of the error in
+    (dx, dy), and L_theta = |sin - sin^| + |cos - cos^|. Pose (P, 4) is dx, dy, sin, cos; waypoints are (P, 3).
     """
-    cross_entropy = functional.binary_cross_entropy_with_logits(logit, reachable, reduction="none")
     # The small term keeps the gradient of the root finite at zero error.
     position = torch.sqrt((pose[:, :2] - waypoints[:, :2]).square().sum(1) + 1e-9)
     turn = waypoints[:, 2]
     angle = (pose[:, 2] - torch.sin(turn)).abs() + (pose[:, 3] - torch.cos(turn)).abs()
-    return (cross_entropy + reachable * (alpha * position + beta * angle)).mean()
+    return (reachability_loss + reachable * (alpha * position + beta * angle)).mean()
+
+
+def cross_entropy(logit: Tensor, reachable: Tensor) -> Tensor:
+    """Return (P,) the binary cross-entropy of logits (P,) against r (P,), as the paper has it."""
+    return functional.binary_cross_entropy_with_logits(logit, reachable, reduction="none")
+
+
+def contrastive_loss(logit: Tensor, reachable: Tensor, *, negatives: int) -> Tensor:
+    """Return (P,) how badly each reachable pair is told from `negatives` that are not (InfoNCE), 0 for the others.
+
+    All that are not reachable stand for so many of them, so that nothing is drawn. Scaled such that the mean over all
+    pairs is the mean over those that are reachable.
+    """
+    positive = reachable > 0.5
+    count, others = int(positive.sum()), logit[~positive]
+    if not count or not len(others):
+        return logit * 0
+    against = torch.logsumexp(others, 0) + math.log(negatives / len(others))
+    return functional.softplus(against - logit) * positive * (len(logit) / count)
 
 
 class TokenCorrespondence(NamedTuple):

@@ -1,21 +1,34 @@
 """The registry of network families: from a name to layer sizes and modules.
 
-A new family needs a description in `architecture`, a subclass of `BaseNetwork`, and one line here.
+A new family needs a description in `architecture`, a subclass of `BaseNetwork`, and one line in `_FAMILIES`.
 """
 
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from typing import Any
 
+import torch
+
 from ltvn_core.errors import WeightsError
-from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture, StackedArchitecture
+from ltvn_core.network.architecture import (
+    AnyArchitecture,
+    ContrastiveArchitecture,
+    EnsembleArchitecture,
+    PairArchitecture,
+    StackedArchitecture,
+)
 from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.ensemble_network import ContrastiveNetwork, EnsembleNetwork
 from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.stacked_network import StackedNetwork
 
-_ARCHITECTURES: dict[str, type[AnyArchitecture]] = {
-    each().name: each for each in (PairArchitecture, StackedArchitecture)
+_FAMILIES: Mapping[type[AnyArchitecture], Callable[[Any], AnyNetwork]] = {
+    PairArchitecture: PairNetwork,
+    StackedArchitecture: StackedNetwork,
+    EnsembleArchitecture: EnsembleNetwork,
+    ContrastiveArchitecture: ContrastiveNetwork,
 }
+_ARCHITECTURES: dict[str, type[AnyArchitecture]] = {each().name: each for each in _FAMILIES}
 
 _MAX_WIDTH = 65_536
 """No layer is wider; a description that says so is damaged."""
@@ -26,7 +39,16 @@ NETWORK_FAMILIES = tuple(_ARCHITECTURES)
 
 def build_network(size: AnyArchitecture) -> AnyNetwork:
     """Return a new network, its weights drawn by torch's generator."""
-    return PairNetwork(size) if isinstance(size, PairArchitecture) else StackedNetwork(size)
+    return _FAMILIES[type(size)](size)
+
+
+def extend_network(below: AnyNetwork, size: EnsembleArchitecture, seed: int) -> AnyNetwork:
+    """Return a network that adds new layers to a trained one, their weights drawn with `seed`."""
+    torch.manual_seed(seed)
+    same = {each.name: getattr(below.size, each.name) for each in fields(below.size) if each.name != "name"}
+    network = build_network(replace(size, **same))
+    network.load_state_dict(below.state_dict(), strict=False)
+    return network
 
 
 def default_architecture(family: str) -> AnyArchitecture:

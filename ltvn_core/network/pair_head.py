@@ -49,6 +49,22 @@ class PairOutput(NamedTuple):
     """The first matching, by descriptors only; training supervises it. None in networks without matching."""
 
 
+class PairSummary(NamedTuple):
+    """What is known of P pairs before the last layers."""
+
+    numbers: Tensor
+    """(P, S)"""
+    motion: PlanarMotion
+    """From source to target, by alignment."""
+    matching: TokenMatching
+    """By descriptors only."""
+
+
+def summary_length(size: PairArchitecture) -> int:
+    """Return S, the numbers of a summary."""
+    return 2 * size.hidden + 2 * 4 + 4 + MEASURE_COUNT
+
+
 class PairHead(nn.Module):
     """Compares source and target features."""
 
@@ -62,11 +78,16 @@ class PairHead(nn.Module):
             nn.Linear(inputs, size.hidden), nn.ReLU(), nn.Linear(size.hidden, size.hidden), nn.ReLU()
         )
         self.attend = nn.Linear(size.hidden, 1)
-        summary = 2 * size.hidden + 2 * 4 + 4 + MEASURE_COUNT
-        self.last = nn.Sequential(nn.Linear(summary, 128), nn.ReLU(), nn.Linear(128, 64), nn.ReLU(), nn.Linear(64, 6))
+        self.last = nn.Sequential(
+            nn.Linear(summary_length(size), 128), nn.ReLU(), nn.Linear(128, 64), nn.ReLU(), nn.Linear(64, 6)
+        )
 
     def forward(self, source: ImageFeatures, target: ImageFeatures) -> PairOutput:
         """Compare P sources with P targets."""
+        return self.conclude(self.summarise(source, target))
+
+    def summarise(self, source: ImageFeatures, target: ImageFeatures) -> PairSummary:
+        """Match P sources with P targets and align what matched."""
         first = self.match(source, target)
         matched, mass = gather(first.mutual(), target)
         rough = align(source.points, matched[..., :3], self.weights(source, mass))
@@ -76,7 +97,7 @@ class PairHead(nn.Module):
         motion = align(source.points, matched_again[..., :3], self.weights(source, mass_again))
         tokens, residual = self.tokens(source, matched_again, mass, mass_again, motion)
         fits = self.verify(source.depth, target.depth, motion.detach())
-        summary = torch.cat(
+        numbers = torch.cat(
             [
                 self.pool(tokens),
                 rough.numbers(),
@@ -89,11 +110,15 @@ class PairHead(nn.Module):
             ],
             dim=-1,
         )
-        logit, gate, *_ = (numbers := self.last(summary).float()).unbind(-1)
+        return PairSummary(numbers, motion, first)
+
+    def conclude(self, summary: PairSummary) -> PairOutput:
+        """Return what the last layers make of P summaries."""
+        logit, gate, *_ = (numbers := self.last(summary.numbers).float()).unbind(-1)
         # A learned gate blends the aligned motion with a direct regression, for pairs with too few matches. The
         # offset of 1 makes training begin with mostly the alignment.
         trust = torch.sigmoid(gate + 1)[:, None]
-        return PairOutput(logit, trust * motion.numbers() + (1 - trust) * numbers[:, 2:], first)
+        return PairOutput(logit, trust * summary.motion.numbers() + (1 - trust) * numbers[:, 2:], summary.matching)
 
     def match(self, source: ImageFeatures, target: ImageFeatures) -> TokenMatching:
         """Match descriptors; a token may also have no match."""

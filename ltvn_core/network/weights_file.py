@@ -14,18 +14,23 @@ from typing import TYPE_CHECKING, Any
 from ltvn_core.atomic_files import atomic_replacement, file_aside
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import AnyArchitecture
-from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from ltvn_core.network.base_network import AnyNetwork
 
 SCHEMA = "ltvn-weights-1"
 """Name of the file format; files of another format are refused."""
 
 
-def save_weights(network: "AnyNetwork", path: Path, card: Mapping[str, Any] | None = None) -> str:
+def save_weights(
+    network: "AnyNetwork", path: Path, card: Mapping[str, Any] | None = None, *, added_to: Path | None = None
+) -> str:
     """Write weights, and their card where there is one, and return the fingerprint.
 
+    Of a network that was `added_to` shipped weights only what those do not have is written, matrices in half precision.
     Old files stay until the new ones are whole on disk. A card of other weights never lies beside the new ones: it is
     gone before they come, also where they bring none themselves. Raises WeightsError if the disk does not take them.
     """
@@ -33,8 +38,12 @@ def save_weights(network: "AnyNetwork", path: Path, card: Mapping[str, Any] | No
     from safetensors.torch import save_file
 
     # One entry only: safetensors writes several in random order, and equal weights must have equal fingerprints.
-    metadata = {"ltvn": json.dumps({"schema": SCHEMA, **asdict(network.size)})}
+    described = {"schema": SCHEMA, **asdict(network.size)}
     state = {name: value.detach().cpu().contiguous() for name, value in network.state_dict().items()}
+    if added_to is not None:
+        state = added_tensors(state, added_to)
+        described["added_to"] = {"name": added_to.stem, "fingerprint": weights_fingerprint(added_to)}
+    metadata = {"ltvn": json.dumps(described)}
     try:
         with file_aside(path) as weights, file_aside(card_path(path)) as text:
             save_file(state, weights, metadata)
@@ -63,8 +72,10 @@ def load_weights(path: Path) -> "AnyNetwork":
         raise WeightsError(_no_weights(path))
     try:
         with safe_open(path, framework="pt") as file:
-            size = _architecture(file.metadata() or {}, path)
-        state = load_file(path)
+            described = _description(file.metadata() or {}, path)
+        size, state = _architecture(described, path), load_file(path)
+        if "added_to" in described:
+            state = {**load_file(_weights_below(described["added_to"], path)), **state}
     except (OSError, SafetensorError) as error:
         raise WeightsError(
             f"{path}: not a whole safetensors file ({error}); fetch or train the weights again."
@@ -81,6 +92,28 @@ def load_weights(path: Path) -> "AnyNetwork":
     if not all(torch.isfinite(value).all() for value in state.values()):
         raise WeightsError(f"{path}: the weights hold numbers that are not finite; train them again.")
     return network.eval()
+
+
+def added_tensors(state: "Mapping[str, Tensor]", below: Path) -> "dict[str, Tensor]":
+    """Return the tensors of a network that are not those of the weights below it, matrices in half precision."""
+    import torch
+    from safetensors.torch import load_file
+
+    old = load_file(below)
+    added = {name: value for name, value in state.items() if name not in old or not torch.equal(value, old[name])}
+    return {name: value.half() if value.dim() > 1 else value for name, value in added.items()}
+
+
+def _weights_below(named: Any, path: Path) -> Path:
+    """Return the shipped weights that a file adds to. Raises WeightsError where there are others now."""
+    wanted = named if isinstance(named, dict) else {}
+    below = shipped_weights(Path(str(wanted.get("name"))).name)
+    if not below.is_file() or weights_fingerprint(below) != wanted.get("fingerprint"):
+        raise WeightsError(
+            f"{path}: adds layers to the weights {wanted.get('fingerprint')}, and {below.name} of this version are "
+            "others; train them again with `ltvn baseline`."
+        )
+    return below
 
 
 def _no_weights(path: Path) -> str:
@@ -160,9 +193,7 @@ def _card_fingerprint(path: Path) -> str | None:
         return None
 
 
-def _architecture(metadata: Mapping[str, str], path: Path) -> AnyArchitecture:
-    from ltvn_core.network.network_families import read_architecture
-
+def _description(metadata: Mapping[str, str], path: Path) -> dict[str, Any]:
     try:
         found = json.loads(metadata["ltvn"])
     except (KeyError, ValueError, RecursionError):
@@ -170,7 +201,13 @@ def _architecture(metadata: Mapping[str, str], path: Path) -> AnyArchitecture:
     if not isinstance(found, dict) or found.get("schema") != SCHEMA:
         schema = found.get("schema", "something else") if isinstance(found, dict) else "something else"
         raise WeightsError(f"{path}: holds {schema!r}, not {SCHEMA!r}.")
+    return found
+
+
+def _architecture(described: Mapping[str, Any], path: Path) -> AnyArchitecture:
+    from ltvn_core.network.network_families import read_architecture
+
     try:
-        return read_architecture(found)
+        return read_architecture(described)
     except WeightsError as error:
         raise WeightsError(f"{path}: {error}") from error

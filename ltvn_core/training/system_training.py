@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from ltvn_core.training.fine_tuning_data import LabelledWalks, RehearsalData, SimulatedPairs
 
 if TYPE_CHECKING:
+    from ltvn_core.network.architecture import EnsembleArchitecture
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
     from ltvn_core.training_data.temporal_rules import TemporalLabelRule
     from ltvn_core.training_data.trajectory_pairs import LabelRule
@@ -57,6 +58,8 @@ class TemporalTraining:
     rule: "TemporalLabelRule"
     even_distances: bool = True
     """Draw positives evenly over distance; False learns from pairs as often as they occur."""
+    added: "EnsembleArchitecture | None" = None
+    """Layers that learn in place of the shipped network, which stays as it is; None where all of it learns."""
 
     def label_rule(self) -> "LabelRule":
         """Return the rule of time."""

@@ -1,6 +1,7 @@
-"""`ltvn baseline`: our network learns the labels of SPTM or ViNG on random walks, for a comparison under equal terms.
+"""`ltvn baseline`: our network learns the labels of a rival on random walks, for a comparison under equal terms.
 
-From the shipped weights it is as good a rival as we can make; from nothing it is the rival of the paper.
+From the shipped weights it is as good a rival as we can make; from nothing it is the rival of the paper. Some rivals
+add layers of their own to the shipped weights, and only those learn and are written.
 """
 
 from dataclasses import asdict, dataclass
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.systems.registry import baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
 from ltvn_core.training.labelled_walks import labelled_walks
@@ -46,7 +48,8 @@ class BaselineVerb(Verb):
     """Train a rival's network: the shipped weights, or new ones, learn its labels of time on random walks."""
 
     baseline: Positional[SystemName]
-    """SPTM: close in time or not. ViNG: how long it takes to get there."""
+    """SPTM: close in time or not. ViNG: how long it takes to get there. SoRB: the same, by three judges. HTM: which of
+    many images comes soon after."""
     output: Path
     """The weights to write, with a card beside them; must not exist yet."""
     data: Path = Path("data/walks")
@@ -72,9 +75,10 @@ class BaselineVerb(Verb):
         self._check_options()
         data, plan = self._data(), self._plan()
         work = self.work or self.data / self.baseline
-        result = train(data, plan, work, start=self._start())
-        card = self._card(data, plan, result)
-        fingerprint = save_weights(load_weights(result.weights), self.output, asdict(card))
+        result = train(data, plan, work, start=self._start(work))
+        learned = self._learned(result.weights)
+        card = self._card(data, plan, result, learned)
+        fingerprint = save_weights(load_weights(learned), self.output, asdict(card), added_to=self._below)
         return BaselineSummary(
             weights=self.output,
             fingerprint=fingerprint,
@@ -91,13 +95,37 @@ class BaselineVerb(Verb):
         _temporal_training(self.baseline)
         if not (self.minutes > 0 and (self.steps is None or self.steps > 0)):
             raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
+        if self.fresh and self._below:
+            raise OptionError(f"{self.baseline} adds layers to the shipped weights; leave --fresh out.")
         if self.output.suffix != ".safetensors" or self.output.exists():
             raise OptionError(f"--output must be a new file that ends in .safetensors, got {self.output}.")
 
-    def _start(self) -> Path | None:
-        from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+    @property
+    def _below(self) -> Path | None:
+        """The weights that the rival adds layers to, if it does."""
+        return SHIPPED_WEIGHTS if _temporal_training(self.baseline).added else None
 
-        return None if self.fresh else SHIPPED_WEIGHTS
+    def _start(self, work: Path) -> Path | None:
+        """Return the weights to start from, those with new layers in the folder."""
+        from ltvn_core.network.network_families import extend_network
+        from ltvn_core.network.weights_file import load_weights, save_weights
+
+        if (added := _temporal_training(self.baseline).added) is None:
+            return None if self.fresh else SHIPPED_WEIGHTS
+        work.mkdir(parents=True, exist_ok=True)
+        start = work / "start.safetensors"
+        save_weights(extend_network(load_weights(SHIPPED_WEIGHTS), added, self.seed), start, added_to=SHIPPED_WEIGHTS)
+        return start
+
+    def _learned(self, weights: Path) -> Path:
+        """Return new weights as they will be written: of added layers alone, and these in half precision."""
+        from ltvn_core.network.weights_file import load_weights, save_weights
+
+        if self._below is None:
+            return weights
+        added = weights.with_name("added.safetensors")
+        save_weights(load_weights(weights), added, added_to=self._below)
+        return added
 
     def _length(self) -> str:
         length = f"--minutes {self.minutes:g}" if self.steps is None else f"--steps {self.steps}"
@@ -122,22 +150,24 @@ class BaselineVerb(Verb):
             minutes=self.minutes,
             steps=self.steps,
             seed=self.seed,
-            fresh=self.fresh,
+            fresh=self.fresh or self._below is not None,
         )
 
-    def _card(self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult") -> "BaselineCard":
+    def _card(
+        self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult", learned: Path
+    ) -> "BaselineCard":
         from ltvn_core.network.cards.baseline_card import BaselineCard, evaluate_baseline
         from ltvn_core.network.cards.model_card import TrainingDataSummary
         from ltvn_core.network.predictor import load_predictor
         from ltvn_core.network.weights_file import read_card, weights_fingerprint
         from ltvn_core.training_data.shards import Shard
 
-        start = self._start()
+        start = None if self.fresh else SHIPPED_WEIGHTS
         shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
         return BaselineCard(
             self.baseline,
             start and weights_fingerprint(start),
-            start and read_card(start),
+            read_card(start) if start and self._below is None else None,
             asdict(_temporal_training(self.baseline).rule),
             TrainingDataSummary(
                 tuple(shard.name for shard in shards),
@@ -152,7 +182,7 @@ class BaselineVerb(Verb):
             result.seconds / 60,
             (f"ltvn baseline {self.baseline} --output {self.output.name} {self._length()} --seed {self.seed}",),
             evaluate_baseline(load_predictor(start), data.validation) if start else None,
-            evaluate_baseline(load_predictor(result.weights), data.validation),
+            evaluate_baseline(load_predictor(learned), data.validation),
         )
 
 

@@ -44,7 +44,7 @@ class BaselineCard:
     parent: str | None
     """Fingerprint of the weights that training started from: backbone and pose are theirs; None if it began afresh."""
     parent_card: Mapping[str, Any] | None
-    """Their card."""
+    """Their card; None also where the new ones add layers to them, so that they are needed beside."""
     rule: Mapping[str, Any]
     """The rule that labels pairs."""
     trained_on: TrainingDataSummary

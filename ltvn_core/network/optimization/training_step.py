@@ -41,7 +41,8 @@ class TrainingStep(nn.Module):
         source_features = features.take(sources)
         target_features = features.take(targets)
         output = precision.compare(self.network, source_features, target_features)
-        loss = pair_loss(output.logit, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
+        doubt = self.network.reachability_loss(output.logit, reachable)
+        loss = pair_loss(doubt, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
         scene = to_tensor(batch.scene, device)
         known = self._known_labels(batch, sources, targets, reachable)
         compared = ComparedBatch(

@@ -8,7 +8,7 @@ import torch
 
 from ltvn_core.geometry import invert
 from ltvn_core.network.alignment import align
-from ltvn_core.network.loss import pair_loss, place_loss, true_correspondence
+from ltvn_core.network.loss import contrastive_loss, cross_entropy, pair_loss, place_loss, true_correspondence
 from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import images_to_tensors
 from tests.core.network.tiny_data import SMALL, tiny_shard
@@ -18,7 +18,8 @@ def test_the_loss_equals_equation_1_by_hand() -> None:
     logit = torch.tensor([0.3, -1.2])
     pose = torch.tensor([[1.0, 0.5, 0.1, 0.9], [3.0, 3.0, 0.0, 1.0]])
     waypoints = torch.tensor([[1.3, 0.1, 0.2], [0.0, 0.0, 0.0]])
-    found = pair_loss(logit, pose, torch.tensor([1.0, 0.0]), waypoints, alpha=2.0, beta=0.5)
+    reachable = torch.tensor([1.0, 0.0])
+    found = pair_loss(cross_entropy(logit, reachable), pose, reachable, waypoints, alpha=2.0, beta=0.5)
     first = -math.log(1 / (1 + math.exp(-0.3)))
     first += 2.0 * 0.5 + 0.5 * (abs(math.sin(0.2) - 0.1) + abs(math.cos(0.2) - 0.9))
     second = -math.log(1 - 1 / (1 + math.exp(1.2)))  # Its pose does not count: it is not reachable.
@@ -28,10 +29,21 @@ def test_the_loss_equals_equation_1_by_hand() -> None:
 def test_the_position_error_is_not_squared() -> None:
     def loss(error: float) -> float:
         pose, waypoints = torch.tensor([[error, 0.0, 0.0, 1.0]]), torch.zeros(1, 3)
-        return pair_loss(torch.tensor([50.0]), pose, torch.ones(1), waypoints, alpha=1.0, beta=1.0).item()
+        return pair_loss(torch.zeros(1), pose, torch.ones(1), waypoints, alpha=1.0, beta=1.0).item()
 
     assert loss(4.0) == pytest.approx(4.0, abs=1e-4)
     assert loss(2.0) == pytest.approx(2.0, abs=1e-4)
+
+
+def test_a_reachable_pair_is_told_from_as_many_as_there_were_negatives() -> None:
+    logit, reachable = torch.tensor([2.0, 0.5, -1.0, 0.0]), torch.tensor([1.0, 1.0, 0.0, 0.0])
+    found = contrastive_loss(logit, reachable, negatives=50)
+    against = 25 * (math.exp(-1.0) + math.exp(0.0))
+    by_hand = [-math.log(math.exp(score) / (math.exp(score) + against)) for score in (2.0, 0.5)]
+    assert found.mean().item() == pytest.approx(sum(by_hand) / 2, rel=1e-5)
+    assert torch.equal(found[2:], torch.zeros(2))
+    assert contrastive_loss(logit + 7, reachable, negatives=50).tolist() == pytest.approx(found.tolist(), rel=1e-4)
+    assert contrastive_loss(logit, torch.zeros(4), negatives=50).tolist() == [0.0] * 4
 
 
 def test_alignment_finds_the_motion_that_made_the_points() -> None:

@@ -1,0 +1,112 @@
+"""SoRB (Eysenbach et al. 2019), "Search on the Replay Buffer", as the paper compares it, on predicted steps.
+
+Owns its rules: of all images at most a thousand are nodes, joined where an ensemble says that they are near; the one
+that says farthest counts, because a single network that is wrong once makes a short cut through a wall. The robot
+drives to the first node of the shortest path, or to the goal itself where that is as near. Driving teaches nothing.
+
+Theirs are three critics, each a distribution over steps (C51) learned by reinforcement. Ours are three last layers on
+the shipped network, which learn the steps of random walks as ViNG does, each from a third of the pairs; what they say
+is bounded as a distribution over bins is, and the pose estimator is that of all systems. The members alone learn from
+the robot's drive, too. Calibration is of the ensemble as a whole, so what it adds to the distance of one network is
+where its members disagree.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from ltvn_core.config import Method
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
+from ltvn_core.network.architecture import EnsembleArchitecture
+from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.systems.all_image_map import (
+    EdgeCandidate,
+    all_image_deltas,
+    encode_trajectory,
+    has_no_waypoint,
+    keep_shorter,
+    predict_all_pairs,
+)
+from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.temporal_distance import (
+    EDGE_STEPS,
+    NearestInTime,
+    reachability_of_steps,
+    temporal_cost,
+    with_step_thresholds,
+)
+from ltvn_core.training.system_training import TemporalTraining
+from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
+
+MAX_STEPS = 6.0 * EDGE_STEPS / 10.0
+"""MAXDIST: pairs that seem farther apart are not joined, and the robot is at no node that is farther. Theirs is 6 steps
+of a simulated point, of which SGM joins ten; a step here is an image of a drive, and scaled as for SGM (ours)."""
+BUFFER_SIZE = 1000
+"""So many images are nodes at most, drawn from all; theirs is the size of the replay buffer. Goals are nodes always."""
+
+
+def sorb_system(method: Method) -> NavigationSystem:
+    """Return SoRB; `method` has the thresholds of the controller and of judging, whose r is put into steps."""
+    scaled = with_step_thresholds(method)
+    return NavigationSystem(
+        name="sorb",
+        method=scaled,
+        build=partial(_build, method=scaled),
+        edge_weight=temporal_cost,
+        localise=NearestInTime(MAX_STEPS),
+        subgoal=choose_goal_if_nearer,
+        maintenance=NoMaintenance(),
+    )
+
+
+def choose_goal_if_nearer(path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
+    """Choose the goal itself where it seems within MAXDIST and no farther than the first node, else that node."""
+    goal = reachability(path[-1])
+    nearer = goal >= reachability_of_steps(MAX_STEPS) and goal >= reachability(path[1])
+    return len(path) - 1 if nearer else 1
+
+
+def _build(
+    observations: Sequence[Observation],
+    keyframes: KeyframeStore,
+    predictor: Predictor,
+    *,
+    method: Method,
+    rng: np.random.Generator,
+    goals: Collection[FrameId] = (),
+    progress: ProgressCallback | None = None,
+) -> Deltas:
+    """Return a map of images drawn with `rng`, and all `goals`."""
+    ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
+    drawn = {*rng.permutation(len(ordered))[:BUFFER_SIZE].tolist()}
+    chosen = [k for k, seen in enumerate(ordered) if k in drawn or seen.step in goals]
+    kept, features = [ordered[k] for k in chosen], features[chosen]
+    keyframes.keep_only([seen.step for seen in kept])
+    candidates: dict[tuple[int, int], EdgeCandidate] = {}
+    for candidate in _near_pairs(features, predictor, progress):
+        keep_shorter(candidates, candidate)
+        if method.matching.both_directions:
+            keep_shorter(candidates, candidate.reversed())
+    return tuple(all_image_deltas(kept, candidates.values(), method.believing))
+
+
+def _near_pairs(features: Features, predictor: Predictor, progress: ProgressCallback | None) -> Iterator[EdgeCandidate]:
+    """Yield the links between N images that seem within MAXDIST."""
+    for k, found in enumerate(predict_all_pairs(features, predictor, progress)):
+        near = (found.reachability > reachability_of_steps(MAX_STEPS)) & ~has_no_waypoint(found.waypoints)
+        near[k] = False
+        for other in np.flatnonzero(near).tolist():
+            yield EdgeCandidate(k, other, found.reachability[other], found.waypoints[other])
+
+
+SORB = SystemEntry(
+    name="sorb",
+    label="SoRB",
+    factory=sorb_system,
+    weights=shipped_weights("sorb"),
+    training=TemporalTraining(TemporalDistanceRule(), even_distances=False, added=EnsembleArchitecture()),
+)

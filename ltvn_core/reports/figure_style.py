@@ -23,6 +23,9 @@ MAX_BYTES = 150_000
 
 DOTS_PER_INCH = 150
 
+_COLOURS_OF_DRAWING = 10_000
+"""More are those of photographs."""
+
 Colour: TypeAlias = tuple[float, float, float]
 """Red, green, blue in [0, 1]."""
 
@@ -73,26 +76,32 @@ def documentation_style(palette: FigurePalette) -> Iterator[None]:
 
 
 def save_png(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG of at most `MAX_BYTES`, with fewer colours where it must. Raises OptionError."""
+    """Write a figure as PNG with few colours, of at most `MAX_BYTES`. Raises OptionError."""
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=DOTS_PER_INCH, format="png", metadata={"Software": None})
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(_smaller(buffer.getvalue()))
+        path.write_bytes(small_png(buffer.getvalue()))
     except OSError as error:
         raise OptionError(f"{path}: the picture could not be written ({error}); choose another --output.") from error
     return path
 
 
-def _smaller(png: bytes) -> bytes:
-    """Reduce colours, and then pixels, until the file is small enough."""
-    whole = Image.open(io.BytesIO(png)).convert("RGB")
+def small_png(png: bytes) -> bytes:
+    """Return a picture with 256 colours, and with fewer colours and pixels until it is small enough."""
+    whole, small = Image.open(io.BytesIO(png)).convert("RGB"), png
     for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
-        if len(png) <= MAX_BYTES:
-            break
         buffer = io.BytesIO()
         size = (round(whole.width * scale), round(whole.height * scale))
         scaled = whole if scale == 1 else whole.resize(size, Image.Resampling.LANCZOS)
-        scaled.quantize(colours, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
-        png = buffer.getvalue()
-    return png
+        scaled.quantize(colours, method=_method(whole), dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+        small = buffer.getvalue()
+        if len(small) <= MAX_BYTES:
+            break
+    return small
+
+
+def _method(picture: Image.Image) -> Image.Quantize:
+    """Return how to choose colours: in a drawing none must be far off, in photographs most of them must be right."""
+    is_drawing = picture.getcolors(_COLOURS_OF_DRAWING) is not None
+    return Image.Quantize.MAXCOVERAGE if is_drawing else Image.Quantize.MEDIANCUT

@@ -20,6 +20,7 @@ from ltvn_viz.session.commands import ChooseQuestion, Command, OpenRecording, Po
 from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.viewpoint import Point
+from tests.browser.actions import hold_key, wait_for_rest
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.repository import RECORDINGS
@@ -97,7 +98,7 @@ class DebuggerPage:
             self.ask(QuestionName.COACH)
             self.follow("go back to the robot")
             self.until(lambda: not self.is_replay)
-        self.until(lambda: self.app.session.state.worker.pending == 0)
+        wait_for_rest(self.app)
 
     def go_to_the_recording(self, name: str) -> None:
         """Open a recording unless it is open already, with the “Why” tab before it."""
@@ -149,11 +150,7 @@ class DebuggerPage:
 
     def drive(self, key: str, holds: Callable[[], bool]) -> None:
         """Hold a key until something holds in the app."""
-        self.page.keyboard.down(key)
-        try:
-            self.until(holds)
-        finally:
-            self.page.keyboard.up(key)
+        hold_key(self.app, self.page, key, holds)
 
     def look_from(self, position: Point, look_at: Point) -> None:
         """Move the page's camera, as orbiting does."""

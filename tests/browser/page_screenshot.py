@@ -18,6 +18,7 @@ from ltvn_core.graph.planner import Planner
 from ltvn_core.types import Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
+from tests.browser.actions import click_goal_image
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.running_app import running_app
@@ -55,13 +56,10 @@ def main() -> int:
 def _set_out(app: RunningApp, page: Page) -> None:
     """Click the picture with the longest way, and wait until the robot is well on it."""
     robot, live_map = app.session.state.live.robot, app.session.state.live_map
-    start, pictures = robot.drawn_pose.copy(), page.locator(".lt-gallery img")
-    pictures.first.wait_for()
+    start = robot.drawn_pose.copy()
     here = min(live_map.graph.nodes, key=lambda node: _gap_m(live_map.keyframes.observation(node).exact_pose, start))
     planner = Planner(live_map.graph, ROBUST.planning)
-    goals = [int(picture.get_attribute("data-id") or -1) for picture in pictures.all()]
-    ways = [planner.plan(here, goal).cost for goal in goals]
-    pictures.nth(int(np.argmax(ways))).click()
+    click_goal_image(app, page, lambda offered: max(offered, key=lambda goal: planner.plan(here, goal).cost))
     until(lambda: app.session.mode is Mode.NAVIGATING)
     until(lambda: _gap_m(robot.drawn_pose, start) > UNDERWAY_M)
 

@@ -56,6 +56,11 @@ def wait_until_drawn(server: viser.ViserServer) -> viser.ClientHandle:
     return client
 
 
+def is_bare_scene(page: Page, point: tuple[float, float]) -> bool:
+    """Tell whether a click at a point of the window, in pixels, would meet the scene and no panel, pad or picture."""
+    return page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.tagName === 'CANVAS'", list(point))
+
+
 def on_screen(server: viser.ViserServer, page: Page, point: np.ndarray) -> tuple[float, float]:
     """Return where a point (3,) of the scene, in metres, appears in the window, in pixels."""
     camera = wait_until_drawn(server).camera

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from ltvn_core.graph.deltas import Cause
-from ltvn_core.navigation.events import GraphChanged
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
+from tests.browser.actions import wait_for_built_map
 from tests.browser.pages import open_page, wait_until_drawn
 from tests.browser.running_app import running_app
 from tests.waiting import PATIENCE_S, until
@@ -51,12 +50,6 @@ def count(page: Page, what: str) -> int:
     return int(cell.locator("b").inner_text().replace(",", ""))
 
 
-def was_built(app: RunningApp) -> bool:
-    """Tell whether a whole map was built, rather than grown image by image."""
-    changes = (stamped.event for stamped in app.session.state.live.timeline.events)
-    return any(isinstance(event, GraphChanged) and event.delta.cause is Cause.BUILD for event in changes)
-
-
 def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched(app: RunningApp, page: Page) -> None:
     expect(page.get_by_text("Hold W A S D or the arrow keys")).to_be_visible()
     page.get_by_role("button", name=re.compile("^Record")).click()
@@ -69,7 +62,7 @@ def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched
 
     until(lambda: count(page, "nodes") >= 3, meanwhile=turn_on)
     page.get_by_role("button", name=re.compile("^Build")).click()
-    until(lambda: app.session.mode is Mode.TELEOP and was_built(app))
+    wait_for_built_map(app)
     assert app.session.state.live_map.graph.nodes
     page.get_by_role("button", name=re.compile("^Keep")).click()
     expect(page.get_by_text("Kept as").first).to_be_visible()

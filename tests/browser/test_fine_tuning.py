@@ -1,15 +1,19 @@
 """The network learns a place from a drive, in a real browser: shipped network, simulated apartment, a few steps."""
 
 import re
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
 from ltvn_core.recording.info import read_info
+from ltvn_core.training.fine_tuning_data import ProgressReporter
+from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.fine_tuner import FineTuner
 from ltvn_viz.session.modes import Mode
@@ -17,11 +21,35 @@ from ltvn_viz.timeline.run_moment import moment_of
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.viz.tiny_fine_tuning import PLAN, TinyRehearsal
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
 
-FEW_STEPS = FineTuner(plan=replace(PLAN, learning=replace(PLAN.learning, rate=1e-5)), rehearsal=TinyRehearsal())
+
+class HeldRehearsal(TinyRehearsal):
+    """Tiny simulated data that come when a test lets them, so that the page has shown before that they are awaited."""
+
+    def __init__(self) -> None:
+        self.may_come = threading.Event()
+
+    def load(
+        self, drive: TrajectoryPairs, on_progress: ProgressReporter, *, with_validation_drives: bool
+    ) -> FineTuningData:
+        on_progress(0.5, "looking at boxes")
+        assert self.may_come.wait(PATIENCE_S)
+        return super().load(drive, on_progress, with_validation_drives=with_validation_drives)
+
+
+REHEARSAL = HeldRehearsal()
+FEW_STEPS = FineTuner(plan=replace(PLAN, learning=replace(PLAN.learning, rate=1e-5)), rehearsal=REHEARSAL)
+
+
+@pytest.fixture(autouse=True)
+def held() -> Iterator[None]:
+    """Hold the data, and let nobody wait for them after the test."""
+    REHEARSAL.may_come.clear()
+    yield
+    REHEARSAL.may_come.set()
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +104,8 @@ def test_learning_is_seen_and_stopped(app: RunningApp, page: Page) -> None:
     button(page, "Learn from this drive").click()
     expect(page.get_by_role("progressbar")).to_be_visible()
     button(page, "Stop learning").click()
+    until(lambda: app.session.state.fine_tuning.status.doing == "stopping")
+    REHEARSAL.may_come.set()
     expect(page.get_by_text("Stopped; the network is as it was.")).to_be_visible()
     assert weights_in(app) == before
 
@@ -86,6 +116,7 @@ def test_a_whole_fine_tuning_changes_nothing_until_its_weights_are_used_for_a_ne
     before = weights_in(app)
     button(page, "Learn from this drive").click()
     expect(page.get_by_role("progressbar")).to_have_attribute("aria-valuenow", re.compile("[1-9]"))
+    REHEARSAL.may_come.set()
     button(page, "Use these weights").wait_for()
     expect(page.get_by_text(re.compile("Here: false links .* waypoint error .* cm"))).to_be_visible()
     [name] = weights_in(app) - before

@@ -1,18 +1,21 @@
 """What a person sees and does on the page, in a real headless Chromium."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from ltvn_core.types import NodeId
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
+from tests.browser.actions import click_goal_image, hold_key, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import on_screen, open_page
+from tests.waiting import until
 
 pytestmark = pytest.mark.browser
 
@@ -33,40 +36,38 @@ def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
 @pytest.fixture(autouse=True)
 def idle(app: FlatApp, page: Page) -> None:
     """Begin at the robot, with nothing under way and nothing being recorded."""
-    page.keyboard.press("Escape")
-    now = until_shown(app, lambda now: now.mode in (Mode.TELEOP, Mode.REPLAY))
-    if now.mode is Mode.REPLAY:
+    # Not by the key: what is sent through the page might come when the test has begun something.
+    app.session.send(c.Cancel())
+    until(lambda: app.session.mode in (Mode.TELEOP, Mode.REPLAY))
+    if app.session.mode is Mode.REPLAY:
         app.session.send(c.CloseRecording())
-    if now.recording.name is not None:
+    if app.harness.state.live.recorder.is_on:
         app.session.send(c.DiscardRecording())
+    wait_for_rest(app)
     until_shown(app, lambda now: now.mode is Mode.TELEOP and now.recording.name is None)
 
 
 def drive(app: FlatApp, page: Page, key: str, holds: Callable[[Snapshot], bool]) -> None:
-    """Hold a key until something holds; press it anew where the page stalled for longer than the lease."""
-    for _ in range(5):
-        page.keyboard.down(key)
-        try:
-            until_shown(app, holds, patience_s=5.0)
-        except AssertionError:
-            assert app.server.seat.current_twist() is None, "the key is held and nothing comes of it"
-        else:
-            return
-        finally:
-            page.keyboard.up(key)
-    raise AssertionError(f"holding {key} never did it: {app.server.seat.state_of(1)}, {app.harness.now}")
+    """Hold a key until what the page is told to show fulfils something."""
+    hold_key(app, page, key, lambda: holds(app.harness.now))
 
 
 def open_tab(page: Page, name: str) -> None:
     page.get_by_role("tab", name=name).click()
 
 
-def far_image(app: FlatApp) -> int:
-    """Return which image of the gallery was taken farthest from where the robot is, so that it has a way to go."""
-    now = app.harness.now
-    rows = [now.moment.graph.ids.tolist().index(node) for node in now.gallery]
-    away = now.moment.graph.poses[rows, :2] - app.harness.robot.pose[:2]
-    return int(np.argmax(np.linalg.norm(away, axis=1)))
+def farthest(app: FlatApp, goals: Sequence[NodeId]) -> NodeId:
+    """Return the goal whose image was taken farthest from where the robot is, so that it has a way to go."""
+    graph, here = app.harness.now.moment.graph, app.harness.robot.pose[:2]
+    places = dict(zip(graph.ids.tolist(), graph.poses[:, :2], strict=True))
+    return max(goals, key=lambda goal: float(np.linalg.norm(places[goal] - here)))
+
+
+def set_out(app: FlatApp, page: Page) -> NodeId:
+    """Send the robot to an image of the gallery that is far away, and return its node."""
+    goal = click_goal_image(app, page, lambda offered: farthest(app, offered))
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+    return goal
 
 
 @pytest.fixture
@@ -81,13 +82,16 @@ def narrow(page: Page) -> Iterator[Page]:
 def test_in_a_window_that_became_narrow_the_pad_covers_nothing_of_the_panel(narrow: Page) -> None:
     panel = narrow.locator(".mantine-Paper-root").filter(has=narrow.get_by_role("tab"))
     narrow.get_by_role("button", name="show or hide the keys").click()
-    over, under = narrow.locator(".ltvn-pad").bounding_box(), panel.bounding_box()
+
+    def lies_above() -> bool:
+        over, under = narrow.locator(".ltvn-pad").bounding_box(), panel.bounding_box()
+        assert over is not None
+        assert under is not None
+        is_at_bottom = under["y"] + under["height"] == 844
+        return is_at_bottom and over["y"] >= 0 and over["y"] + over["height"] <= under["y"]
+
+    until(lies_above)  # The page lays itself out anew some time after its window became narrow.
     narrow.get_by_role("button", name="show or hide the keys").click()
-    assert over is not None
-    assert under is not None
-    assert under["y"] + under["height"] == 844
-    assert over["y"] >= 0
-    assert over["y"] + over["height"] <= under["y"]
 
 
 def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path) -> None:
@@ -109,11 +113,8 @@ def test_a_gallery_image_sends_the_robot_there(app: FlatApp, page: Page) -> None
     pictures = page.locator(".lt-gallery img")
     expect(pictures.first).to_be_visible()
     pictures.first.evaluate("image => image.decode()")  # Raises for an image that did not come.
-    picture = pictures.nth(far_image(app))
-    goal = int(picture.get_attribute("data-id") or -1)
-    picture.click()
-    now = until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
-    assert now.selected == goal
+    goal = set_out(app, page)
+    assert app.harness.now.selected == goal
 
 
 def test_clicking_a_node_in_the_scene_sends_the_robot_there(app: FlatApp, page: Page) -> None:
@@ -130,8 +131,7 @@ def test_clicking_a_node_in_the_scene_sends_the_robot_there(app: FlatApp, page: 
 
 def test_pause_step_and_cancel_do_what_they_say(app: FlatApp, page: Page) -> None:
     open_tab(page, "Go")
-    page.locator(".lt-gallery img").nth(far_image(app)).click()
-    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+    set_out(app, page)
     page.get_by_role("button", name=re.compile("^Pause")).click()
     until_shown(app, lambda now: now.mode is Mode.PAUSED)
     where = app.harness.robot.step
@@ -144,8 +144,7 @@ def test_pause_step_and_cancel_do_what_they_say(app: FlatApp, page: Page) -> Non
 
 def test_driving_keys_take_over_from_navigation(app: FlatApp, page: Page) -> None:
     open_tab(page, "Go")
-    page.locator(".lt-gallery img").nth(far_image(app)).click()
-    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+    set_out(app, page)
     drive(app, page, "a", lambda now: now.mode is Mode.TELEOP)
     expect(page.get_by_text("You took over").first).to_be_visible()
 
@@ -181,7 +180,7 @@ def test_a_refused_command_says_what_is_possible(app: FlatApp, page: Page) -> No
 
 def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: Path) -> None:
     open_tab(page, "Go")
-    node = app.harness.now.gallery[far_image(app)]
+    node = farthest(app, app.harness.now.gallery)
     picture = tmp_path / "goal.jpg"
     picture.write_bytes(app.harness.thumbnails.get(node) or b"")
     with page.expect_file_chooser() as chooser:

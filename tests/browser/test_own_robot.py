@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,11 @@ from playwright.sync_api import Browser, Page, expect
 
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.recording.reader import Recording
-from ltvn_core.types import Pose
+from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import moment_of
+from tests.browser.actions import click_goal_image, hold_key, wait_for_built_map
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.repository import ROOT
@@ -44,18 +45,6 @@ def pose(app: RunningApp) -> Pose:
     return app.session.state.live.robot.state().odometry
 
 
-def hold(app: RunningApp, page: Page, key: str, holds: Callable[[], bool]) -> None:
-    """Hold a key until something holds; press it anew where the page stalled for longer than the lease."""
-    for _ in range(5):
-        page.keyboard.down(key)
-        until(lambda: app.server.seat.current_twist() is not None)
-        until(lambda: holds() or app.server.seat.current_twist() is None)
-        page.keyboard.up(key)
-        if holds():
-            return
-    raise AssertionError(f"holding {key} never did it; the robot is at {pose(app)}")
-
-
 def turn_by(app: RunningApp, page: Page, angle_rad: float) -> None:
     start = float(pose(app)[2])
     turned = [0.0, start]
@@ -65,26 +54,18 @@ def turn_by(app: RunningApp, page: Page, angle_rad: float) -> None:
         turned[:] = turned[0] + abs(math.remainder(now - turned[1], math.tau)), now
         return turned[0] > angle_rad
 
-    hold(app, page, "a", enough)
+    hold_key(app, page, "a", enough)
 
 
 def drive_by(app: RunningApp, page: Page, length_m: float) -> None:
     start = pose(app)
-    hold(app, page, "w", lambda: float(np.hypot(*(pose(app) - start)[:2])) > length_m)
+    hold_key(app, page, "w", lambda: float(np.hypot(*(pose(app) - start)[:2])) > length_m)
 
 
-def gallery_of_built_map(app: RunningApp, page: Page) -> list[int]:
-    """Return the goals that the page shows, once it shows those of the map as it is now and no earlier ones."""
-    shown: list[int] = []
-
-    def is_shown() -> bool:
-        ids = page.locator(".lt-gallery img").evaluate_all("images => images.map(image => +image.dataset.id)")
-        shown[:] = ids
-        offered = list(app.session.state.goals.gallery)
-        return bool(ids) and ids == offered and app.session.state.live_map.graph.nodes.keys() >= set(offered)
-
-    until(is_shown)
-    return shown
+def farthest(app: RunningApp, goals: Sequence[NodeId]) -> NodeId:
+    """Return the goal whose image was taken farthest from where the robot is, so that it has a way to go."""
+    keyframes, here = app.session.state.live_map.keyframes, pose(app)
+    return max(goals, key=lambda goal: float(np.hypot(*(keyframes.observation(goal).odometry - here)[:2])))
 
 
 def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: Page, tmp_path: Path) -> None:
@@ -101,14 +82,11 @@ def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: 
     until(lambda: not live.recorder.is_on)
 
     page.get_by_role("button", name=re.compile("^Build")).click()
-    expect(page.get_by_text("Building the map").first).to_be_visible()
-    until(lambda: app.session.mode is Mode.TELEOP and app.session.state.worker.pending == 0)
+    wait_for_built_map(app)
 
     page.get_by_role("tab", name="Go").click()
-    goals = gallery_of_built_map(app, page)
-    away = [np.hypot(*(live_map.keyframes.observation(goal).odometry - pose(app))[:2]) for goal in goals]
-    goal, start = goals[int(np.argmax(away))], pose(app)
-    page.locator(f'.lt-gallery img[data-id="{goal}"]').click()
+    start = pose(app)
+    goal = click_goal_image(app, page, lambda offered: farthest(app, offered))
     until(lambda: app.session.mode is Mode.NAVIGATING)
     until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
     ended = moment_of(live.timeline).progress.ended

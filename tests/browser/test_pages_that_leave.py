@@ -17,6 +17,7 @@ from tests.browser.drive_page import renderers
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
 from tests.viz.page_sockets import open_sockets
+from tests.waiting import until
 
 pytestmark = pytest.mark.browser
 
@@ -77,7 +78,7 @@ def test_a_watching_page_is_grey_says_why_and_looks_by_itself(app: FlatApp, chro
         driver.take_seat()
         expect(page.get_by_text("Another page drives")).to_be_visible()
         record = page.get_by_role("button", name=re.compile("^Record"))
-        assert float(record.evaluate("each => getComputedStyle(each).opacity")) < 0.5
+        until(lambda: float(record.evaluate("each => getComputedStyle(each).opacity")) < 0.5)
         record.hover()
         expect(record).to_have_attribute("title", "Page 1 drives. Take over to use this.")
         record.click()

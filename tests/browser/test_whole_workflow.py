@@ -12,7 +12,8 @@ from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import moment_of
-from tests.browser.pages import on_screen, open_page
+from tests.browser.actions import click_goal_image, wait_for_rest
+from tests.browser.pages import is_bare_scene, on_screen, open_page
 from tests.browser.running_app import running_app
 from tests.waiting import PATIENCE_S, until
 
@@ -55,28 +56,20 @@ def assert_the_robot_goes_to(app: RunningApp, node: NodeId) -> None:
 def test_an_image_of_the_ready_made_maps_gallery_is_reached(app: RunningApp, page: Page) -> None:
     assert len(app.session.state.live_map.graph.nodes) > 100
     page.get_by_role("tab", name="Go").click()
-    picture = page.locator(".lt-gallery img").nth(2)
-    goal = int(picture.get_attribute("data-id") or -1)
-    picture.click()
+    goal = click_goal_image(app, page, lambda offered: offered[2])
     until(lambda: app.session.mode is Mode.NAVIGATING)
     assert_the_robot_goes_to(app, goal)
 
 
 def test_a_node_clicked_in_the_scene_is_reached(app: RunningApp, page: Page) -> None:
+    wait_for_rest(app)
     nodes = list(app.session.state.live_map.graph.nodes)
     places = np.array([exact_pose(app, node)[:2] for node in nodes])
     robot = app.session.state.live.robot.drawn_pose[:2]
     alone = np.sort(np.linalg.norm(places[:, None] - places, axis=-1), axis=1)[:, 1]
     alone[np.linalg.norm(places - robot, axis=1) < 0.8] = 0
-    chosen: list[NodeId] = []
-    for row in np.argsort(-alone)[:8]:  # Furniture may stand before one of them.
-        page.mouse.click(*on_screen(app.server.viser, page, np.array([*places[row], 0.08])))
-        page.wait_for_timeout(1500)
-        if app.session.mode is Mode.NAVIGATING:
-            chosen.append(nodes[row])
-            break
-    assert chosen, "no click met a node"
-    until(lambda: app.session.mode is Mode.TELEOP, patience_s=TRIP_S)
-    ended = moment_of(app.session.state.live.timeline).progress.ended
-    assert ended is not None
-    assert_the_robot_goes_to(app, ended.goal)
+    shown = ((row, on_screen(app.server.viser, page, np.array([*places[row], 0.08]))) for row in np.argsort(-alone))
+    row, point = next((row, point) for row, point in shown if is_bare_scene(page, point))
+    page.mouse.click(*point)
+    until(lambda: app.session.mode is Mode.NAVIGATING)
+    assert_the_robot_goes_to(app, nodes[row])

@@ -13,8 +13,8 @@ from ltvn_core.worlds.world_change import DoorMoved, LightChanged, ThingPlaced, 
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.layers.boxes_layer import HANDLE_Z as BOX_HANDLE_Z
 from ltvn_viz.layers.doors_layer import HANDLE_Z
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.world_view import BoxView, WorldView
+from tests.browser.actions import wait_for_rest
 from tests.browser.pages import on_screen, open_page
 from tests.browser.running_app import running_app
 from tests.core.plugin_packages import install
@@ -120,10 +120,11 @@ def test_what_a_person_changes_in_the_page_is_in_the_recording(app: RunningApp, 
 def test_one_button_tells_how_an_edge_fades_a_plan_turns_a_node_appears_and_an_edge_returns(
     app: RunningApp, page: Page
 ) -> None:
-    until(lambda: app.session.mode is Mode.TELEOP)
+    wait_for_rest(app)
     before = app.session.state.live_map.graph.copy()
     press(page, "Watch it learn")
     page.get_by_text("Learnt:").first.wait_for()
+    wait_for_rest(app)
     story = app.session.state.story
     assert story is not None
     told = page.locator(".lt", has_text="led along it once").filter(has_text="Learnt:").first.inner_text()

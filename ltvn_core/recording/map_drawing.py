@@ -9,11 +9,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
+from numpy.typing import NDArray
 
 from ltvn_core import palette
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.graph.deltas import Edge, Node
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.recording import schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, number_column
 from ltvn_core.recording.drawn_poses import DrawnPoses
@@ -23,6 +26,8 @@ from ltvn_core.types import Pose
 
 GRAPH_HEIGHT_M = 0.05
 """The graph floats a little above the floor."""
+_BLOCKED_HEIGHT_M = GRAPH_HEIGHT_M + 0.03
+"""Edges that are blocked lie over the others."""
 _DEPTH_RANGE_MM = (0.0, 8000.0)
 _TRAIL_COLOUR = [120, 120, 130]
 _ODOMETRY_COLOUR = [150, 150, 150]
@@ -71,8 +76,13 @@ def draw_robot(drawn_pose: Pose, odometry: Pose) -> list[DrawnEntity]:
     ]
 
 
-def draw_graph(nodes: Sequence[Node], edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[DrawnEntity]:
-    """Draw the whole map; `drawn_poses` must know every node."""
+def draw_graph(
+    nodes: Sequence[Node], edges: Sequence[Edge], blocked: Sequence[EdgeKey], drawn_poses: DrawnPoses
+) -> list[DrawnEntity]:
+    """Draw the whole map, and once more those of its edges that were seen blocked when they were seen last.
+
+    `drawn_poses` must know every node.
+    """
     ids = [node.id for node in nodes]
     points = rr.Points3D(drawn_poses.points(ids, GRAPH_HEIGHT_M), radii=0.07, colors=[palette.NODE])
     return [
@@ -80,22 +90,42 @@ def draw_graph(nodes: Sequence[Node], edges: Sequence[Edge], drawn_poses: DrawnP
             schema.NODES, [points, ArchetypeColumns(schema.NODE_ROW, {"node_id": number_column(ids, np.int32)})]
         ),
         DrawnEntity(schema.EDGES, _edges(edges, drawn_poses)),
+        DrawnEntity(schema.BLOCKED, _blocked(blocked, drawn_poses)),
         DrawnEntity(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
     ]
 
 
 def _edges(edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:
-    sources, targets = [edge.source for edge in edges], [edge.target for edge in edges]
+    keys = [(edge.source, edge.target) for edge in edges]
     beliefs = np.array([(e.belief.p, e.belief.mu, e.belief.sigma2) for e in edges], np.float32).reshape(-1, 3)
-    strips = np.stack(
-        [drawn_poses.points(sources, GRAPH_HEIGHT_M), drawn_poses.points(targets, GRAPH_HEIGHT_M)], axis=1
-    )
-    ends = {"source": number_column(sources, np.int32), "target": number_column(targets, np.int32)}
     belief = {name: number_column(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
     return [
-        rr.LineStrips3D(strips, radii=0.02, colors=palette.probability_colours(beliefs[:, 0])),
-        ArchetypeColumns(schema.EDGE_ROW, ends | belief),
+        rr.LineStrips3D(
+            _strips(keys, drawn_poses, GRAPH_HEIGHT_M), radii=0.02, colors=palette.probability_colours(beliefs[:, 0])
+        ),
+        ArchetypeColumns(schema.EDGE_ROW, _ends(keys) | belief),
     ]
+
+
+def _blocked(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:
+    strips = _strips(keys, drawn_poses, _BLOCKED_HEIGHT_M)
+    return [
+        rr.LineStrips3D(strips, radii=0.04, colors=[palette.EDGE_REMOVED]),
+        ArchetypeColumns(schema.EDGE_ROW, _ends(keys)),
+    ]
+
+
+def _strips(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses, height_m: float) -> NDArray[np.float32]:
+    """Return (N, 2, 3) from where to where edges are drawn."""
+    sources, targets = [source for source, _ in keys], [target for _, target in keys]
+    return np.stack([drawn_poses.points(sources, height_m), drawn_poses.points(targets, height_m)], axis=1)
+
+
+def _ends(keys: Sequence[EdgeKey]) -> dict[str, pa.Array]:
+    return {
+        "source": number_column([source for source, _ in keys], np.int32),
+        "target": number_column([target for _, target in keys], np.int32),
+    }
 
 
 def _depth_format() -> rr.EncodedDepthImage:

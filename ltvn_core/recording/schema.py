@@ -29,6 +29,8 @@ ODOMETRY = "world/odometry"
 TRAIL = "world/trail"
 NODES = "world/graph/nodes"
 EDGES = "world/graph/edges"
+BLOCKED = "world/graph/blocked"
+"""Edges that were seen blocked when they were seen last."""
 PRUNED = "world/graph/pruned"
 PLAN = "world/plan"
 GOAL = "world/goal"
@@ -57,7 +59,7 @@ EVENT_ROW = "ltvn.Event"
 NODE_ROW = "ltvn.Nodes"
 """Columns beside the drawn nodes: node_id."""
 EDGE_ROW = "ltvn.Edges"
-"""Columns beside the drawn edges: source, target, p, mu, sigma2."""
+"""Columns beside the drawn edges: source, target, p, mu, sigma2; beside the blocked ones source and target alone."""
 
 COLUMNS = {
     RGB: {

@@ -189,10 +189,9 @@ class RecordingWriter:
         self._draw_schedule.drawn(graph, log_time)
         for node in graph.nodes.values():
             self._drawn_poses.add_node(node)
-        self._draw(
-            log_time,
-            map_drawing.draw_graph(tuple(graph.nodes.values()), tuple(graph.edges.values()), self._drawn_poses),
-        )
+        nodes, edges = tuple(graph.nodes.values()), tuple(graph.edges.values())
+        blocked = [key for key, observed in graph.presence.items() if not observed[-1].present]
+        self._draw(log_time, map_drawing.draw_graph(nodes, edges, blocked, self._drawn_poses))
 
     def _draw(self, log_time: _LogTime, parts: Iterable[DrawnEntity]) -> None:
         for part in parts:

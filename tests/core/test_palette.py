@@ -11,6 +11,7 @@ from ltvn_core.graph.deltas import Belief, Edge, Node, PoseRow
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.map_drawing import draw_graph
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.schema import EDGES
 from ltvn_core.reports.evaluation_style import probability_colour_map
 from ltvn_core.reports.map_svg import map_svg
 from tests.repository import DEMO_DRIVE, ROOT
@@ -24,8 +25,10 @@ def rerun_edge_colour(p: float) -> tuple[int, ...]:
     poses = DrawnPoses()
     for node in nodes:
         poses.add_node(node)
-    drawn = draw_graph(nodes, [Edge(0, 1, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.1))], poses)
-    (strips,) = (part for row in drawn for part in row.values if isinstance(part, rr.LineStrips3D))
+    drawn = draw_graph(nodes, [Edge(0, 1, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.1))], [], poses)
+    (strips,) = (
+        part for row in drawn if row.entity == EDGES for part in row.values if isinstance(part, rr.LineStrips3D)
+    )
     assert strips.colors is not None
     packed = int(strips.colors.as_arrow_array()[0].as_py())
     return packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255

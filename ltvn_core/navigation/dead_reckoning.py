@@ -4,7 +4,7 @@ Owns that guess, and telling by depth that a place cannot look as it did when th
 not recognise where it is gets no answer. Decides nothing.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -56,19 +56,27 @@ class DeadReckoning:
         node = min(places, key=lambda each: float(distance(places[each])))
         return self._at(node, places[node])
 
-    def arrive(self, segment: Sequence[NodeId], *, is_recognised: bool) -> bool:
+    def arrive(
+        self, segment: Sequence[NodeId], *, is_recognised: bool, fits_depth: Callable[[NodeId, Waypoint], bool]
+    ) -> bool:
         """Tell whether the robot stands at the last node of a segment, and remember that.
 
         It is there by odometry, and it is recognised or cannot look as it did. Edges that were never driven do not tell
-        where they lead: at the end of a false one, too, every place looks different.
+        where they lead: at the end of a false one, too, every place looks different. There `fits_depth` must say that
+        what stands around is what stood around the node, at a waypoint (3,).
         """
-        graph, target = self._context.graph, segment[-1]
+        graph, target, here = self._context.graph, segment[-1], self._motion.odometry
         edges = [edge for edge in pairwise(segment) if edge in graph.edges]
-        places = self.places(without=[edge for edge in edges if not was_driven(graph, graph.edges[edge])])
-        is_there = target in places and self._stands_at(places[target])
-        changed = is_there and (is_recognised or self._looks_different(target, places[target]))
-        self._arrival = (target, places[target], self._motion.odometry) if changed else None
-        return changed
+        place = self.places(without=[edge for edge in edges if not was_driven(graph, graph.edges[edge])]).get(target)
+        if place is not None and self._stands_at(place) and (is_recognised or self._looks_different(target, place)):
+            self._arrival = target, place, here
+            return True
+        place = self.places().get(target)
+        if place is not None and self._stands_at(place) and fits_depth(target, place):
+            self._arrival = self._seen = target, place, here
+            return True
+        self._arrival = None
+        return False
 
     def take_arrival(self) -> Localisation | None:
         """Return where the robot has arrived by reckoning, if it has not moved since; once."""

@@ -6,6 +6,7 @@ Owns what evidence is handed to the system's maintenance and presence; what foll
 import itertools
 from collections.abc import Generator, Iterator, Sequence
 
+from ltvn_core.graph.deltas import PresenceObserved
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.planner import GraphPath
@@ -19,7 +20,7 @@ from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstruction_finder import ObstructionFinder
 from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
-from ltvn_core.types import NodeId
+from ltvn_core.types import NodeId, Waypoint
 
 _EDGES_IN_SIGHT = 4
 """Edges of a plan that a robot at its beginning may look along."""
@@ -55,6 +56,10 @@ class MapLearner:
         """Tell whether most of what the robot sees is what images of the map show, if it has come from a node."""
         return self._obstructions.knows_surroundings(source)
 
+    def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
+        """Tell whether what the robot sees is what images of a node show, were it at a waypoint (3,) from here."""
+        return self._obstructions.fits_depth(node, waypoint)
+
     def look(self, path: GraphPath) -> Generator[Event, None, bool]:
         """Look around before an attempt; tell whether something new closes the way ahead, so that it is not tried."""
         context = self._context
@@ -64,8 +69,8 @@ class MapLearner:
         now_s, in_sight = self._now_s, path.nodes[: _EDGES_IN_SIGHT + 1]
         obstruction = self._obstructions.look(in_sight)
         if obstruction is None or not (across := edges_obstructed(context.graph, obstruction)):
-            deltas = presence.observe_open(context.graph, self._obstructions.open_ways(), now_s)
-            yield from context.apply_deltas(deltas, self._query)
+            seen = [edge for edge in self._obstructions.open_ways() if edge not in self._memory.felt_closed]
+            yield from context.apply_deltas(presence.observe_open(context.graph, seen, now_s), self._query)
             return False
         self._memory.saw_change = True
         yield from context.apply_deltas(presence.observe(context.graph, obstruction, now_s), self._query)
@@ -93,9 +98,13 @@ class MapLearner:
         obstruction = None
         if not verdict.succeeded:
             memory.record_failures(segment)
-            memory.record_failure_from(segment[0])
-            obstruction = self._obstructions.find(segment, blocked=end in OBSTRUCTED_ENDS)
-            memory.obstructions += obstruction is not None and obstruction.stopped
+            blocked = end in OBSTRUCTED_ENDS
+            again = blocked and memory.record_stop((segment[0], segment[-1]))
+            obstruction = self._obstructions.find(segment, blocked=blocked, again=again)
+            if obstruction is not None and obstruction.stopped:
+                memory.obstructions += 1
+            else:
+                memory.record_failure_from(segment[0])  # Nothing explains it, so perhaps the robot is not there.
         evidence = AttemptEvidence(
             source=segment[0],
             target=segment[-1],
@@ -106,6 +115,8 @@ class MapLearner:
             stamp=self._now_s,
             obstruction=obstruction,
         )
-        yield from context.apply_deltas(
-            context.system.maintenance.after_attempt(context.graph, evidence), self._query, attempt
-        )
+        deltas = context.system.maintenance.after_attempt(context.graph, evidence)
+        if evidence.obstructed:
+            observed = (each for each in deltas if isinstance(each, PresenceObserved))
+            memory.felt_closed.update((each.source, each.target) for each in observed)
+        yield from context.apply_deltas(deltas, self._query, attempt)

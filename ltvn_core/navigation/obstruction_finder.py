@@ -103,10 +103,17 @@ class ObstructionFinder:
         solid = _thinned(transform_points(self._solid_points(), here))
         return bool(self._is_new(solid, source, here).sum() <= (1 - self._needed_share) * len(solid))
 
-    def find(self, segment: Sequence[NodeId], *, blocked: bool = False) -> Obstruction | None:
+    def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
+        """Tell whether what stands around is what images of a node show, were it at a waypoint (3,) from here."""
+        solid = _thinned(transform_points(self._solid_points(), invert(waypoint)))
+        new = _is_new_to(solid, self._images_of([(node, np.zeros(3))]))
+        return len(solid) >= _LEAST_POINTS and bool(new.mean() <= 1 - _KNOWN_SHARE_IF_UNSURE)
+
+    def find(self, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False) -> Obstruction | None:
         """Return what is new around the robot on its way along nodes, None if nothing is.
 
-        A robot that does not know well where it is says nothing. `blocked`: something made it stop.
+        A robot that does not know well where it is says nothing. `blocked`: something made it stop; `again`: and not
+        for the first time, so that it is in the way, even if no image shows it there.
         """
         if self._context.system.presence is None or self._departure is None or len(segment) < 2:
             return None
@@ -118,7 +125,7 @@ class ObstructionFinder:
             return None
         if blocked:
             new = np.concatenate([new, self._hit_unseen(segment[0], here)])
-        stopped = blocked and self._is_on_way(new, segment)
+        stopped = blocked and (again or self._is_on_way(new, segment))
         if not stopped and len(new) < _LEAST_POINTS:
             return None
         return Obstruction(node=segment[0], points=new, known=solid[~is_new], stopped=stopped)
@@ -146,17 +153,18 @@ class ObstructionFinder:
         """Tell (M,) which points, in the frame of a node, are not near to anything that images of the map show."""
         poses = nearby_poses(self._context.graph, node)
         nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
+        return _is_new_to(points, self._images_of([(other, poses[other]) for other in nearest]))
+
+    def _images_of(self, nodes: Sequence[tuple[NodeId, Pose]]) -> NDArray[np.float64]:
+        """Return (M, 2) what the images around nodes show, each node at a pose (3,)."""
         camera = self._context.spec.camera
-        known = [
-            transform_points(map_points(image, camera, 2 * _RANGE_M), compose(poses[other], pose))
-            for other in nearest
-            for image, pose in self._perception.observations_around(other, _IMAGES_AROUND)
-        ]
-        mapped = _thinned(np.concatenate(known))
-        if not len(mapped) or not len(points):
-            return np.ones(len(points), np.bool_)
-        gaps, _ = KDTree(mapped).query(points)
-        return np.asarray(gaps) > _KNOWN_WITHIN_M
+        return np.concatenate(
+            [
+                transform_points(map_points(image, camera, 2 * _RANGE_M), compose(place, pose))
+                for node, place in nodes
+                for image, pose in self._perception.observations_around(node, _IMAGES_AROUND)
+            ]
+        )
 
     def _is_on_way(self, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:
         """Tell whether points in the frame of the first node stand where the robot's body would pass."""
@@ -167,6 +175,15 @@ class ObstructionFinder:
                 return True
             start = end
         return False
+
+
+def _is_new_to(points: NDArray[np.float64], mapped: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell (M,) which points are not near to any of others (N, 2)."""
+    mapped = _thinned(mapped)
+    if not len(mapped) or not len(points):
+        return np.ones(len(points), np.bool_)
+    gaps, _ = KDTree(mapped).query(points)
+    return np.asarray(gaps) > _KNOWN_WITHIN_M
 
 
 def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,6 +25,7 @@ class QueryMemory:
         self._config, self._patience = config, localising.doubt_after_failures
         self._driven: Counter[EdgeKey] = Counter()
         self._failed: set[EdgeKey] = set()
+        self._stopped: set[EdgeKey] = set()
         self._searched: set[NodeId] = set()
         self._failed_from: Counter[NodeId] = Counter()
         self.penalties: dict[EdgeKey, float] = {}
@@ -45,6 +46,8 @@ class QueryMemory:
         """How often something was seen to lie across the way."""
         self.saw_change = False
         """Something was seen to close an edge, so that places nearby may look different."""
+        self.felt_closed: set[EdgeKey] = set()
+        """Edges on which something stopped the robot, or that the same thing closes: sight does not open them again."""
         self.doubted: set[NodeId] = set()
         """Nodes the robot does not believe to be at any more."""
 
@@ -68,6 +71,12 @@ class QueryMemory:
         self._failed.add(edge)
         if self._config.failure_penalty:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
+
+    def record_stop(self, edge: EdgeKey) -> bool:
+        """Remember that something stopped the robot on an edge; tell whether it had done so before."""
+        again = edge in self._stopped
+        self._stopped.add(edge)
+        return again
 
     def record_failures(self, segment: Sequence[NodeId]) -> None:
         """Remember that an attempt along a path of nodes failed; nobody knows which of its edges is to blame."""

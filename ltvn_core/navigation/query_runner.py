@@ -11,7 +11,6 @@ import numpy as np
 
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior, fits_trail
-from ltvn_core.graph.maintenance import UnrecognisedObservation
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
@@ -28,7 +27,6 @@ from ltvn_core.navigation.events import (
     Outcome,
     Planned,
     StateChanged,
-    Tick,
 )
 from ltvn_core.navigation.goal_check import GoalCheck
 from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
@@ -36,6 +34,7 @@ from ltvn_core.navigation.map_learner import MapLearner
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.navigation.recovery import Recovery
 from ltvn_core.navigation.view_learner import ViewLearner
 from ltvn_core.navigation.way_planner import WayPlanner
 from ltvn_core.types import NodeId
@@ -65,6 +64,7 @@ class QueryRunner:
         self._goal_check = GoalCheck(context, motion, perception, goal, self._memory, self._reckoning)
         self._way_planner = WayPlanner(context, self._memory, goal)
         self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query, goal)
+        self._recovery = Recovery(context, motion, perception, self._attempt_driver, self._memory, query)
         self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
@@ -76,7 +76,8 @@ class QueryRunner:
             if not (
                 yield from self._perception.can_compare()
             ):  # Asked again, because the check may have turned the robot.
-                yield from self._turn_to_see()
+                yield from self._enter(NavigatorState.RECOVERING)
+                yield from self._recovery.turn_to_see()
                 continue
             localisation = yield from self._localise()
             if localisation.node is None:
@@ -89,13 +90,6 @@ class QueryRunner:
             self._memory.consecutive_failures = 0
             if (yield from self._follow(localisation, path)):
                 return Outcome.ARRIVED
-
-    def _turn_to_see(self) -> EventGenerator[None]:
-        """Turn as a lost robot does, but keep the plan, around which the robot is looked for first."""
-        plan = self._memory.plan
-        self._memory.assumed_node = None  # From another heading it is no longer held to be there.
-        yield from self._recover(Outcome.LOST)
-        self._memory.plan = plan
 
     def _localise(self) -> EventGenerator[Localisation]:
         """Find the node the robot is at."""
@@ -162,7 +156,7 @@ class QueryRunner:
         yield from self._motion.wait_one_step()
         if result.end is AttemptEnd.BLOCKED:
             # From the same place it would be blocked again, so the robot looks for another way from aside.
-            yield from self._turn(self._method.recovering.turn_rad)
+            yield from self._recovery.turn()
             return False
         # An attempt of no step would be planned again for ever, so the robot is held to have arrived.
         self._memory.assumed_node = target
@@ -208,6 +202,8 @@ class QueryRunner:
         verdict = self._judge(segment, result)
         yield self._ended(attempt, source, target, result.end, verdict)
         usable = yield from self._perception.can_compare()
+        if verdict.succeeded and not result.steps and self._context.system.presence is not None:
+            return result  # Who has not moved has not found out what is open.
         if source is not None and usable:
             yield from self._map_learner.learn(attempt, segment, node_match, verdict, result.end)
         elif source is not None:
@@ -234,7 +230,9 @@ class QueryRunner:
         is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
         recognised = self._memory.saw_change and seen.reachability > self._method.localising.reachability
-        if may_have_arrived and self._reckoning.arrive(segment, is_recognised=recognised):
+        if may_have_arrived and self._reckoning.arrive(
+            segment, is_recognised=recognised, fits_depth=self._map_learner.fits_depth
+        ):
             return AttemptVerdict(True, "by odometry the robot is there, and the world has changed")
         return verdict
 
@@ -262,37 +260,8 @@ class QueryRunner:
         )
 
     def _recover(self, why: Outcome) -> EventGenerator[None]:
-        """Turn on the spot to look again; after a full turn move on a little; in the end give up."""
         yield from self._enter(NavigatorState.RECOVERING)
-        recovering, memory = self._method.recovering, self._memory
-        memory.record_localisation_failure(why)
-        usable = self._perception.is_usable
-        if why is Outcome.LOST and usable:
-            yield from self._remember_novel()
-        if memory.consecutive_failures >= recovering.give_up_after_looks:
-            raise QueryAborted(memory.give_up_outcome)
-        around = memory.consecutive_failures % recovering.looks_per_turn == 0
-        if around:
-            # Perhaps it was wrong about the way here, and about where it is not.
-            self._perception.trail.clear()
-            memory.clear_doubts()
-        if recovering.wander_m and around and usable:
-            yield from self._attempt_driver.wander(recovering.wander_m)
-        yield from self._turn(recovering.turn_rad)
-
-    def _remember_novel(self) -> Iterator[Event]:
-        """Let the system make a node of what nobody recognised."""
-        context, seen = self._context, self._perception.observation
-        unrecognised = UnrecognisedObservation(
-            seen, self._perception.features, self._memory.consecutive_failures, self._perception.trail_from_here
-        )
-        deltas = context.system.maintenance.unrecognised(context.graph, unrecognised, context.matcher)
-        if deltas:
-            context.keyframes.add([seen], self._perception.features)
-            yield from context.apply_deltas(deltas, self._query)
-
-    def _turn(self, angle_rad: float) -> Iterator[Event | Tick]:
-        yield from self._motion.turn(angle_rad, self._method.driving.turn_rad_s)
+        yield from self._recovery.recover(why)
 
     def _enter(self, state: NavigatorState) -> Iterator[Event]:
         if state is not self._state:

@@ -60,12 +60,15 @@ def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: 
 
 
 def _closed_together(graph: TopologicalGraph, keys: Collection[EdgeKey]) -> list[set[EdgeKey]]:
-    """Return the edges of each moment at which one of `keys` was seen to be closed."""
+    """Return for each moment at which one of `keys` was seen to be closed the edges that have been so since.
+
+    An edge that was closed once more, and without `keys`, is closed by something else.
+    """
     groups = {seen.stamp_s: set[EdgeKey]() for key in keys for seen in graph.presence[key] if not seen.present}
     for key, history in graph.presence.items() if groups else ():
-        for seen in history:
-            if seen.stamp_s in groups:
-                groups[seen.stamp_s].add(key)
+        closed_s = next((seen.stamp_s for seen in reversed(history) if not seen.present), None)
+        if closed_s in groups:
+            groups[closed_s].add(key)
     return list(groups.values())
 
 

@@ -63,17 +63,21 @@ def depth_at(world: FlatWorld, pose: Pose) -> Depth:
 
 
 class SightedRobot(FlatRobot):
-    """Sees the walls of its world as they are now."""
+    """Sees the walls of its world as they are now, but for those of glass."""
+
+    glass: tuple[list[list[float]], ...] = ()
 
     def observe(self) -> Observation:
         """Take a blank picture with depth."""
-        return replace(super().observe(), depth=depth_at(self.world, self.pose))
+        shown = FlatWorld(self.world.walls[: len(self.world.walls) - len(self.glass)])
+        return replace(super().observe(), depth=depth_at(shown, self.pose))
 
 
 class DoorWorld(MappedWorld):
     """Two rooms with two doors, a map of both, and a robot whose system keeps presence."""
 
     system: NavigationSystem
+    robot: SightedRobot
 
     def navigator(self) -> Navigator:
         return Navigator(
@@ -89,6 +93,10 @@ class DoorWorld(MappedWorld):
     def change(self, *walls: list[list[float]]) -> None:
         """Let the world be as it was, and with these walls; the predictor sees no farther than they let it."""
         self.robot.world = self.predictor.world = with_things(self.world, *walls)
+
+    def put_glass(self, *walls: list[list[float]]) -> None:
+        """Put up walls that stop the robot and that no image shows."""
+        self.robot.world, self.robot.glass = with_things(self.world, *walls), walls
 
     def put(self, x: float, y: float, yaw: float = 0.0) -> None:
         """Put the robot somewhere else, where it stands still."""

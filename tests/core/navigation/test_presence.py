@@ -90,6 +90,18 @@ def test_a_door_that_is_hit_when_backing_up_is_not_tried_again() -> None:
     assert set(place.graph.presence) == through_near_door(place)
 
 
+def test_what_no_image_shows_is_gone_round_once_it_has_stopped_the_robot_twice() -> None:
+    place = door_world()
+    place.put_glass(NEAR_DOOR)
+    events = drive(place, 0)
+    attempts = [(each.source, each.target) for each in events_of(AttemptStarted, events)]
+    stopped_at = {edge: attempts.count(edge) for edge in attempts if edge in through_near_door(place)}
+    assert max(stopped_at.values()) <= 2
+    assert {(each.source, each.target) for each in observed(events)} <= through_near_door(place)
+    assert looks(events)
+    assert len(stopped_at) < len(attempts)
+
+
 def test_a_door_that_is_seen_to_be_open_again_from_afar_needs_no_try() -> None:
     place = door_world()
     place.change(NEAR_DOOR)

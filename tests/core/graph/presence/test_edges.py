@@ -120,6 +120,16 @@ def test_who_gets_through_opens_all_edges_that_were_closed_together() -> None:
     assert {(each.source, each.target): each.present for each in opened} == {(3, 2): True, (2, 3): True}
 
 
+def test_who_arrives_before_a_door_does_not_open_what_was_closed_again_since() -> None:
+    graph = row()
+    for stamp, leaf in ((7.0, door(1.3, -0.5, 0.5)), (500.0, door(1.5, -0.5, 0.5))):
+        for delta in MAINTENANCE.after_attempt(graph, fail(seen(leaf), stamp=stamp)):
+            graph.apply(delta)
+    success = AttemptEvidence(source=1, target=2, distance=0.6, succeeded=True, stamp=900.0)
+    opened = [each for each in MAINTENANCE.after_attempt(graph, success) if isinstance(each, PresenceObserved)]
+    assert [(each.source, each.target) for each in opened] == [(1, 2)]
+
+
 def test_of_two_doors_that_are_seen_at_once_one_opens_without_the_other() -> None:
     graph = row()
     both = seen(np.concatenate([door(0.9, -0.5, 0.5), door(2.1, -0.5, 0.5)]))

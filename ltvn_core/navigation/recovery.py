@@ -1,0 +1,75 @@
+"""What a robot does that does not know where it is, or sees no way: look around, move on a little, give up.
+
+Owns the order of these and when an image that nobody recognised is offered to the map.
+"""
+
+from collections.abc import Iterator
+
+from ltvn_core.graph.maintenance import UnrecognisedObservation
+from ltvn_core.navigation.attempt_driver import AttemptDriver
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.events import Event, Outcome, Tick
+from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
+from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.query_memory import QueryMemory
+
+
+class Recovery:
+    """Looks around in one query."""
+
+    def __init__(
+        self,
+        context: NavigationContext,
+        motion: MotionExecutor,
+        perception: Perception,
+        driver: AttemptDriver,
+        memory: QueryMemory,
+        query: int,
+    ) -> None:
+        """Recover with `driver`, by what `memory` knows of the query."""
+        self._context, self._config = context, context.method.recovering
+        self._motion, self._perception, self._driver = motion, perception, driver
+        self._memory, self._query = memory, query
+
+    def recover(self, why: Outcome) -> EventGenerator[None]:
+        """Turn on the spot to look again; after a full turn move on a little; in the end give up.
+
+        Raises:
+            QueryAborted: If the robot has looked around often enough.
+        """
+        memory, usable = self._memory, self._perception.is_usable
+        memory.record_localisation_failure(why)
+        if why is Outcome.LOST and usable:
+            yield from self._remember_novel()
+        if memory.consecutive_failures >= self._config.give_up_after_looks:
+            raise QueryAborted(memory.give_up_outcome)
+        around = memory.consecutive_failures % self._config.looks_per_turn == 0
+        if around:
+            # Perhaps it was wrong about the way here, and about where it is not.
+            self._perception.trail.clear()
+            memory.clear_doubts()
+        if self._config.wander_m and around and usable:
+            yield from self._driver.wander(self._config.wander_m)
+        yield from self.turn()
+
+    def turn_to_see(self) -> EventGenerator[None]:
+        """Turn as a lost robot does, but keep the plan, around which the robot is looked for first."""
+        plan = self._memory.plan
+        self._memory.assumed_node = None  # From another heading it is no longer held to be there.
+        yield from self.recover(Outcome.LOST)
+        self._memory.plan = plan
+
+    def turn(self) -> Iterator[Event | Tick]:
+        """Turn on to where the next look is taken."""
+        yield from self._motion.turn(self._config.turn_rad, self._context.method.driving.turn_rad_s)
+
+    def _remember_novel(self) -> Iterator[Event]:
+        """Let the system make a node of what nobody recognised."""
+        context, seen = self._context, self._perception.observation
+        unrecognised = UnrecognisedObservation(
+            seen, self._perception.features, self._memory.consecutive_failures, self._perception.trail_from_here
+        )
+        deltas = context.system.maintenance.unrecognised(context.graph, unrecognised, context.matcher)
+        if deltas:
+            context.keyframes.add([seen], self._perception.features)
+            yield from context.apply_deltas(deltas, self._query)

@@ -17,7 +17,7 @@ from ltvn_core.systems.entry import SystemEntry, SystemFactory
 DEFAULT_SYSTEM = "ltvn"
 """The system where nobody names one, and that of maps and recordings that name none."""
 
-OWN_SYSTEMS = ("ltvn", "sptm", "ving", "meng", "sgm", "sorb", "brm", "placenav")
+OWN_SYSTEMS = ("ltvn", "sptm", "ving", "meng", "sgm", "sorb", "htm", "brm", "placenav")
 """The systems of this package in the order of tables."""
 
 

@@ -45,7 +45,7 @@ def test_the_prefilter_keeps_nearly_all_that_full_comparison_ranks_first() -> No
     assert np.mean(kept) > 0.9
 
 
-@pytest.mark.parametrize("rival", ["sptm", "ving", "sorb"])
+@pytest.mark.parametrize("rival", ["sptm", "ving", "sorb", "htm"])
 def test_a_baselines_card_belongs_to_its_weights_and_names_its_start(rival: str) -> None:
     weights = system_entry(rival).weights
     card = read_card(weights)

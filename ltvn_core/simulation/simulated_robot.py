@@ -5,7 +5,7 @@ its program hangs. `drive` and `stop` may be called from any thread, everything 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ from ltvn_core.simulation.changes.world_follower import WorldFollower
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.drivetrain import Drivetrain
 from ltvn_core.simulation.physics import TICK_S, TICKS_PER_SECOND, PhysicsWorld
+from ltvn_core.simulation.rendered_observation import DepthFirstRenderer, RenderedObservation
 from ltvn_core.simulation.wheel_odometry import Odometer, OdometryNoise
 from ltvn_core.types import (
     CONTROL_STEP_S,
@@ -161,10 +162,10 @@ class SimulatedRobot:
     def observe(self) -> Observation:
         """Take an observation, or return the one already taken in this control step."""
         if self._observation is None or self._observation.step != self._step:
-            rgb, depth = self.render(self._spec.camera)
-            self._observation = Observation(
-                rgb=rgb,
-                depth=depth,
+            rgb, depth = self._measure()
+            self._observation = RenderedObservation.take(
+                rgb,
+                depth,
                 odometry=self._odometer.pose,
                 stamp=self.stamp,
                 step=self._step,
@@ -174,8 +175,7 @@ class SimulatedRobot:
 
     def render(self, camera: CameraModel) -> tuple[Rgb, Depth]:
         """Render another camera at the robot's pose, for display; neither recorded nor used by the method."""
-        if self._follower is not None:
-            self._follower.show()
+        self._show_world()
         return self._renderer.render(self.exact_pose, camera)
 
     def advance(self, duration_s: float) -> None:
@@ -235,6 +235,19 @@ class SimulatedRobot:
         if self._observation is not None and self._observation.step == self._step:
             self._step += 1
             self._ticks_in_step = 0
+
+    def _measure(self) -> tuple[Callable[[], Rgb], Depth]:
+        """Return the depth that the robot's own camera sees, and what renders the colours."""
+        self._show_world()
+        if isinstance(self._renderer, DepthFirstRenderer):
+            return self._renderer.measure(self.exact_pose, self._spec.camera)
+        rgb, depth = self._renderer.render(self.exact_pose, self._spec.camera)
+        return lambda: rgb, depth
+
+    def _show_world(self) -> None:
+        """Let the camera see the world as it is now."""
+        if self._follower is not None:
+            self._follower.show()
 
     def _tick(self) -> None:
         body = self._physics

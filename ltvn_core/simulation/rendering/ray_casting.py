@@ -18,6 +18,10 @@ class RayHits(NamedTuple):
     v: NDArray[np.float32]
     """(N,) barycentric weight of the triangle's third corner."""
 
+    def take(self, rays: NDArray[np.intp]) -> "RayHits":
+        """Return the intersections of some of the rays (M,)."""
+        return RayHits(face=self.face[rays], t=self.t[rays], u=self.u[rays], v=self.v[rays])
+
 
 class RayCaster:
     """Finds the first triangle along each ray; its cost hardly depends on the number of triangles."""

@@ -1,6 +1,8 @@
 """A closed door is in the way of body, camera and path alike, and a world whose changes are undone is the old one."""
 
+import pickle
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
-from ltvn_core.types import CONTROL_STEP_S, Pose, Twist
+from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
 from ltvn_core.worlds.world_change import (
     DoorMoved,
     LightChanged,
@@ -107,6 +109,19 @@ def box_at(pose: Pose, name: str = "parcel") -> ThingPlaced:
     return ThingPlaced(name, ThingKind.BOX, (float(pose[0]), float(pose[1]), 0.3), (0.4, 0.3, 0.5))
 
 
+def _kept(image: Observation) -> Observation:
+    return image
+
+
+def _changed(image: Observation) -> Observation:
+    return replace(image, stamp=image.stamp + 1)
+
+
+def _sent(image: Observation) -> Observation:
+    """Return what another process gets."""
+    return pickle.loads(pickle.dumps(image))
+
+
 def test_a_closed_door_stops_the_robot_and_an_open_one_lets_it_pass(world: World, enter: Enter) -> None:
     robot = enter(world)
     robot.apply(DoorMoved(DOOR, is_open=False))
@@ -132,6 +147,20 @@ def test_the_camera_sees_the_leaf_where_it_is_at_once(world: World, enter: Enter
     robot.apply(DoorMoved(DOOR, is_open=True))
     assert np.array_equal(robot.observe().rgb, picture.rgb)
     assert ahead(robot) == far
+
+
+@pytest.mark.parametrize("use", [_kept, _changed, _sent])
+def test_an_image_shows_the_world_as_it_was_whenever_its_colours_are_asked_for(
+    world: World, enter: Enter, use: Callable[[Observation], Observation]
+) -> None:
+    robot = enter(world)
+    rgb, depth = robot.render(LOCOBOT.camera)
+    image = robot.observe()
+    robot.apply(DoorMoved(DOOR, is_open=False))
+    forward(robot, 0.3)
+    assert not np.array_equal(robot.observe().rgb, rgb)
+    assert np.array_equal(use(image).rgb, rgb)
+    assert np.array_equal(use(image).require_depth("a test"), depth)
 
 
 @pytest.mark.parametrize("door", range(8))

@@ -17,6 +17,10 @@ MOST_OBSTRUCTIONS = 4
 """A robot that has found its way closed so often in one query hopes no longer that what it sees there is wrong."""
 
 
+_MOST_FRESH_HOPES = 2
+"""So often it begins to hope anew, once it has looked all round."""
+
+
 class QueryMemory:
     """Edges driven and failed in one query."""
 
@@ -44,6 +48,7 @@ class QueryMemory:
         """The node that was approached last instead of its successor."""
         self.obstructions = 0
         """How often something was seen to lie across the way."""
+        self._fresh_hopes = 0
         self.saw_change = False
         """Something was seen to close an edge, so that places nearby may look different."""
         self.felt_closed: set[EdgeKey] = set()
@@ -89,8 +94,12 @@ class QueryMemory:
         if 0 < self._patience <= self._failed_from[node]:
             self.doubted.add(node)
 
-    def clear_doubts(self) -> None:
-        """Believe every node once more."""
+    def begin_anew(self) -> None:
+        """Believe every node once more, and a few times that ways may be open; what edges cost more is kept."""
+        self._fresh_hopes += 1
+        if self._fresh_hopes <= _MOST_FRESH_HOPES:
+            self.obstructions = 0
+            self.felt_closed.clear()
         self.doubted.clear()
         self._failed_from.clear()
 

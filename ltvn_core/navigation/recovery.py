@@ -45,9 +45,9 @@ class Recovery:
             raise QueryAborted(memory.give_up_outcome)
         around = memory.consecutive_failures % self._config.looks_per_turn == 0
         if around:
-            # Perhaps it was wrong about the way here, and about where it is not.
+            # Perhaps it was wrong about the way here, about where it is not, and about what is closed.
             self._perception.trail.clear()
-            memory.clear_doubts()
+            memory.begin_anew()
         if self._config.wander_m and around and usable:
             yield from self._driver.wander(self._config.wander_m)
         yield from self.turn()

@@ -66,11 +66,20 @@ class SightedRobot(FlatRobot):
     """Sees the walls of its world as they are now, but for those of glass."""
 
     glass: tuple[list[list[float]], ...] = ()
+    glass_breaks_at: float = np.inf
+
+    def advance(self) -> None:
+        """Let one control step pass; the glass may break."""
+        super().advance()
+        if self.glass and self.step >= self.glass_breaks_at:
+            self.world, self.glass = self._shown(), ()
 
     def observe(self) -> Observation:
         """Take a blank picture with depth."""
-        shown = FlatWorld(self.world.walls[: len(self.world.walls) - len(self.glass)])
-        return replace(super().observe(), depth=depth_at(shown, self.pose))
+        return replace(super().observe(), depth=depth_at(self._shown(), self.pose))
+
+    def _shown(self) -> FlatWorld:
+        return FlatWorld(self.world.walls[: len(self.world.walls) - len(self.glass)])
 
 
 class DoorWorld(MappedWorld):
@@ -94,9 +103,10 @@ class DoorWorld(MappedWorld):
         """Let the world be as it was, and with these walls; the predictor sees no farther than they let it."""
         self.robot.world = self.predictor.world = with_things(self.world, *walls)
 
-    def put_glass(self, *walls: list[list[float]]) -> None:
+    def put_glass(self, *walls: list[list[float]], breaks_after_steps: float = np.inf) -> None:
         """Put up walls that stop the robot and that no image shows."""
         self.robot.world, self.robot.glass = with_things(self.world, *walls), walls
+        self.robot.glass_breaks_at = self.robot.step + breaks_after_steps
 
     def put(self, x: float, y: float, yaw: float = 0.0) -> None:
         """Put the robot somewhere else, where it stands still."""

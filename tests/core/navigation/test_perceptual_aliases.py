@@ -80,5 +80,5 @@ def test_a_node_from_which_attempts_keep_failing_is_doubted_until_it_is_trusted_
         assert not memory.doubted
         memory.record_failure_from(3)
     assert memory.doubted == {3}
-    memory.clear_doubts()
+    memory.begin_anew()
     assert not memory.doubted

@@ -11,7 +11,7 @@ from ltvn_core.graph.presence.edge_presence import KnownPresence
 from ltvn_core.navigation.events import AttemptStarted, Event, GraphChanged, Outcome, Planned, QueryEnded, StateChanged
 from ltvn_core.systems.maintenance import with_maintenance
 from tests.core.navigation.mapped_world import events_of
-from tests.core.navigation.sighted_world import NEAR_DOOR, DoorWorld, door_world
+from tests.core.navigation.sighted_world import FAR_DOOR, NEAR_DOOR, DoorWorld, door_world
 
 
 def drive(place: DoorWorld, query: int, *, after_s: float = 0.0) -> list[Event]:
@@ -100,6 +100,12 @@ def test_what_no_image_shows_is_gone_round_once_it_has_stopped_the_robot_twice()
     assert {(each.source, each.target) for each in observed(events)} <= through_near_door(place)
     assert looks(events)
     assert len(stopped_at) < len(attempts)
+
+
+def test_where_all_ways_are_closed_the_robot_looks_round_and_tries_again() -> None:
+    place = door_world()
+    place.put_glass(NEAR_DOOR, FAR_DOOR, breaks_after_steps=1200)
+    assert steps(drive(place, 0)) > 1200
 
 
 def test_a_door_that_is_seen_to_be_open_again_from_afar_needs_no_try() -> None:

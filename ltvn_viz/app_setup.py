@@ -29,7 +29,7 @@ from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance
-from ltvn_core.systems.registry import recorded_system
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
@@ -68,6 +68,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     chosen = None if options.map is None else load_map(options.map)
     if chosen is not None:
         _check_same_scene(named, chosen, own_robot)
+        _check_same_system(options, chosen)
         options = replace(options, scene=chosen.meta.scene, system=recorded_system(chosen.meta.config).name)
     source = _image_source(options, library, own_robot, chosen)
     choice = (source or ImageSource(camera=LOCOBOT.camera)).choose(options.predictor)
@@ -134,6 +135,16 @@ def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) ->
         raise OptionError(
             f"--scene {named} contradicts --map, which was made in {chosen.meta.scene}; leave --scene out, or name a "
             "map of that scene."
+        )
+
+
+def _check_same_system(options: AppOptions, chosen: LoadedMap) -> None:
+    """Raise OptionError where --method names another system than the one that built the map."""
+    own = recorded_system(chosen.meta.config).name
+    if options.system not in (DEFAULT_SYSTEM, own):
+        raise OptionError(
+            f"--method {options.system} contradicts --map, which {own} built; leave --method out, or build a map with "
+            f"`ltvn build RECORDING --system {options.system}`."
         )
 
 
@@ -210,6 +221,9 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
     known = load_map(place)
     if known.meta.fingerprint != predictor.fingerprint:
         logger.info("The ready-made map belongs to other weights; beginning with an empty one.")
+        return None
+    if recorded_system(known.meta.config).name != options.system:
+        logger.info("The ready-made map is not of %s; beginning with an empty one.", options.system)
         return None
     return known
 

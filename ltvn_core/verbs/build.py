@@ -53,8 +53,7 @@ class BuildVerb(Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     system: SystemName = DEFAULT_SYSTEM
-    """The navigation system that builds the map and is to drive by it: ltvn is the paper's, sptm and ving keep all
-    images."""
+    """The navigation system that builds the map and is to drive by it: ltvn is the paper's, the others are rivals."""
     predictor: PredictorName = AUTO
     """What compares images: network is the trained one, geometric needs no training and takes any camera, oracle is the
     simulator's own geometry; auto is the network for simulated images and geometric for real ones."""

@@ -11,8 +11,10 @@ from tyro.conf import Positional
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
 from ltvn_core.systems.maintenance_names import MaintenanceName
+from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
 
 _LOG = logging.getLogger(__name__)
@@ -41,6 +43,8 @@ class AppVerb(Verb):
     """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
     recordings: Path = Path("recordings")
     """Folder in which recordings are written and found."""
+    method: SystemName = DEFAULT_SYSTEM
+    """Ours, or a rival: it builds maps and drives by them. A map that is opened brings its own."""
     predictor: PredictorName = AUTO
     """What compares images, by name; auto takes the one that made the map, else the network for the simulated robot and
     geometric for a robot of your own with another camera."""
@@ -115,6 +119,7 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummar
             robot=options.robot,
             map=options.map,
             recordings=options.recordings,
+            system=options.method,
             predictor=options.predictor,
             weights=options.weights,
             preset=options.preset,

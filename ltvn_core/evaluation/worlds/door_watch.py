@@ -1,7 +1,9 @@
-"""Watches one query: which closed edges it tried, and which doors it drove through."""
+"""Watches one query: which closed edges it tried, which doors it met closed, and which it drove through."""
 
 from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
-from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Event
+from ltvn_core.graph.deltas import PresenceObserved
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Event, GraphChanged
 from ltvn_core.simulation.changes.world import World
 
 
@@ -13,8 +15,8 @@ class DoorWatch:
         self._world, self._closed_edges = world, closed_edges
         self.blocked_tries = 0
         """Attempts along edges that were closed at that moment."""
-        self.tried: set[int] = set()
-        """Closed doors on these edges,"""
+        self.met_closed: set[int] = set()
+        """Closed doors on these edges, or on edges that the map learned are closed,"""
         self.used: set[int] = set()
         """and doors on edges that were driven with success."""
 
@@ -24,6 +26,12 @@ class DoorWatch:
             edge = event.source, event.target
             if self._closed_edges.among([edge], self._world.scene.clearance):
                 self.blocked_tries += 1
-                self.tried |= self._closed_edges.doors_of(edge) & self._world.state.closed_doors
+                self._meet(edge)
+        elif isinstance(event, GraphChanged) and isinstance(event.delta, PresenceObserved):
+            if not event.delta.present:
+                self._meet((event.delta.source, event.delta.target))
         elif isinstance(event, AttemptEnded) and event.source is not None and event.succeeded:
             self.used |= self._closed_edges.doors_of((event.source, event.target))
+
+    def _meet(self, edge: EdgeKey) -> None:
+        self.met_closed |= self._closed_edges.doors_of(edge) & self._world.state.closed_doors

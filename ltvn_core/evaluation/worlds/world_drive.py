@@ -150,7 +150,7 @@ class WorldDrive:
             path_m=result.path_m,
             shortest_m=scheduled.shortest_m,
             blocked_tries=watch.blocked_tries,
-            doors_tried=tuple(sorted(watch.tried)),
+            doors_tried=tuple(sorted(watch.met_closed)),
             doors_wanted=tuple(sorted(foretold.doors_wanted)),
             doors_used=tuple(sorted(watch.used)),
             now=foretold.now,

@@ -56,7 +56,7 @@ class WorldQuery:
     blocked_tries: int
     """Attempts along edges that were closed at that moment."""
     doors_tried: tuple[int, ...]
-    """Closed doors on these edges."""
+    """Closed doors that it met: on these edges, or on edges of which the map learned that they are closed."""
     doors_wanted: tuple[int, ...]
     """Doors that the map's best way led through at the beginning, if one knew which edges were open."""
     doors_used: tuple[int, ...]

@@ -30,7 +30,9 @@ class WorldSummary:
     spl: float
     """Against the shortest way of the moment."""
     blocked_tries_per_100: float
-    """Attempts along closed edges in 100 queries."""
+    """Attempts along closed edges in 100 queries,"""
+    door_tries_per_100: float
+    """and those of them through closed doors."""
     reopened_after_queries: float | None
     """Queries until a reopened door is used by one that wants it."""
     brier: float
@@ -68,6 +70,7 @@ class WorldSummary:
             success_high=metrics.success_high,
             spl=metrics.spl,
             blocked_tries_per_100=metrics.blocked_tries_per_100,
+            door_tries_per_100=metrics.door_tries_per_100,
             reopened_after_queries=metrics.reopened_after_queries,
             brier=metrics.brier,
             lost_edges_share=metrics.lost_edges_share,

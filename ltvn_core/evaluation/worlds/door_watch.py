@@ -15,8 +15,10 @@ class DoorWatch:
         self._world, self._closed_edges = world, closed_edges
         self.blocked_tries = 0
         """Attempts along edges that were closed at that moment."""
+        self.door_tries = 0
+        """Those of them through closed doors, which no detour leads round."""
         self.met_closed: set[int] = set()
-        """Closed doors on these edges, or on edges that the map learned are closed,"""
+        """Closed doors of these, or of edges that the map learned are closed,"""
         self.used: set[int] = set()
         """and doors on edges that were driven with success."""
 
@@ -26,12 +28,15 @@ class DoorWatch:
             edge = event.source, event.target
             if self._closed_edges.among([edge], self._world.scene.clearance):
                 self.blocked_tries += 1
-                self._meet(edge)
+                self.door_tries += self._meet(edge)
         elif isinstance(event, GraphChanged) and isinstance(event.delta, PresenceObserved):
             if not event.delta.present:
                 self._meet((event.delta.source, event.delta.target))
         elif isinstance(event, AttemptEnded) and event.source is not None and event.succeeded:
             self.used |= self._closed_edges.doors_of((event.source, event.target))
 
-    def _meet(self, edge: EdgeKey) -> None:
-        self.met_closed |= self._closed_edges.doors_of(edge) & self._world.state.closed_doors
+    def _meet(self, edge: EdgeKey) -> bool:
+        """Tell whether an edge leads through a closed door, and remember which."""
+        doors = self._closed_edges.doors_of(edge) & self._world.state.closed_doors
+        self.met_closed |= doors
+        return bool(doors)

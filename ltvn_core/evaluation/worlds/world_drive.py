@@ -159,6 +159,7 @@ class WorldDrive:
             edges=len(graph.edges),
             lost_edges=sum(edge not in graph.edges for edge in self._schedule.edges),
             detour_m=scheduled.detour_m,
+            door_tries=watch.door_tries,
         )
 
 

@@ -34,7 +34,9 @@ class WorldMetrics:
     cut_off: int
     """Failures at whose end there was no way to the goal any more."""
     blocked_tries_per_100: float
-    """Attempts along closed edges in 100 queries."""
+    """Attempts along closed edges in 100 queries,"""
+    door_tries_per_100: float
+    """and those of them through closed doors."""
     reopened_after_queries: float | None
     """Queries from the first that would want a reopened door to the one that uses it, at least 1; mean over the doors
     that the robot had met closed. A door that closes again unused counts one more than wanted it; None if there were
@@ -83,6 +85,7 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
         success_on_detours=_mean(detours) if detours else None,
         cut_off=sum(query.cut_off for query in queries),
         blocked_tries_per_100=100 * _mean(query.blocked_tries for query in queries),
+        door_tries_per_100=100 * _mean(_door_tries(query) for query in queries),
         reopened_after_queries=_mean(waits) if waits else None,
         reopened=len(waits),
         brier=_brier(now),
@@ -126,6 +129,10 @@ def _wait(queries: Sequence[WorldQuery], door: int) -> int:
         if door in query.doors_used:
             return max(wanted, 1)
     return wanted + 1 if wanted else 0
+
+
+def _door_tries(query: WorldQuery) -> int:
+    return query.blocked_tries if query.door_tries is None else query.door_tries
 
 
 def _sample(result: WorldResult) -> SampleGroup:

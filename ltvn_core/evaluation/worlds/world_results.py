@@ -74,6 +74,9 @@ class WorldQuery:
     """Whom the robot met on the way."""
     detour_m: float = 0.0
     """How much longer the shortest way was than in the scene as it was made."""
+    door_tries: int | None = None
+    """Attempts through doors that were closed at that moment; None in older results, of worlds where only doors move,
+    so that they are the same as `blocked_tries`."""
 
     @property
     def spl(self) -> float:

@@ -39,4 +39,4 @@ def test_a_door_is_met_closed_by_a_try_and_by_sight(is_open: bool, met: set[int]
     else:
         watch.consume(AttemptStarted(0, 1, 0, 1, 0, PoseRow(1.6, 0.0, 0.0), 0.9))
     assert watch.met_closed == met
-    assert watch.blocked_tries == (not is_open and not by_sight)
+    assert watch.blocked_tries == watch.door_tries == (not is_open and not by_sight)

@@ -96,7 +96,7 @@ def test_means_are_taken_over_all_queries_and_ends_over_all_maps() -> None:
     assert (found.queries, found.success_rate, found.spl) == (4, 0.75, 0.375)
     assert found.success_low < 0.5
     assert found.success_high == 1.0
-    assert (found.blocked_tries_per_100, found.collisions_per_episode) == (50.0, 0.5)
+    assert (found.blocked_tries_per_100, found.door_tries_per_100, found.collisions_per_episode) == (50.0, 50.0, 0.5)
     assert found.lost_edges_share == pytest.approx(1 / 90)
     assert (found.nodes, found.nodes_before, found.edges, found.edges_before) == (50, 40, 95, 100)
     assert found.reopened_after_queries is None

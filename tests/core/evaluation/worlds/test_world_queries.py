@@ -29,6 +29,7 @@ CONTRACT = {
     "success_rate",
     "spl",
     "blocked_tries_per_100",
+    "door_tries_per_100",
     "reopened_after_queries",
     "brier",
     "lost_edges_share",

@@ -45,6 +45,15 @@ def distance(waypoint: Waypoint) -> NDArray[np.float64]:
     return np.sqrt(2 * theta**2 + rho**2)
 
 
+def tilt_distance(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
+    """Return the d between two cameras at one pose with tilts (..., 2), pitch and roll in rad.
+
+    A camera that looks up by a radian loses as much from view as one that turns aside by it.
+    """
+    gap = wrap_angle(np.asarray(second, np.float64) - np.asarray(first, np.float64))
+    return np.sqrt(2) * np.linalg.norm(gap, axis=-1)
+
+
 def rotation(yaw_rad: float) -> NDArray[np.float64]:
     """Return the (2, 2) rotation matrix of a yaw."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -13,6 +13,7 @@ from ltvn_core.cameras.rectification import have_same_rays
 from ltvn_core.errors import MapError
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import FrameId, Observation
 
@@ -135,8 +136,9 @@ def _world_offset_s(recording: Recording) -> float:
 
 def _doubts(recording: Recording, first: Recording) -> list[str]:
     """Return what speaks against joining two drives at all."""
-    here, there = recording.meta, first.meta
-    if here.scene == there.scene:
+    here, there = recording.meta.scene, first.meta.scene
+    # What is imported is called after its file unless somebody named the place: two names may mean one.
+    if here == there or (here.startswith(SOURCE_SCENE) and there.startswith(SOURCE_SCENE)):
         return []
-    named = f"{recording.path.name} was recorded in {here.scene!r}, {first.path.name} in {there.scene!r}"
+    named = f"{recording.path.name} was recorded in {here!r}, {first.path.name} in {there!r}"
     return [f"{named}; only drives of one place make one map."]

@@ -5,6 +5,7 @@ whole places are alike, so of several opinions the one with most matches counts,
 that vote; the matches are the network's.
 """
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from ltvn_core.config import BuildingConfig
-from ltvn_core.geometry import distance, relative
+from ltvn_core.geometry import distance, relative, tilt_distance
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
@@ -93,8 +94,16 @@ def _spread(drive: Sequence[Observation], most: int) -> list[FrameId]:
     """
     kept = list(drive[:1])
     for seen in drive[1:]:
-        if distance(relative(kept[-1].odometry, seen.odometry)) >= _APART:
+        if _gap(kept[-1], seen) >= _APART:
             kept.append(seen)
     kept = kept if len(kept) > 1 else list(drive)
     rows = np.unique(np.linspace(0, len(kept) - 1, min(len(kept), most)).astype(int)).tolist()
     return [kept[row].step for row in rows]
+
+
+def _gap(first: Observation, second: Observation) -> float:
+    """Return how far apart two images of a drive were taken, as d, by odometry and by the camera's tilt."""
+    gap = float(distance(relative(first.odometry, second.odometry)))
+    if first.tilt is None or second.tilt is None:
+        return gap
+    return math.hypot(gap, float(tilt_distance(first.tilt, second.tilt)))

@@ -5,13 +5,13 @@ short a stretch is exact, so a match foretells how the images around its ends li
 asked whether they do. Owns that question (ours), for edges between two passes of a drive and for the robot on its way.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.geometry import compose, distance, relative, wrap_angle
+from ltvn_core.geometry import compose, distance, relative, tilt_distance, wrap_angle
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.types import Features, FrameId, Waypoint
@@ -33,6 +33,8 @@ class ObservationSequence:
     """(K, F)."""
     poses: Waypoint
     """(K, 3): where odometry puts them, seen from that place."""
+    tilts: NDArray[np.float64] | None = None
+    """(K, 2): pitch and roll of the camera in rad; None where it cannot tilt, or nobody measured it."""
 
 
 class AgreementCriterion(NamedTuple):
@@ -87,7 +89,7 @@ class LoopClosureVerifier:
     def fits(self, here: ObservationSequence, node: FrameId, waypoint: Waypoint, criterion: AgreementCriterion) -> bool:
         """Tell whether a node at `waypoint` (3,) fits to the stretch that leads here; True where none can say."""
         there = self._sequence_around(node, criterion.reach)
-        first, second, expected = _expected_overlaps(here.poses, compose(waypoint, there.poses))
+        first, second, expected = _expected_overlaps(here, replace(there, poses=compose(waypoint, there.poses)))
         if len(first) < criterion.min_pairs:
             return True
         agreed = self._pairs_agree(here.features[first], there.features[second], expected)
@@ -96,9 +98,13 @@ class LoopClosureVerifier:
     def _sequence_around(self, frame: FrameId, reach: int) -> ObservationSequence:
         """Return what the drive saw before and after a frame."""
         beside = self._keyframes.temporal_window(frame, reach)
-        odometry = np.array([self._keyframes.observation(other).odometry for other in beside]).reshape(-1, 3)
+        seen = [self._keyframes.observation(other) for other in beside]
+        odometry = np.array([each.odometry for each in seen]).reshape(-1, 3)
+        tilts = [each.tilt for each in seen if each.tilt is not None]
         return ObservationSequence(
-            self._keyframes.features(beside), relative(self._keyframes.observation(frame).odometry, odometry)
+            self._keyframes.features(beside),
+            relative(self._keyframes.observation(frame).odometry, odometry),
+            np.array(tilts).reshape(-1, 2) if len(tilts) == len(seen) else None,
         )
 
     def _pairs_agree(self, first: Features, second: Features, expected: Waypoint) -> NDArray[np.bool_]:
@@ -109,13 +115,22 @@ class LoopClosureVerifier:
         return near & (reachability > _MIN_REACHABILITY)
 
 
-def _expected_overlaps(here: Waypoint, there: Waypoint) -> tuple[NDArray[np.intp], NDArray[np.intp], Waypoint]:
-    """Return which of (K, 3) and (L, 3) images should see each other, and how they should lie, (P, 3)."""
-    lie = relative(here[:, None], there[None])
-    far = np.linalg.norm(here[:, :2], axis=-1)[:, None] + np.linalg.norm(there[:, :2], axis=-1)[None]
-    first, second = np.nonzero(distance(lie) < _NEAR)
+def _expected_overlaps(
+    here: ObservationSequence, there: ObservationSequence
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Waypoint]:
+    """Return which images of two sequences, in one frame, should see each other, and how they should lie, (P, 3)."""
+    lie = relative(here.poses[:, None], there.poses[None])
+    far = np.linalg.norm(here.poses[:, :2], axis=-1)[:, None] + np.linalg.norm(there.poses[:, :2], axis=-1)[None]
+    first, second = np.nonzero(np.hypot(distance(lie), _tilt_distances(here, there)) < _NEAR)
     rows = _disjoint_pairs(first, second, np.argsort(-far[first, second], kind="stable"))
     return first[rows], second[rows], lie[first[rows], second[rows]]
+
+
+def _tilt_distances(here: ObservationSequence, there: ObservationSequence) -> NDArray[np.float64]:
+    """Return (K, L) how far apart the tilts of two sequences are, as d; 0 where nobody knows."""
+    if here.tilts is None or there.tilts is None:
+        return np.zeros((len(here.poses), len(there.poses)))
+    return tilt_distance(here.tilts[:, None], there.tilts[None])
 
 
 def _disjoint_pairs(first: NDArray[np.intp], second: NDArray[np.intp], order: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -23,6 +23,7 @@ from ltvn_core.importing.import_options import ImportOptions, OdometrySource
 from ltvn_core.importing.import_summary import ImportSummary, import_summary
 from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
 from ltvn_core.navigation.events import Note, Severity, StampedEvent
+from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.observation_check import ObservationCheck
 from ltvn_core.types import Observation, Pose
@@ -61,7 +62,7 @@ class _DriveImport:
         self._check, self._sequence_doubts = ObservationCheck(), list[str]()
         self._stamps: list[float] = []
         self._kept: list[KeptFrame] = []
-        self._scene = options.scene or f"real:{reader.facts.place or reader.facts.format}"
+        self._scene = options.scene or f"{SOURCE_SCENE}{reader.facts.place or reader.facts.format}"
 
     def write(self, path: Path, name: Path) -> ImportSummary:
         """Write the whole drive to `path`, and return the summary of a file that is called `name`."""

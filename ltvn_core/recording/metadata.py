@@ -12,6 +12,8 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, text_column
 
+SOURCE_SCENE = "real:"
+"""What was imported is recorded in a scene of this and the name of its source, unless somebody named the place."""
 METADATA_ARCHETYPE = "ltvn.Recording"
 _PACKAGES = ("ltvn", "rerun-sdk", "numpy", "torch", "opencv-python-headless")
 

@@ -26,10 +26,14 @@ BACK = ((4.0, 3.0), (4.0, 1.0), (2.0, 1.0))
 
 
 def recorded(
-    path: Path, seen: Iterable[Observation], odometry: Callable[[Pose], Pose] = lambda pose: pose
+    path: Path,
+    seen: Iterable[Observation],
+    odometry: Callable[[Pose], Pose] = lambda pose: pose,
+    *,
+    scene: str = "flat",
 ) -> Recording:
     """Write a drive whose odometry is another than the truth, at 8 o'clock of its world."""
-    with RecordingWriter(path, scene="flat", config={}, fingerprint="flat") as writer:
+    with RecordingWriter(path, scene=scene, config={}, fingerprint="flat") as writer:
         writer.write_event(StampedEvent(0, 0.0, WorldChanged(TimePassed(0.0), at_s=8 * 3600.0)))
         for image in seen:
             writer.write_frame(replace(image, odometry=odometry(image.odometry)))
@@ -78,6 +82,21 @@ def test_the_same_recording_twice_is_refused(tmp_path: Path) -> None:
     alone = recorded(tmp_path / "monday.rrd", tour(ROUND))
     with pytest.raises(MapError, match="named twice"):
         join_drives([alone, alone])
+
+
+@pytest.mark.parametrize(
+    ("scenes", "doubts"),
+    [
+        (("flat", "flat"), 0),
+        (("flat", "real:tuesday"), 1),
+        (("apartment-57", "apartment-70"), 1),
+        (("real:monday", "real:tuesday"), 0),  # Named after their files, of whatever place.
+        (("real:monday", "hall 3"), 1),
+    ],
+)
+def test_drives_of_two_places_are_doubted(tmp_path: Path, scenes: tuple[str, str], doubts: int) -> None:
+    drives = [recorded(tmp_path / f"{k}.rrd", list(tour(BACK))[:2], scene=scene) for k, scene in enumerate(scenes)]
+    assert len(join_drives(drives).doubts) == doubts
 
 
 def test_drives_that_meet_are_one_map_that_lies_as_the_place_does(tmp_path: Path) -> None:

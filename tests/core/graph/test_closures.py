@@ -9,6 +9,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import AgreementCriterion, LoopClosureVerifier, ObservationSequence
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.navigation.observation_trail import ObservationTrail
+from ltvn_core.types import Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
 
 FIRST = [observation_at(np.array([0.5 + 0.3 * k, 1.0, 0.0]), k) for k in range(12)]
@@ -17,6 +18,7 @@ SECOND = [observation_at(np.array([0.5 + 0.3 * k, 1.2, 0.0]), 100 + k) for k in 
 TRUE, FALSE = (2, 102), (2, 109)
 LOOKS = AgreementCriterion(reach=30, min_share=0.2, min_pairs=3)
 LIE = np.array([0.1, 0.0, 0.0])
+WRONG = np.array([2.0, 0.0, 0.0])
 
 
 def matcher(*, reach: int = 10) -> Matcher:
@@ -52,6 +54,30 @@ def test_a_neighbour_in_time_needs_no_proof() -> None:
     asked = Matcher(predictor, keyframes, MatchingConfig())
     found = asked.match(keyframes.features([2]), [3])
     assert LoopClosureVerifier(asked).verified(2, found, np.array([True])).reachability[0] == found.reachability[0]
+
+
+def is_proven_against_the_others(tilts: tuple[Tilt, Tilt] | None) -> bool:
+    """Tell whether a match is proven that no other images confirm, where those of the second pass have other tilts."""
+    lies = {(here.step, there.step): WRONG for here in FIRST for there in SECOND if (here.step, there.step) != TRUE}
+    predictor = FlatPredictor(one_room(), lies=lies | {(there, here): -WRONG for here, there in lies})
+    keyframes = KeyframeStore(predictor)
+    if tilts is None:
+        keyframes.add([*FIRST, *SECOND])
+    else:
+        level, other = tilts
+        keyframes.add([replace(seen, tilt=level) for seen in FIRST])
+        keyframes.add([replace(seen, tilt=level if seen.step == TRUE[1] else other) for seen in SECOND])
+    asked = Matcher(predictor, keyframes, MatchingConfig(closure_reach=10))
+    found = asked.match(keyframes.features([TRUE[0]]), [TRUE[1]])
+    return bool(LoopClosureVerifier(asked).verified(TRUE[0], found, np.array([True])).reachability[0] > 0.8)
+
+
+def test_a_camera_that_was_tilted_aside_says_nothing_against_a_match() -> None:
+    level = Tilt(0.0, 0.0)
+    assert not is_proven_against_the_others(None)
+    assert not is_proven_against_the_others((level, level))
+    assert is_proven_against_the_others((level, Tilt(1.0, 0.0)))
+    assert is_proven_against_the_others((level, Tilt(0.0, -1.0)))
 
 
 def driven(count: int) -> ObservationSequence | None:

@@ -1,4 +1,4 @@
-"""Maps in which every image of the trajectory is a node, as SPTM and ViNG build them.
+"""Maps in which every image of the trajectory may be a node, as most baselines build them.
 
 Owns comparing each image with all others, and the deltas of nodes and edges. Does not own which pairs are joined.
 """

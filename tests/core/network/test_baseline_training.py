@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from ltvn_core.errors import OptionError
 from ltvn_core.network.cards.baseline_card import evaluate_baseline
 from ltvn_core.network.optimization.baseline_plans import baseline_hyperparameters, baseline_training_plan
 from ltvn_core.network.optimization.training_loop import TrainingData, train
@@ -20,6 +21,7 @@ from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.training_data.random_walk import WalkRecipe
 from ltvn_core.training_data.shards import Shard
 from ltvn_core.training_data.temporal_pairs import label_walks
+from ltvn_core.verbs.baseline import BaselineVerb
 from tests.core.network.tiny_data import SMALL
 from tests.core.training_data.box_world import two_rooms
 
@@ -79,3 +81,15 @@ def test_pairs_that_are_not_evened_are_drawn_as_often_as_they_occur() -> None:
     occur = shard.reachable[within].mean()
     assert share[1] == pytest.approx(occur, abs=0.06)
     assert share[0] > share[1] + 0.05
+
+
+@pytest.mark.parametrize("system", ["ltvn", "sgm", "meng", "brm"])
+def test_a_system_whose_network_learns_nothing_of_its_own_is_refused_with_those_that_do(system: str) -> None:
+    with pytest.raises(OptionError, match=rf"{system} has no network of its own.*sptm, ving, sorb, htm"):
+        BaselineVerb(baseline=system, output=Path("new.safetensors")).run()
+
+
+@pytest.mark.parametrize("system", ["sorb", "htm"])
+def test_layers_that_are_added_to_the_shipped_weights_cannot_learn_from_nothing(system: str) -> None:
+    with pytest.raises(OptionError, match=f"{system} adds layers to the shipped weights; leave --fresh out"):
+        BaselineVerb(baseline=system, output=Path("new.safetensors"), fresh=True).run()

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from ltvn_core.evaluation.door_story.stage_search import Stage
 from ltvn_core.evaluation.door_story.story_facts import StoryFacts
-from ltvn_core.evaluation.door_story.story_map import Stage
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.worlds.world_change import OWN_PREFIX
 

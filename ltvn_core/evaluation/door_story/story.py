@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from enum import Enum, auto
 
 from ltvn_core.evaluation.door_story.captions import Captions
+from ltvn_core.evaluation.door_story.stage_search import Stage
 from ltvn_core.evaluation.door_story.story_facts import StoryFacts
-from ltvn_core.evaluation.door_story.story_map import Stage, StoryMap
+from ltvn_core.evaluation.door_story.story_map import StoryMap
 from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
 from ltvn_core.navigation.events import Event, Outcome, Planned, QueryEnded
 from ltvn_core.types import NodeId

@@ -1,26 +1,25 @@
-"""What a story needs to know of a map: which way leads through which door, and where one can go round it.
+"""What a story needs to know of a map: from where to where it can play, and when the map would try its door again.
 
-Reads exact poses, for it sets the scene; the robot that plays in it knows nothing of that.
+Reads exact poses, for it sets the scene; the robot that plays in it knows nothing of that. Owns which nodes are thought
+of as starts and goals; what lies between them is judged in `stage_search`.
 """
 
 import itertools
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.evaluation.door_story.mapped_ways import MappedWays
+from ltvn_core.evaluation.door_story.stage_search import Stage, StageSearch
 from ltvn_core.evaluation.door_story.unknown_way import UnknownWay, find_unknown_way
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.simulation.changes.world import World
-from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 MOST_GOALS = 30
@@ -29,48 +28,11 @@ START_WITHIN_M, RINGS, DIRECTIONS = 2.1, 3, 8
 """As starts those this near to where the robot was led, one in each of so many rings, looking each of so many ways."""
 NEAREST_M = 1.2
 """The robot must be so near to a node."""
-BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
-"""The planned way goes so far at least before the door and behind it."""
 _AHEAD = 10
 """The heading of a way is that towards its point of this number."""
-_SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
-"""About how fast a robot gets on by its map."""
-_DETOUR_COST = 4.0
-"""A way round is so much dearer, about as many metres, that no plan takes it before the door was seen closed."""
-_BLIND_S, _STANDING_M = 60.0, 0.1
-"""A robot that backs up to a door by more than this does not see that it is closed, which takes it long to find out."""
-_S_PER_WIDTH_M = 20.0
-"""Wide doorways are many edges wide, and the robot tries one after the other."""
 _YAW_WEIGHT_M = 0.5
 """A radian to turn counts as much as this way."""
-_BESIDE_M = 0.15
-"""A way may pass so far beside a doorway, because an edge is straight and a drive is not."""
 _WAITS_S = (600.0, 1800.0, 3600.0, 2 * 3600.0, 4 * 3600.0, 8 * 3600.0, 16 * 3600.0, 24 * 3600.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """Where the story plays."""
-
-    door: int
-    start: NodeId
-    goal: NodeId
-    duration_s: float
-    """About what it takes to get to the door, and from there to the goal, round about where one can."""
-    has_way_round: bool
-
-
-class _Crossing(NamedTuple):
-    """A plan through a door."""
-
-    door: int
-    there: Sequence[NodeId]
-    place: int
-    """Of the last node before the door."""
-    before_s: float
-    """About what it takes to get there."""
-    least_s: float
-    """What the whole way takes if the door is open, which is less than any way round does."""
 
 
 class StoryMap:
@@ -87,6 +49,7 @@ class StoryMap:
         """Take hold of all; `observation` returns a node's image, `robot` where the robot really is, (3,)."""
         self.graph, self.system, self.world = graph, system, world
         self._truth = GroundTruth(world.base.clearance, observation)
+        self._ways = MappedWays(self._truth, world.base.parts.doors)
         self.robot = robot
         self.unknown_way_found: UnknownWay | None = None
         """What `unknown_way` found last."""
@@ -138,7 +101,7 @@ class StoryMap:
 
     def passes(self, nodes: Sequence[NodeId], door: int) -> bool:
         """Tell whether a way leads through a door."""
-        return bool(self._crossing(list(itertools.pairwise(nodes)), door))
+        return bool(self._ways.edges_through(list(itertools.pairwise(nodes)), door))
 
     def wait_s(self, stage: Stage) -> float:
         """Return after how many seconds the map would try the door of a story again; the longest if never."""
@@ -161,6 +124,9 @@ class StoryMap:
     def _goals(self) -> list[NodeId]:
         nodes = list(self.graph.nodes)
         return nodes[:: max(1, len(nodes) // MOST_GOALS)]
+
+    def _best(self, starts: Sequence[NodeId], goals: Sequence[NodeId]) -> Stage | None:
+        return StageSearch(self.graph, self._planner(), self._ways).best(starts, goals)
 
     def _planner(self) -> Planner:
         return Planner(self.graph, self.system.method.planning, weight=self.system.edge_weight)
@@ -185,85 +151,3 @@ class StoryMap:
         rings = np.floor(away_m / START_WITHIN_M * RINGS).astype(int)
         order = [int(k) for k in np.argsort(away_m) if away_m[k] < START_WITHIN_M]
         return [nodes[k] for k in {(int(rings[k]), int(directions[k])): k for k in reversed(order)}.values()]
-
-    def _best(self, starts: Sequence[NodeId], goals: Sequence[NodeId]) -> Stage | None:
-        """Return the shortest story with a way round, without any the shortest of all."""
-        planner = self._planner()
-        closings = [
-            dict.fromkeys(self._crossing(list(self.graph.edges), door), math.inf)
-            for door in range(len(self.world.base.parts.doors))
-        ]
-        plans = (planner.plan(start, goal).nodes for start in starts for goal in goals)
-        found = (each for there in plans for each in self._crossings(there, closings))
-        shortest_first = sorted(found, key=lambda each: each.least_s)
-        best: Stage | None = None
-        for each in shortest_first:
-            if best is not None and each.least_s >= best.duration_s:
-                break
-            stage = self._round_about(each, planner, closings[each.door])
-            best = stage if stage is not None and (best is None or stage.duration_s < best.duration_s) else best
-        if best is None and shortest_first:
-            first = shortest_first[0]
-            best = Stage(first.door, first.there[0], first.there[-1], first.least_s, has_way_round=False)
-        return best
-
-    def _crossings(self, there: Sequence[NodeId], closings: Sequence[Mapping[EdgeKey, float]]) -> Iterator[_Crossing]:
-        """Yield where a plan leads through one door, far enough from its ends."""
-        for door, closing in enumerate(closings):
-            crossed = [edge for edge in itertools.pairwise(there) if edge in closing]
-            if len(crossed) != 1:
-                continue
-            place = there.index(crossed[0][0])
-            before, behind = there[: place + 1], there[place + 1 :]
-            if self._length(before) < BEFORE_DOOR_M or self._length(behind) < BEYOND_DOOR_M:
-                continue
-            before_s = self._duration_s(before) + _S_PER_WIDTH_M * self.world.base.parts.doors[door].width_m
-            before_s += _BLIND_S * self._is_backwards(there[max(0, place - 2) : place + 2])
-            yield _Crossing(door, there, place, before_s, before_s + self._duration_s(behind))
-
-    def _round_about(self, crossing: _Crossing, planner: Planner, closing: Mapping[EdgeKey, float]) -> Stage | None:
-        """Return the story of a crossing where another way leads to the goal that is clearly dearer, or None."""
-        here, goal = crossing.there[crossing.place], crossing.there[-1]
-        around = planner.plan(here, goal, closing)
-        if not around.nodes or around.cost - planner.plan(here, goal).cost < _DETOUR_COST:
-            return None
-        duration_s = crossing.before_s + self._duration_s(around.nodes)
-        return Stage(crossing.door, crossing.there[0], goal, duration_s, has_way_round=True)
-
-    def _is_backwards(self, nodes: Sequence[NodeId]) -> bool:
-        """Tell whether driving along nodes means to back up somewhere."""
-        poses = self._truth.poses(list(nodes))
-        return bool((relative(poses[:-1], poses[1:])[:, 0] < -_STANDING_M).any())
-
-    def _duration_s(self, nodes: Sequence[NodeId]) -> float:
-        """Return about how long driving along nodes takes; backwards it is slow."""
-        if len(nodes) < 2:
-            return 0.0
-        poses = self._truth.poses(list(nodes))
-        steps = relative(poses[:-1], poses[1:])
-        ahead_m, away_m = steps[:, 0], np.hypot(steps[:, 0], steps[:, 1])
-        return float(
-            (away_m / np.where(ahead_m > 0, _SPEED_M_S, _BACKWARDS_M_S) + np.abs(steps[:, 2]) / _TURN_RAD_S).sum()
-        )
-
-    def _crossing(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
-        """Return those edges whose straight ways lead through a doorway."""
-        if not edges:
-            return []
-        ends = self._truth.poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
-        return [edges[k] for k in np.flatnonzero(_are_through(ends, self.world.base.parts.doors[door])).tolist()]
-
-    def _length(self, nodes: Sequence[NodeId]) -> float:
-        if len(nodes) < 2:
-            return 0.0
-        steps = np.diff(self._truth.poses(list(nodes))[:, :2], axis=0)
-        return float(np.hypot(*steps.T).sum())
-
-
-def _are_through(ends: np.ndarray, doorway: Doorway) -> np.ndarray:
-    """Tell which straight ways (N, 2, 2) in metres lead through a doorway, (N,)."""
-    across, along = ends[:, :, doorway.axis] - doorway.wall, ends[:, :, 1 - doorway.axis]
-    passes = across[:, 0] * across[:, 1] < 0
-    gap = np.where(passes, across[:, 0] - across[:, 1], 1.0)
-    at = along[:, 0] + across[:, 0] / gap * (along[:, 1] - along[:, 0])
-    return passes & (at > doorway.low - _BESIDE_M) & (at < doorway.high + _BESIDE_M)

@@ -37,40 +37,35 @@ class GeometricVerification(nn.Module):
     def forward(self, source_depth: Tensor, target_depth: Tensor, motion: PlanarMotion) -> Tensor:
         """Return the measures (P, MEASURE_COUNT) for depths (P, G) and the motion from source to target."""
         source, target = source_depth[..., None] * self.rays.T, target_depth[..., None] * self.rays.T
-        there = motion.apply(target)
-        back = motion.inverse()
+        there, back = motion.apply(target), motion.inverse().apply(source)
+        # Both images are measured in one pass, because small tensors cost as much as larger ones.
+        valid = torch.stack([target_depth, source_depth]) > 0
+        agreement = self.agreement(torch.stack([there, back]), valid, torch.stack([source_depth, target_depth]))
+        clearance = self.clearance(torch.stack([there, source]), valid, motion)
         return torch.cat(
             [
-                self.agreement(there, target_depth > 0, source_depth),
-                self.agreement(back.apply(source), source_depth > 0, target_depth),
+                agreement[0],
+                agreement[1],
                 self.room_ahead(source_depth, motion),
-                torch.stack(
-                    [
-                        self.clearance(source, source_depth > 0, motion),
-                        self.clearance(there, target_depth > 0, motion),
-                        motion.shift[:, 0].clamp(-4, 4),
-                    ],
-                    dim=-1,
-                ),
+                torch.stack([clearance[1], clearance[0], motion.shift[:, 0].clamp(-4, 4)], dim=-1),
             ],
             dim=-1,
         )
 
     def agreement(self, points: Tensor, valid: Tensor, depth: Tensor) -> Tensor:
-        """Return the shares (P, 4) of points (P, G, 3) that fit, are in free space, occluded, or out of view."""
+        """Return the shares (2, P, 4) of points (2, P, G, 3) that fit, are in free space, occluded, or out of view."""
         pixel, inside = self.project(points)
         inside = inside & valid
-        observed = torch.gather(depth, 1, pixel)
+        observed = torch.gather(depth, -1, pixel)
         inside = inside & (observed > 0)
         # In units of a tolerance that grows with distance, as the errors of depth and of the motion do.
         excess = (observed - points[..., 0]) / (0.1 + 0.1 * points[..., 0].clamp(min=0))
-        count = valid.sum(-1).clamp(min=1)
         fits = (excess.abs() <= 1) & inside
-        shares = [fits, (excess > 1) & inside, (excess < -1) & inside, ~inside & valid]
-        return torch.stack([share.sum(-1) / count for share in shares], dim=-1)
+        shares = torch.stack([fits, (excess > 1) & inside, (excess < -1) & inside, ~inside & valid], dim=-2)
+        return shares.sum(-1) / valid.sum(-1, keepdim=True).clamp(min=1)
 
     def project(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the coarse pixel (P, G) of each point, and whether the point is in the image."""
+        """Return the coarse pixel (..., G) of each point (..., G, 3), and whether the point is in the image."""
         ahead = points[..., 0] > 0.05
         distance = torch.where(ahead, points[..., 0], torch.ones_like(points[..., 0]))
         focal = self.camera.fx / DEPTH_STRIDE
@@ -92,7 +87,7 @@ class GeometricVerification(nn.Module):
         return torch.where(inside[:, 0], room, torch.full_like(room, -1))[:, None]
 
     def clearance(self, points: Tensor, valid: Tensor, motion: PlanarMotion) -> Tensor:
-        """Return the distance (P,) in metres from the straight line to the nearest visible obstacle, at most 0.6."""
+        """Return the metres (2, P), at most 0.6, between the line and the nearest obstacle of points (2, P, G, 3)."""
         height = points[..., 2] + self.camera.height_m
         solid = valid & (height > ROBOT_LOW_M) & (height < ROBOT_HIGH_M)
         line = motion.shift[:, None]

@@ -2,25 +2,32 @@
 
 Owns its belief: an edge is a Bernoulli variable, what driving along it shows is a noisy observation of it, and the path
 is the most probable one. Its nodes are kinds of rooms, named by a classifier; here they are the images of our own map,
-and its numbers of observation noise are kept. So it tells what its update and its planning are worth beside ours.
+and its numbers of observation noise are kept. So it tells what its update and its planning are worth beside ours. As a
+maintenance it can also ask an oracle which rooms its nodes lie in, and believe in ways between rooms.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.graph.deltas import BeliefUpdated, Cause
+from ltvn_core.graph.deltas import BeliefUpdated, Cause, Edge
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.graph.planner import surprise_cost
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.types import NodeId
 
 ARRIVES_IF_JOINED, ARRIVES_IF_NOT = 0.95, 0.001
 """Probability of arriving along an edge that is there, and along one that is not."""
 _LEAST_P = 1e-6
+
+RoomOf: TypeAlias = Callable[[NodeId], int | None]
+"""Returns the room that a node lies in, None between rooms."""
 
 
 def brm_system(method: Method) -> NavigationSystem:
@@ -32,15 +39,38 @@ def brm_system(method: Method) -> NavigationSystem:
 class BayesianEdges(NoMaintenance):
     """The posterior of each edge after what driving along it showed; nothing is pruned and nothing is added."""
 
+    room_of: RoomOf | None = None
+    """Tells the rooms of nodes. Two rooms are joined or not, as in BRM, so what driving from one to the other showed
+    holds for all edges between them. None where nobody knows rooms."""
+
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
-        """Return the new belief of the edge that was driven."""
-        edge = graph.edges.get((attempt.source, attempt.target))
-        if edge is None:
+        """Return the new belief of the edge that was driven, and of those between the same rooms."""
+        driven = attempt.source, attempt.target
+        if driven not in graph.edges:
             return ()
-        p = posterior(edge.belief.p, succeeded=attempt.succeeded)
-        attempts, successes = edge.attempts + 1, edge.successes + attempt.succeeded
-        belief = replace(edge.belief, p=p)
-        return (BeliefUpdated(edge.source, edge.target, belief, attempts, successes, Cause.ATTEMPT),)
+        return tuple(
+            _updated(graph.edges[key], succeeded=attempt.succeeded, attempts=int(key == driven))
+            for key in (driven, *self._edges_beside(graph, driven))
+        )
+
+    def _edges_beside(self, graph: TopologicalGraph, driven: EdgeKey) -> Iterator[EdgeKey]:
+        """Yield the other edges that lead from the same room to the same other room."""
+        if self.room_of is None:
+            return
+        rooms = self._rooms(driven)
+        if None not in rooms and rooms[0] != rooms[1]:
+            yield from (key for key in graph.edges if key != driven and self._rooms(key) == rooms)
+
+    def _rooms(self, ends: EdgeKey) -> tuple[int | None, int | None]:
+        assert self.room_of is not None
+        return self.room_of(ends[0]), self.room_of(ends[1])
+
+
+def _updated(edge: Edge, *, succeeded: bool, attempts: int) -> BeliefUpdated:
+    """Return the new belief of an edge, of whose own attempts there were so many more."""
+    belief = replace(edge.belief, p=posterior(edge.belief.p, succeeded=succeeded))
+    successes = edge.successes + attempts * succeeded
+    return BeliefUpdated(edge.source, edge.target, belief, edge.attempts + attempts, successes, Cause.ATTEMPT)
 
 
 def posterior(p: float, *, succeeded: bool) -> float:

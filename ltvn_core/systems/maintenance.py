@@ -4,6 +4,7 @@ Owns what the names stand for. Any navigation system can have any of them; witho
 """
 
 from dataclasses import replace
+from typing import TypeVar
 
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig
 from ltvn_core.errors import OptionError
@@ -14,19 +15,23 @@ from ltvn_core.graph.presence.edge_filters import edge_filter
 from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
-from ltvn_core.systems.brm import BayesianEdges
+from ltvn_core.systems.brm import BayesianEdges, RoomOf
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 
+_Told = TypeVar("_Told")
 _FILTERED = ("persistent", "forgetting", "fremen")
 
 
-def with_maintenance(system: NavigationSystem, name: str, *, truth: EdgePresence | None = None) -> NavigationSystem:
+def with_maintenance(
+    system: NavigationSystem, name: str, *, truth: EdgePresence | None = None, room_of: RoomOf | None = None
+) -> NavigationSystem:
     """Return the same system with another maintenance.
 
     Args:
         system: What to change.
         name: One of `MAINTENANCE_NAMES`.
         truth: What is open now, for `truth` alone.
+        room_of: Which rooms nodes lie in, for `brm-rooms` alone.
 
     Raises:
         OptionError: There is no such name, or nobody knows the truth.
@@ -37,8 +42,9 @@ def with_maintenance(system: NavigationSystem, name: str, *, truth: EdgePresence
         preset = PAPER if name == "paper" else ROBUST
         method = replace(system.method, believing=_believing(preset.believing, system.method.believing))
         return replace(system, maintenance=LifelongMaintenance(method), presence=None, views=None)
-    if name == "brm":
-        return replace(system, maintenance=BayesianEdges(), presence=None, views=None)
+    if name in ("brm", "brm-rooms"):
+        rooms = _known(room_of, name, "which rooms its nodes lie in") if name == "brm-rooms" else None
+        return replace(system, maintenance=BayesianEdges(rooms), presence=None, views=None)
     maintenance = PresenceMaintenance(system.method)
     return replace(system, maintenance=maintenance, presence=_presence(name, truth), views=ViewConfig())
 
@@ -48,12 +54,17 @@ def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:
         return FilteredPresence(edge_filter(name))
     if name != "truth":
         raise OptionError(f"No maintenance is called {name!r}; choose one of: {', '.join(MAINTENANCE_NAMES)}.")
-    if truth is None:
+    return _known(truth, name, "which edges are open")
+
+
+def _known(told: _Told | None, name: str, what: str) -> _Told:
+    """Return what the world told; raises OptionError where nobody knows."""
+    if told is None:
         raise OptionError(
-            "The maintenance 'truth' asks the world which edges are open; it is for simulated worlds that change. "
+            f"The maintenance {name!r} asks the world {what}; it is for simulated worlds that change. "
             "Choose another maintenance."
         )
-    return truth
+    return told
 
 
 def recorded_filter(name: str) -> PresenceFilter | None:
@@ -61,7 +72,7 @@ def recorded_filter(name: str) -> PresenceFilter | None:
 
     None where its plans took no account of that, `persistent` where the recording does not say.
     """
-    if name in ("static", "paper", "robust", "brm"):
+    if name in ("static", "paper", "robust", "brm", "brm-rooms"):
         return None
     return edge_filter(name if name in _FILTERED else "persistent")
 

@@ -54,9 +54,9 @@ class LifelongVerb(ProtocolOptions):
 
     maintenance: tuple[MaintenanceName, ...] = ()
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
-    pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent, forgetting, fremen: also what is
-    open at which time; truth: what the world knows, with --world. Several are compared on the same queries of a
-    --world."""
+    pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
+    persistent, forgetting, fremen: also what is open at which time; truth: what the world knows, with --world. Several
+    are compared on the same queries of a --world."""
     world: str | None = None
     """Drive the queries in a world that changes instead, with no static tests: static, doors, daily, telegraph, moving,
     light, people, crowd, all, several of them (doors+moving), or a JSON file with a script. Goals are those that can be
@@ -73,10 +73,10 @@ class LifelongVerb(ProtocolOptions):
             raise OptionError("--maintenance has a name twice.")
         if self.world is not None:
             return self._in_world(self.world)
-        if len(self.maintenance) > 1 or "truth" in self.maintenance:
+        if len(self.maintenance) > 1 or {"truth", "brm-rooms"} & {*self.maintenance}:
             raise OptionError(
-                "Without --world, --maintenance takes one name, and not truth: there is nothing to know. Name a world "
-                "that changes, or run the command once for each."
+                "Without --world, --maintenance takes one name, and not truth or brm-rooms, which ask the world. Name "
+                "a world that changes, or run the command once for each."
             )
         return self._without_world(self.maintenance[0] if self.maintenance else None)
 

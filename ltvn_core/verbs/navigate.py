@@ -63,8 +63,8 @@ class NavigateVerb(Verb):
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
-    pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent, forgetting, fremen: also what is
-    open at which time; truth: what the simulator knows."""
+    pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
+    persistent, forgetting, fremen: also what is open at which time; truth: what the simulator knows."""
     world: str | None = None
     """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
     (doors+moving), or a JSON file with a script. A goal may be out of reach then."""
@@ -121,6 +121,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     from ltvn_core.cameras.rectification import rectified_camera
     from ltvn_core.composition import open_method, open_predictor, open_script, open_simulation
     from ltvn_core.evaluation.open_edges import true_presence
+    from ltvn_core.evaluation.true_rooms import true_rooms
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.map_file import check_fingerprint, load_map
@@ -154,7 +155,8 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     keyframes.add(list(loaded.observations.values()))
     if options.maintenance is not None:
         truth = true_presence(simulation.world, keyframes.observation)
-        system = with_maintenance(system, options.maintenance, truth=truth)
+        room_of = true_rooms(simulation.scene, keyframes.observation)
+        system = with_maintenance(system, options.maintenance, truth=truth, room_of=room_of)
     run = RunDescription(
         scene=meta.scene,
         config=options.settings(system, choice.name),

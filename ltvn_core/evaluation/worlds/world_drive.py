@@ -13,6 +13,7 @@ from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
 from ltvn_core.evaluation.open_edges import true_presence
 from ltvn_core.evaluation.results import EpisodeResult, load_results
 from ltvn_core.evaluation.trial_plans import open_planned_system, planned_weights
+from ltvn_core.evaluation.true_rooms import true_rooms
 from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
 from ltvn_core.evaluation.worlds.door_watch import DoorWatch
 from ltvn_core.evaluation.worlds.presence_score import score_presence
@@ -56,7 +57,8 @@ class WorldDrive:
         system = open_planned_system(plan.trial, predictor, scene, maintain=True)
         self.runner = EpisodeRunner(scene, files.map(first), predictor, system, plan.trial.protocol, world=self.world)
         truth = true_presence(self.world, self.runner.keyframes.observation)
-        self.runner.system = with_maintenance(system, plan.maintenance, truth=truth)
+        room_of = true_rooms(scene, self.runner.keyframes.observation)
+        self.runner.system = with_maintenance(system, plan.maintenance, truth=truth, room_of=room_of)
         self.closed_edges = ClosedEdges(scene, self.runner.truth)
 
     def run(self, query: int, on_event: EventCallback | None = None) -> WorldQuery:

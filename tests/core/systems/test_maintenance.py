@@ -6,7 +6,9 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import OptionError
+from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
 from ltvn_core.graph.ltvn import LifelongMaintenance, ltvn_system
+from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import NoMaintenance
 from ltvn_core.graph.presence.edge_presence import KnownPresence
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -21,7 +23,7 @@ def test_every_system_can_have_every_maintenance() -> None:
     for entry in own_systems():
         system = entry.factory(ROBUST)
         for name in MAINTENANCE_NAMES:
-            changed = with_maintenance(system, name, truth=truth)
+            changed = with_maintenance(system, name, truth=truth, room_of=lambda node: 0)
             knows_presence = name in ("persistent", "forgetting", "fremen", "truth")
             assert (changed.presence is not None) == knows_presence
             assert (type(changed.maintenance) is NoMaintenance) == (name == "static")
@@ -50,10 +52,32 @@ def test_a_system_knows_no_presence_unless_it_is_asked_for() -> None:
 
 
 def test_what_cannot_be_is_refused_with_what_can() -> None:
-    with pytest.raises(OptionError, match="static, paper, robust, brm, persistent"):
+    with pytest.raises(OptionError, match="static, paper, robust, brm, brm-rooms, persistent"):
         with_maintenance(ltvn_system(ROBUST), "kalman")
+    with pytest.raises(OptionError, match="'brm-rooms' asks the world which rooms"):
+        with_maintenance(ltvn_system(ROBUST), "brm-rooms")
     with pytest.raises(OptionError, match="simulated worlds"):
         with_maintenance(ltvn_system(ROBUST), "truth")
+
+
+def test_between_rooms_one_drive_tells_of_all_edges_that_lead_the_same_way() -> None:
+    graph = TopologicalGraph([NodeAdded(Node(node, PoseRow(0.0, 0.0, 0.0)), Cause.BUILD) for node in range(5)])
+    for ends in ((0, 1), (1, 2), (0, 3), (2, 0), (3, 4)):
+        graph.apply(EdgeAdded(Edge(*ends, PoseRow(1.0, 0.0, 0.0), Belief(0.9, 1.0, 0.1)), Cause.BUILD))
+    rooms = {0: 1, 1: 1, 2: 2, 3: 2, 4: None}
+    maintenance = with_maintenance(ltvn_system(ROBUST), "brm-rooms", room_of=rooms.get).maintenance
+
+    def told_of(source: int, target: int) -> dict[tuple[int, int], int]:
+        failed = AttemptEvidence(source=source, target=target, distance=1.0, succeeded=False)
+        found = [each for each in maintenance.after_attempt(graph, failed) if isinstance(each, BeliefUpdated)]
+        assert all(each.belief.p < 0.9 for each in found)
+        return {(each.source, each.target): each.attempts for each in found}
+
+    assert told_of(1, 2) == {(1, 2): 1, (0, 3): 0}
+    assert told_of(2, 0) == {(2, 0): 1}
+    assert told_of(0, 1) == {(0, 1): 1}
+    assert told_of(3, 4) == {(3, 4): 1}
+    assert told_of(4, 0) == {}
 
 
 def test_what_is_known_of_the_world_closes_edges_at_once() -> None:

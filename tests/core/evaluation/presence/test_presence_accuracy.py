@@ -9,7 +9,8 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.presence.duration_fit import fit_durations, stays_of
 from ltvn_core.evaluation.presence.sequences import read_sequences
 from ltvn_core.graph.presence.persistent import SightErrors
-from tools.presence_table import PresenceTable, presence_table
+from tests.repository import ROOT
+from tools.presence_table import Compare, ComparedFilters, Show
 
 
 def write_room(path: Path, seed: int, *, length_s: float = 4000.0) -> Path:
@@ -44,11 +45,20 @@ def test_kinds_of_stays_are_told_apart() -> None:
 
 def test_a_filter_of_stays_foretells_regular_changes_better_than_one_that_forgets(tmp_path: Path) -> None:
     files = [write_room(tmp_path / f"{seed}.npz", seed, length_s=2500.0) for seed in (0, 1)]
-    table = presence_table(PresenceTable(fit=files[0], test=files[1], ahead=60.0))
-    brier = {row[0]: (float(row[1]), float(row[4])) for row in table.rows}
+    found = Compare(fit=files[0], test=files[1], ahead=60.0, json=tmp_path / "found.json").run()
+    brier = {each.name: (each.now.brier, each.ahead.brier) for each in found.filters}
     assert list(brier) == ["last look", "forgetting", "fremen", "persistent"]
     assert brier["persistent"][0] < brier["last look"][0]
     assert brier["persistent"][1] < brier["forgetting"][1]
+    assert ComparedFilters.load(tmp_path / "found.json") == found
+
+
+@pytest.mark.parametrize("name", ["room", "room-exchanged"])
+def test_the_tables_of_the_documentation_are_those_of_its_results(name: str, tmp_path: Path) -> None:
+    page, written = tmp_path / "presence.md", ROOT / "docs" / "presence.md"
+    page.write_text(written.read_text(encoding="utf-8"), encoding="utf-8")
+    Show(found=ROOT / "docs" / "measurements" / "presence" / f"{name}.json", page=page, block=name).run()
+    assert page.read_text(encoding="utf-8") == written.read_text(encoding="utf-8")
 
 
 def test_files_that_hold_something_else_are_refused(tmp_path: Path) -> None:
@@ -71,4 +81,4 @@ def test_other_things_than_those_a_filter_was_fitted_to_are_refused(tmp_path: Pa
     with np.load(both) as arrays:
         np.savez(tmp_path / "one.npz", **{key: arrays[key] for key in arrays.files if key.startswith("0")})
     with pytest.raises(OptionError, match="fitted to 2 things and is to be judged on 1"):
-        presence_table(PresenceTable(fit=both, test=tmp_path / "one.npz"))
+        Compare(fit=both, test=tmp_path / "one.npz").run()

@@ -19,6 +19,7 @@ from ltvn_core.topological_map import TopologicalMap, build_map
 from ltvn_core.types import Observation, Pose
 from ltvn_core.worlds.world_change import TimePassed
 from tests.core.flat_world import FlatPredictor, one_room, tour
+from tools.joint_table import JointTable
 
 ELSEWHERE = np.array([40.0, -3.0, 1.2])
 ROUND = ((1.0, 1.0), (4.0, 1.0), (4.0, 3.0))
@@ -140,6 +141,24 @@ def test_a_saved_map_still_knows_its_drives(tmp_path: Path) -> None:
     assert loaded.keyframes.drive_starts == (0, first)
     before = max(frame for frame in loaded.keyframes.frames if frame < first)
     assert all(frame < first for frame in loaded.keyframes.temporal_window(before, 5))
+
+
+def test_the_joints_of_a_map_are_judged_by_true_poses(tmp_path: Path) -> None:
+    mapped(two_drives(tmp_path, tour(BACK))).save(tmp_path / "map.rrd")
+    (row,) = JointTable(map=tmp_path / "map.rrd").run().rows
+    name, _, places, median, _, lies = row
+    assert name == "tuesday.rrd"
+    assert int(places.split()[0]) > 0
+    assert float(median.split()[0]) < 0.1
+    assert float(lies.split()[0]) < 0.1
+    (moved,) = JointTable(map=tmp_path / "map.rrd", moved=(3.0, 4.0, 0.0)).run().rows
+    assert float(moved[-1].split()[0]) == pytest.approx(5.0, abs=0.1)
+
+
+def test_the_map_of_one_drive_has_no_joints(tmp_path: Path) -> None:
+    mapped(join_drives([recorded(tmp_path / "monday.rrd", tour(ROUND))])).save(tmp_path / "map.rrd")
+    with pytest.raises(MapError, match="a map of one drive"):
+        JointTable(map=tmp_path / "map.rrd").run()
 
 
 def beside_shelves(seen: Observation, door_x: float | None) -> Observation:

@@ -42,6 +42,7 @@ def map_doubts(graph: TopologicalGraph, images: int, coverage: MapCoverage | Non
         return (
             f"The map knows {coverage.share:.0%} of its own drive: the other images are neither nodes of its largest "
             f"piece nor recognised as one, so there the robot will be lost. The longest such part is from "
-            f"{coverage.gap.begin_s:.1f} s to {coverage.gap.end_s:.1f} s of the drive; drive it again, slowly.",
+            f"{coverage.gap.begin_s:.1f} s to {coverage.gap.end_s:.1f} s of {coverage.gap.drive or 'the drive'}; "
+            "drive it again, slowly.",
         )
     return ()

@@ -26,6 +26,8 @@ class Stretch(NamedTuple):
 
     begin_s: float
     end_s: float
+    drive: str = ""
+    """Its name, where the map has several."""
 
 
 class MapCoverage(NamedTuple):
@@ -59,7 +61,7 @@ def map_coverage(
         found = system.localise(keyframes.features([frame]), graph, NO_PRIOR, matcher)
         answers[frame] = found.node in piece
     known = _known(observations, {node: node in piece for node in graph.nodes} | answers, set(in_reserve), predictor)
-    return MapCoverage(float(np.mean(known)) if known else 1.0, _longest_gap(observations, known))
+    return MapCoverage(float(np.mean(known)) if known else 1.0, _longest_gap(observations, known, graph))
 
 
 def _known(
@@ -76,11 +78,15 @@ def _known(
     return known
 
 
-def _longest_gap(observations: Sequence[Observation], known: Sequence[bool]) -> Stretch | None:
-    gaps = list[Stretch]()
-    for is_known, run in groupby(range(len(known)), key=known.__getitem__):
+def _longest_gap(observations: Sequence[Observation], known: Sequence[bool], graph: TopologicalGraph) -> Stretch | None:
+    """Return the longest part of one drive that is not known; between two drives lies no part of either."""
+    gaps, begun_s = list[Stretch](), dict[int, float]()
+    names = dict(enumerate(graph.drives.values(), 1)) if len(graph.drives) > 1 else {}
+    drives = [graph.drive_of(seen.step) for seen in observations]
+    for seen, drive in zip(observations, drives, strict=True):
+        begun_s.setdefault(drive, seen.stamp)
+    for (is_known, drive), run in groupby(range(len(known)), key=lambda row: (known[row], drives[row])):
         if not is_known:
-            rows = list(run)
-            first, last = observations[rows[0]].stamp, observations[rows[-1]].stamp
-            gaps.append(Stretch(first - observations[0].stamp, last - observations[0].stamp))
+            stamps = [observations[row].stamp - begun_s[drive] for row in run]
+            gaps.append(Stretch(stamps[0], stamps[-1], names.get(drive, "")))
     return max(gaps, key=lambda gap: gap.end_s - gap.begin_s, default=None)

@@ -71,7 +71,7 @@ def test_a_query_pauses_within_300_ms_of_the_last_page(app: FlatApp, how: str) -
             until(lambda: app.session.mode is Mode.PAUSED, meanwhile=lambda: time.sleep(0.001))
             took = min(took, time.monotonic() - begun)
         with open_sockets(app.server) as page:
-            assert "the last page" in app.harness.now.pause_notice
+            until_shown(app, lambda now: "the last page" in now.pause_notice)
             page.ask(Action.CANCEL)
             until_shown(app, lambda now: now.mode is Mode.TELEOP)
             page.ask(Action.RELEASE)

@@ -115,12 +115,19 @@ def test_drives_that_meet_are_one_map_that_lies_as_the_place_does(tmp_path: Path
 
 def test_a_drive_that_nothing_recognises_is_a_piece_of_its_own_and_that_is_said(tmp_path: Path) -> None:
     far = (replace(seen, exact_pose=compose(np.array([50.0, 0, 0]), seen.odometry)) for seen in tour(BACK))
-    built = mapped(two_drives(tmp_path, far))
+    joined = two_drives(tmp_path, far)
+    built = mapped(joined)
     graph = built.graph
     assert count_strongly_connected_components(graph) == 2
     assert not any(graph.drive_of(source) != graph.drive_of(target) for source, target in graph.edges)
     assert built.drives[1].nodes > 3
     assert "No image of tuesday.rrd was recognised" in built.doubts[0]
+    assert built.coverage is not None
+    gap = built.coverage.gap
+    assert gap is not None
+    stamps = [seen.stamp for seen in joined.observations if joined.drives[0].holds(seen.step)]
+    assert (gap.drive, gap.begin_s) == ("monday.rrd", 0.0)
+    assert gap.end_s == pytest.approx(stamps[-1] - stamps[0])
 
 
 def test_one_perceptual_alias_joins_no_drives(tmp_path: Path) -> None:

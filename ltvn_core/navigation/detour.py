@@ -45,8 +45,12 @@ def find_detour(
     # A robot that is too near already may move away, but not nearer.
     ways = len(places) // len(_GOAL_OFFSETS_M)  # The first part of a way does not depend on where it ends.
     first_m = np.tile(_path_clearances_m(tree, here[:ways], places[:ways]), len(_GOAL_OFFSETS_M))
-    second_m = _path_clearances_m(tree, places, ends)
-    possible = (first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)) & (second_m > least_m)
+    open_at_first = first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)
+    if not open_at_first.any():
+        return None
+    second_m = np.zeros_like(first_m)
+    second_m[open_at_first] = _path_clearances_m(tree, places[open_at_first], ends[open_at_first])
+    possible = open_at_first & (second_m > least_m)
     if not possible.any():
         return None
     length_m = np.linalg.norm(places, axis=-1) + np.linalg.norm(ends - places, axis=-1)

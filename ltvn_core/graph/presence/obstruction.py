@@ -5,7 +5,7 @@ odometry does not matter. Sees nothing and decides nothing.
 """
 
 import heapq
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from ltvn_core.geometry import compose, invert
+from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId, Pose
 
@@ -72,10 +73,13 @@ def edges_obstructed(graph: TopologicalGraph, obstruction: Obstruction) -> tuple
 
 def ways_nearby(graph: TopologicalGraph, node: NodeId) -> dict[EdgeKey, FloatArray]:
     """Return the straight ways of the edges around one node, each (2, 2): start and end, metres in its frame."""
-    poses = nearby_poses(graph, node)
+    poses, edges = nearby_poses(graph, node), graph.edges
     keys = [(source, target) for source in poses for target in graph.successors(source)]
-    ends = (compose(poses[key[0]], np.array(graph.edges[key].waypoint)) for key in keys)
-    return {key: np.stack([poses[key[0]][:2], end[:2]]) for key, end in zip(keys, ends, strict=True)}
+    if not keys:
+        return {}
+    starts = np.array([poses[source] for source, _ in keys])
+    ends = compose(starts, np.array([edges[key].waypoint for key in keys]))
+    return dict(zip(keys, np.stack([starts, ends], axis=1)[..., :2], strict=True))
 
 
 def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> bool:
@@ -112,24 +116,36 @@ def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[E
     """
     left_out = {*without, *((target, source) for source, target in without)}
     found: dict[NodeId, Pose] = {}
-    queue: list[tuple[float, NodeId, tuple[float, ...]]] = [(0.0, node, (0.0, 0.0, 0.0))]
+    queue: list[tuple[float, NodeId, list[float]]] = [(0.0, node, [0.0, 0.0, 0.0])]
     while queue:
         length, here, place = heapq.heappop(queue)
         if here in found:
             continue
-        pose = found[here] = np.array(place)
-        for key in _edges_at(graph, here):
-            if key in left_out:
-                continue
-            other = key[1] if key[0] == here else key[0]
-            edge = graph.edges[key]
-            so_far = length + edge.belief.mu
-            if other not in found and so_far <= _NEARBY_D:
-                waypoint = np.array(edge.waypoint)
-                step = waypoint if key[0] == here else invert(waypoint)
-                heapq.heappush(queue, (so_far, other, tuple(map(float, compose(pose, step)))))
+        found[here] = np.array(place)
+        edges = [edge for edge in _edges_at(graph, here) if (edge.source, edge.target) not in left_out]
+        onward = [
+            (so_far, other, edge)
+            for edge in edges
+            if (other := edge.target if edge.source == here else edge.source) not in found
+            and (so_far := length + edge.belief.mu) <= _NEARBY_D
+        ]
+        places = _beyond(found[here], [edge for *_, edge in onward], here)
+        for (so_far, other, _), there in zip(onward, places, strict=True):
+            heapq.heappush(queue, (so_far, other, there))
     return found
 
 
-def _edges_at(graph: TopologicalGraph, node: NodeId) -> list[EdgeKey]:
-    return [(node, other) for other in graph.successors(node)] + [(other, node) for other in graph.predecessors(node)]
+def _edges_at(graph: TopologicalGraph, node: NodeId) -> list[Edge]:
+    keys = [(node, other) for other in graph.successors(node)] + [(other, node) for other in graph.predecessors(node)]
+    edges = graph.edges
+    return [edges[key] for key in keys]
+
+
+def _beyond(pose: Pose, edges: Sequence[Edge], here: NodeId) -> list[list[float]]:
+    """Return where (3,) the other ends of edges are, seen from where the pose (3,) of one end, `here`, is known."""
+    if not edges:
+        return []
+    steps = np.array([edge.waypoint for edge in edges])
+    back = np.array([edge.source != here for edge in edges])
+    steps[back] = invert(steps[back])
+    return compose(pose, steps).tolist()

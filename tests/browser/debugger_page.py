@@ -24,7 +24,7 @@ from tests.browser.actions import hold_key, wait_for_rest
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.repository import RECORDINGS
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
 WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
@@ -139,14 +139,22 @@ class DebuggerPage:
         self.until(lambda: (html := self.shown.html) != "" and self.page.evaluate(_IS_SHOWN, html))
         return self.answer
 
-    def says(self, *words: str) -> str:
+    def says(self, *words: str, patience_s: float = PATIENCE_S) -> str:
         """Wait until the answer has all these words in it and is at work no more, and return it as text."""
-        self.until(lambda: all(word in self.shown.html for word in words) and not self.shown.answer.is_pending)
+        self.until(
+            lambda: all(word in self.shown.html for word in words) and not self.shown.answer.is_pending,
+            patience_s=patience_s,
+        )
         return self.settled().inner_text()
 
-    def until(self, holds: Callable[[], bool]) -> None:
+    def until(self, holds: Callable[[], bool], *, patience_s: float = PATIENCE_S) -> None:
         """Wait until something holds in the app."""
-        until(holds, meanwhile=lambda: self.page.wait_for_timeout(50), explain=self.answer.inner_text)
+        until(
+            holds,
+            patience_s=patience_s,
+            meanwhile=lambda: self.page.wait_for_timeout(50),
+            explain=self.answer.inner_text,
+        )
 
     def drive(self, key: str, holds: Callable[[], bool]) -> None:
         """Hold a key until something holds in the app."""

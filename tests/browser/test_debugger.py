@@ -16,11 +16,15 @@ from ltvn_core.recording.reader import Recording
 from ltvn_viz.session.inspection import QuestionName
 from tests.browser.debugger_page import DebuggerPage, open_debugger
 from tests.repository import DEMO_FAULT
+from tests.waiting import PATIENCE_S
 
 Faults: TypeAlias = dict[str, set[tuple[int, int]]]
 """Planted edges by kind."""
 
 pytestmark = pytest.mark.browser
+
+SEARCH_S = 3 * PATIENCE_S
+"""All pairs of a map's images are compared, which keeps a processor busy for a minute where it has nothing else."""
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +104,7 @@ def test_a_wrong_arrival_leads_to_the_pair_of_perceptual_aliases(fault: Debugger
     fault.ask(QuestionName.WHERE)
     fault.says("nodes near enough")
     fault.follow(re.compile("^search for places"))
-    told = fault.says("pairs of perceptual aliases", "an edge joins them")
+    told = fault.says("pairs of perceptual aliases", "an edge joins them", patience_s=SEARCH_S)
     assert f"{min(edge)} ↔ {max(edge)}" in told
     fault.follow(f"{min(edge)} ↔ {max(edge)}")
     assert fault.shown.selection.edge == (min(edge), max(edge))

@@ -1,4 +1,4 @@
-"""Take the pictures of `docs/open_debugger.md`: the page in a browser, asked as the tests ask it.
+"""Take the pictures of `docs/debugging.md`: the page in a browser, asked as the tests ask it.
 
     python -m tests.browser.debugger_screenshots [NAME ...]
 
@@ -162,7 +162,7 @@ def main(names: list[str]) -> int:
                 if not names or name in names:
                     show(debugger)
                     _drawn(debugger)
-                    save(debugger.page, FOLDER / f"{name}.png", MOST_BYTES)
+                    save(debugger.page, FOLDER / f"{name}.webp", MOST_BYTES)
             if not names or "rerun" in names:
                 _rerun(browser, debugger)
     return 0
@@ -181,7 +181,7 @@ def _rerun(browser: Browser, debugger: DebuggerPage) -> None:
     viewer = browser.new_page(viewport=WINDOW)
     viewer.goto(address)
     _complete(viewer)
-    save(viewer, FOLDER / "rerun.png", MOST_BYTES)
+    save(viewer, FOLDER / "rerun.webp", MOST_BYTES)
     viewer.close()
 
 

@@ -26,7 +26,7 @@ from tests.browser.screenshots import save
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_MS, until
 
-OUTPUT = ROOT / "docs" / "images" / "page.png"
+OUTPUT = ROOT / "docs" / "images" / "page.webp"
 WINDOW: ViewportSize = {"width": 1400, "height": 900}
 MOST_BYTES = 300_000
 UNDERWAY_M = 2.0

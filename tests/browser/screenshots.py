@@ -16,11 +16,12 @@ def shown(page: Page) -> Image.Image:
 
 
 def save(page: Page, path: Path, most_bytes: int) -> None:
-    """Save what the window shows with as many colours as fit into so many bytes."""
+    """Save what the window shows as WebP, with as many colours as fit into so many bytes and no other loss."""
     path.parent.mkdir(parents=True, exist_ok=True)
     seen = shown(page)
     for colours in (256, 128, 64, 32):
-        seen.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+        few = seen.quantize(colours, dither=Image.Dither.NONE).convert("RGB")
+        few.save(path, "WEBP", lossless=True)
         if path.stat().st_size <= most_bytes:
             break
     sys.stdout.write(f"{path.name}: {path.stat().st_size // 1000} kB, {colours} colours\n")

@@ -86,7 +86,8 @@ class DoorWorld(MappedWorld):
     """Two rooms with two doors, a map of both, and a robot whose system keeps presence."""
 
     system: NavigationSystem
-    robot: SightedRobot
+    sighted: SightedRobot
+    """The robot."""
 
     def navigator(self) -> Navigator:
         return Navigator(
@@ -105,8 +106,8 @@ class DoorWorld(MappedWorld):
 
     def put_glass(self, *walls: list[list[float]], breaks_after_steps: float = np.inf) -> None:
         """Put up walls that stop the robot and that no image shows."""
-        self.robot.world, self.robot.glass = with_things(self.world, *walls), walls
-        self.robot.glass_breaks_at = self.robot.step + breaks_after_steps
+        self.sighted.world, self.sighted.glass = with_things(self.world, *walls), walls
+        self.sighted.glass_breaks_at = self.sighted.step + breaks_after_steps
 
     def put(self, x: float, y: float, yaw: float = 0.0) -> None:
         """Put the robot somewhere else, where it stands still."""
@@ -139,5 +140,6 @@ def door_world(maintenance: str = "persistent", *, method: Method = ROBUST, drif
     poses = {seen.step: seen.exact_pose for seen in images if seen.exact_pose is not None}
     robot = SightedRobot(world, [0.8, 1.0, 0.0], first_step=FIRST_STEP, drift=drift)
     place = DoorWorld(world, robot, graph, keyframes, predictor, method, poses)
+    place.sighted = robot
     place.system = with_maintenance(ltvn_system(method), maintenance)
     return place

@@ -93,7 +93,7 @@ def _on_ray(address: str) -> Iterator[Workers]:
         register_ray = import_module("ray.util.joblib").register_ray
 
     with _refusing(address, ConnectionError):
-        ray.init(address)
+        _connect(ray, address)
     try:
         register_ray()
         count = max(1, int(ray.cluster_resources().get("CPU", 1)))
@@ -101,6 +101,15 @@ def _on_ray(address: str) -> Iterator[Workers]:
             yield lambda jobs: _by_batches(parallel, jobs, _JOBS_PER_WORKER * count)
     finally:
         ray.shutdown()
+
+
+def _connect(ray: Any, address: str) -> None:
+    """Connect, and once more where what Ray starts for a client died as it started: gRPC may abort it there."""
+    try:
+        ray.init(address)
+    except ConnectionAbortedError:
+        ray.shutdown()
+        ray.init(address)
 
 
 def _by_batches(parallel: Parallel, jobs: Iterable[Any], size: int) -> Iterator[Any]:

@@ -125,7 +125,7 @@ def test_a_local_cluster_is_started_and_stopped(house: Path, alone: list[TrialRe
 
 def test_a_ray_cluster_comes_to_the_same_numbers(house: Path, alone: list[TrialResult], tmp_path: Path) -> None:
     pytest.importorskip("ray")
-    port, client = free_port(), 9510
+    port, client = free_port(), free_port()
     command = (sys.executable, "-m", "ray.scripts.scripts", "start", "--head", "--block", "--num-cpus", "2")
     ports = ("--port", str(port), "--ray-client-server-port", str(client), "--include-dashboard", "false")
     with program(*command, *ports):

@@ -23,6 +23,8 @@ from ltvn_core.errors import EngineError, OptionError
 Workers: TypeAlias = Callable[[Iterable[Any]], Iterable[Any]]
 """Runs joblib's delayed calls and yields their results in any order."""
 
+_WORKERS_START_S = 300.0
+"""A worker on a busy machine takes its time to start."""
 _JOBS_PER_WORKER = 2
 """Ray gets so many jobs at once, because joblib cannot stream results from it."""
 
@@ -82,7 +84,7 @@ def _on_dask(address: str) -> Iterator[Workers]:
             address = stack.enter_context(local).scheduler_address
         with _refusing(address, OSError):
             stack.enter_context(dask.Client(address))
-        stack.enter_context(parallel_config(backend="dask"))
+        stack.enter_context(parallel_config(backend="dask", wait_for_workers_timeout=_WORKERS_START_S))
         yield stack.enter_context(Parallel(return_as="generator_unordered"))
 
 

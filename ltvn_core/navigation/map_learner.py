@@ -12,9 +12,9 @@ from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.graph.presence.obstruction import edges_obstructed
 from ltvn_core.graph.presence.presence_observations import is_open
-from ltvn_core.navigation.attempt_driver import AttemptDriver
+from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.events import OBSTRUCTED_ENDS, AttemptEnd, Event
+from ltvn_core.navigation.events import OBSTRUCTED_ENDS, Event
 from ltvn_core.navigation.judgement import AttemptVerdict
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstruction_finder import ObstructionFinder
@@ -22,6 +22,8 @@ from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId, Waypoint
 
+_STEPS_OF_A_WAY = 10
+"""Who drove less has hardly left where the last attempt ended."""
 _EDGES_IN_SIGHT = 4
 """Edges of a plan that a robot at its beginning may look along."""
 
@@ -90,7 +92,7 @@ class MapLearner:
         segment: Sequence[NodeId],
         node_match: NodeMatch,
         verdict: AttemptVerdict,
-        end: AttemptEnd,
+        result: AttemptResult,
     ) -> Iterator[Event]:
         """Remember a failure for this query, and let the system update the map."""
         context, memory = self._context, self._memory
@@ -98,8 +100,10 @@ class MapLearner:
         obstruction = None
         if not verdict.succeeded:
             memory.record_failures(segment)
-            blocked = end in OBSTRUCTED_ENDS
-            again = blocked and memory.record_stop((segment[0], segment[-1]))
+            blocked = result.end in OBSTRUCTED_ENDS
+            # Who is stopped where it stands has not come there anew, and is kept by what stopped it before.
+            came = blocked and result.steps >= _STEPS_OF_A_WAY
+            again = came and memory.record_stop((segment[0], segment[-1]))
             obstruction = self._obstructions.find(segment, blocked=blocked, again=again)
             if obstruction is not None and obstruction.stopped:
                 memory.obstructions += 1

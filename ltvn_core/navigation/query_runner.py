@@ -205,7 +205,7 @@ class QueryRunner:
         if verdict.succeeded and not result.steps and self._context.system.presence is not None:
             return result  # Who has not moved has not found out what is open.
         if source is not None and usable:
-            yield from self._map_learner.learn(attempt, segment, node_match, verdict, result.end)
+            yield from self._map_learner.learn(attempt, segment, node_match, verdict, result)
         elif source is not None:
             self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
         elif self._context.system.presence is not None and result.end in OBSTRUCTED_ENDS:

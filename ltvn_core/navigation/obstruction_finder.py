@@ -91,7 +91,7 @@ class ObstructionFinder:
         """Return the same as `find` if anything at all lies across the way of an edge nearby, which costs little."""
         if self._context.system.presence is None or self._departure is None or len(segment) < 2:
             return None
-        solid = _thinned(transform_points(self._solid_points(), self._here()))
+        solid = self._solid_points(self._here())
         anything = Obstruction(node=segment[0], points=solid, known=solid[:0], stopped=False)
         return self.find(segment) if edges_obstructed(self._context.graph, anything) else None
 
@@ -100,12 +100,12 @@ class ObstructionFinder:
         if self._context.system.presence is None or self._departure is None or self._node != source:
             return False
         here = self._here()
-        solid = _thinned(transform_points(self._solid_points(), here))
+        solid = self._solid_points(here)
         return bool(self._is_new(solid, source, here).sum() <= (1 - self._needed_share) * len(solid))
 
     def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
         """Tell whether what stands around is what images of a node show, were it at a waypoint (3,) from here."""
-        solid = _thinned(transform_points(self._solid_points(), invert(waypoint)))
+        solid = self._solid_points(invert(waypoint))
         new = _is_new_to(solid, self._images_of([(node, np.zeros(3))]))
         return len(solid) >= _LEAST_POINTS and bool(new.mean() <= 1 - _KNOWN_SHARE_IF_UNSURE)
 
@@ -118,7 +118,7 @@ class ObstructionFinder:
         if self._context.system.presence is None or self._departure is None or len(segment) < 2:
             return None
         here = self._here()
-        solid = _thinned(transform_points(self._solid_points(), here))
+        solid = self._solid_points(here)
         is_new = self._is_new(solid, segment[0], here)
         new = solid[is_new]
         if len(new) > (1 - self._needed_share) * len(solid):
@@ -136,10 +136,10 @@ class ObstructionFinder:
         node_seen, odometry = self._departure
         return compose(invert(node_seen), relative(odometry, self._motion.odometry))
 
-    def _solid_points(self) -> NDArray[np.float64]:
-        """Return (M, 2) what the robot sees now, and saw near it in the last moments, in its frame."""
+    def _solid_points(self, here: Pose) -> NDArray[np.float64]:
+        """Return (M, 2) what a robot at a pose (3,) sees now, and saw near it in the last moments, thinned out."""
         seen = obstacle_points(self._perception.observation.depth, self._context.spec.camera, _RANGE_M)
-        return np.concatenate([seen, self._driver.solid_points()])
+        return _thinned(transform_points(np.concatenate([seen, self._driver.solid_points()]), here))
 
     def _hit_unseen(self, node: NodeId, here: Pose) -> NDArray[np.float64]:
         """Return (M, 2) what the robot hit, in the frame of a node: who backs up hits what no image shows.

@@ -5,6 +5,7 @@ Owns comparing each image with all others, and the deltas of nodes and edges. Do
 
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -65,11 +66,47 @@ def predict_all_pairs(
             progress(k + 1, len(features))
 
 
-def keep_shorter(candidates: dict[tuple[int, int], EdgeCandidate], candidate: EdgeCandidate) -> None:
-    """Put a link among others, unless there is one of the same ends already of which the network is surer."""
-    ends = candidate.source, candidate.target
-    if ends not in candidates or candidates[ends].p < candidate.p:
-        candidates[ends] = candidate
+@dataclass(frozen=True, slots=True, eq=False)
+class AllPairs:
+    """What the network says of each of N images and each other."""
+
+    reachability: NDArray[np.float64]
+    """(N, N) r from the row to the column; 0 where there is no waypoint."""
+    waypoints: NDArray[np.float64]
+    """(N, N, 3)"""
+
+    @classmethod
+    def predict(cls, features: Features, predictor: Predictor, progress: ProgressCallback | None) -> "AllPairs":
+        """Ask about all pairs of N images."""
+        found = list(predict_all_pairs(features, predictor, progress))
+        reachability = np.stack([np.where(has_no_waypoint(each.waypoints), 0.0, each.reachability) for each in found])
+        return cls(reachability, np.stack([each.waypoints for each in found]))
+
+    def link(self, source: int, target: int, p: float, *, may_reverse: bool = True) -> EdgeCandidate:
+        """Return a link with probability p; the way back, driven in reverse, where the network is surer of that."""
+        if may_reverse and self.reachability[target, source] > self.reachability[source, target]:
+            return EdgeCandidate(target, source, p, self.waypoints[target, source]).reversed()
+        return EdgeCandidate(source, target, p, self.waypoints[source, target])
+
+
+def surest_links(links: Iterable[EdgeCandidate], *, both_directions: bool) -> list[EdgeCandidate]:
+    """Return of links with the same ends the one of which the network is surest; each is its way back as well, too."""
+    surest: dict[tuple[int, int], EdgeCandidate] = {}
+    for link in links:
+        for each in (link, link.reversed()) if both_directions else (link,):
+            ends = each.source, each.target
+            if ends not in surest or surest[ends].p < each.p:
+                surest[ends] = each
+    return list(surest.values())
+
+
+def cheapest_from_each(costs: NDArray[np.float64], count: int, *, below: float = np.inf) -> list[tuple[int, int]]:
+    """Return of each of N nodes the `count` edges of least cost (N, N), itself left out, and only those `below`."""
+    edges = []
+    for node, row in enumerate(costs):
+        best = [int(other) for other in np.argsort(row, kind="stable") if other != node and row[other] < below]
+        edges += [(node, other) for other in best[:count]]
+    return edges
 
 
 def has_no_waypoint(waypoints: Waypoint) -> NDArray[np.bool_]:

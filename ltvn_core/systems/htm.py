@@ -28,11 +28,10 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.network.architecture import ContrastiveArchitecture
 from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
-    EdgeCandidate,
+    AllPairs,
     all_image_deltas,
+    cheapest_from_each,
     encode_trajectory,
-    has_no_waypoint,
-    predict_all_pairs,
 )
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.training.system_training import TemporalTraining
@@ -90,27 +89,16 @@ def _build(
 ) -> Deltas:
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
-    found = list(predict_all_pairs(features, predictor, progress))
-    waypoints = np.stack([each.waypoints for each in found])
-    reachability = np.stack([np.where(has_no_waypoint(each.waypoints), 0.0, each.reachability) for each in found])
-    surer_back = reachability < reachability.T if method.matching.both_directions else np.zeros_like(reachability, bool)
-    share = shares(np.where(surer_back, reachability.T, reachability))
-    joined = []
-    for source, target in cheapest_edges(share):
-        p = float(share[source, target])
-        there = EdgeCandidate(source, target, p, waypoints[source, target])
-        back = EdgeCandidate(target, source, p, waypoints[target, source])
-        joined.append(back.reversed() if surer_back[source, target] else there)
-    return tuple(all_image_deltas(ordered, joined, method.believing))
+    pairs, may_reverse = AllPairs.predict(features, predictor, progress), method.matching.both_directions
+    reachability = pairs.reachability
+    share = shares(np.maximum(reachability, reachability.T) if may_reverse else reachability)
+    links = (pairs.link(a, b, float(share[a, b]), may_reverse=may_reverse) for a, b in cheapest_edges(share))
+    return tuple(all_image_deltas(ordered, links, method.believing))
 
 
 def cheapest_edges(share: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return of each of N nodes the edges to the nodes with the largest shares (N, N), itself left out."""
-    edges = []
-    for node, row in enumerate(share):
-        best = [int(other) for other in np.argsort(-row, kind="stable") if other != node]
-        edges += [(node, other) for other in best[:EDGES_PER_NODE]]
-    return edges
+    return cheapest_from_each(-share, EDGES_PER_NODE)
 
 
 HTM = SystemEntry(

@@ -23,11 +23,10 @@ from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.network.shipped_weights import shipped_weights
 from ltvn_core.systems.all_image_map import (
-    EdgeCandidate,
+    AllPairs,
     all_image_deltas,
+    cheapest_from_each,
     encode_trajectory,
-    has_no_waypoint,
-    predict_all_pairs,
 )
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.temporal_distance import (
@@ -90,21 +89,17 @@ def _build(
 ) -> Deltas:
     """Return a sparse map in which `goals` never merge; nothing is drawn with `rng`."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
-    found = list(predict_all_pairs(features, predictor, progress))
-    reachability = np.stack([np.where(has_no_waypoint(each.waypoints), 0.0, each.reachability) for each in found])
-    waypoints = np.stack([each.waypoints for each in found])
+    pairs = AllPairs.predict(features, predictor, progress)
+    reachability = pairs.reachability
     # Where a robot may reverse, the way back counts as the way there.
     surer = np.maximum(reachability, reachability.T) if method.matching.both_directions else reachability
     steps = np.minimum(temporal_distances(surer), FAR_STEPS)
     nodes = merge_consistent(steps, {k for k, seen in enumerate(ordered) if seen.step in goals})
-    row = {k: place for place, k in enumerate(nodes)}
     joined = []
     for a, b in nearest_edges(steps[np.ix_(nodes, nodes)]):
         source, target = nodes[a], nodes[b]
-        p = reachability_of_steps(steps[source, target])
-        surer_back = reachability[target, source] > reachability[source, target]
-        back = EdgeCandidate(row[target], row[source], p, waypoints[target, source])
-        joined.append(back.reversed() if surer_back else EdgeCandidate(a, b, p, waypoints[source, target]))
+        link = pairs.link(source, target, reachability_of_steps(steps[source, target]))
+        joined.append(link._replace(source=a, target=b))
     keyframes.keep_only([ordered[k].step for k in nodes])
     return tuple(all_image_deltas([ordered[k] for k in nodes], joined, method.believing))
 
@@ -135,11 +130,7 @@ def _are_consistent(steps: Steps, image: int, node: int, nodes: Sequence[int]) -
 
 def nearest_edges(steps: Steps) -> list[tuple[int, int]]:
     """Return the edges between N nodes: shorter than the cutoff, and of each node those to the nearest five."""
-    edges = []
-    for node, row in enumerate(steps):
-        near = [int(other) for other in np.argsort(row, kind="stable") if other != node and row[other] < EDGE_STEPS]
-        edges += [(node, other) for other in near[:NEAREST_COUNT]]
-    return edges
+    return cheapest_from_each(steps, NEAREST_COUNT, below=EDGE_STEPS)
 
 
 SGM = SystemEntry(

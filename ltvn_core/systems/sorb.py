@@ -27,8 +27,8 @@ from ltvn_core.systems.all_image_map import (
     all_image_deltas,
     encode_trajectory,
     has_no_waypoint,
-    keep_shorter,
     predict_all_pairs,
+    surest_links,
 )
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.temporal_distance import (
@@ -86,12 +86,9 @@ def _build(
     chosen = [k for k, seen in enumerate(ordered) if k in drawn or seen.step in goals]
     kept, features = [ordered[k] for k in chosen], features[chosen]
     keyframes.keep_only([seen.step for seen in kept])
-    candidates: dict[tuple[int, int], EdgeCandidate] = {}
-    for candidate in _near_pairs(features, predictor, progress):
-        keep_shorter(candidates, candidate)
-        if method.matching.both_directions:
-            keep_shorter(candidates, candidate.reversed())
-    return tuple(all_image_deltas(kept, candidates.values(), method.believing))
+    near = _near_pairs(features, predictor, progress)
+    links = surest_links(near, both_directions=method.matching.both_directions)
+    return tuple(all_image_deltas(kept, links, method.believing))
 
 
 def _near_pairs(features: Features, predictor: Predictor, progress: ProgressCallback | None) -> Iterator[EdgeCandidate]:

@@ -21,8 +21,8 @@ from ltvn_core.systems.all_image_map import (
     consecutive_rows,
     encode_trajectory,
     has_no_waypoint,
-    keep_shorter,
     predict_all_pairs,
+    surest_links,
 )
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.temporal_distance import (
@@ -63,14 +63,14 @@ def _build(
 ) -> Deltas:
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
-    candidates: dict[tuple[int, int], EdgeCandidate] = {}
     followed = {row for row, _ in consecutive_rows(ordered, keyframes)}
-    for k, found in enumerate(predict_all_pairs(features, predictor, progress)):
-        for candidate in _close_candidates(k, found, features, predictor, is_followed=k in followed):
-            keep_shorter(candidates, candidate)
-            if method.matching.both_directions:
-                keep_shorter(candidates, candidate.reversed())
-    return tuple(all_image_deltas(ordered, candidates.values(), method.believing))
+    close = (
+        candidate
+        for k, found in enumerate(predict_all_pairs(features, predictor, progress))
+        for candidate in _close_candidates(k, found, features, predictor, is_followed=k in followed)
+    )
+    links = surest_links(close, both_directions=method.matching.both_directions)
+    return tuple(all_image_deltas(ordered, links, method.believing))
 
 
 def _close_candidates(

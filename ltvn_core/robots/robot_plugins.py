@@ -2,7 +2,8 @@
 
 A package offers one in the entry-point group `ltvn.robots`; an entry is `name = "package.module:factory"`, and the
 factory returns a `ltvn_core.robots.robot.Robot` when it is called without arguments. A file is named as
-`path/to/file.py:factory`. Owns the check that what comes in can be driven. Drives nothing.
+`path/to/file.py:factory`, and a robot of ROS 2 as PROFILE@ADDRESS. Owns the check that what comes in can be
+driven. Drives nothing.
 """
 
 import math
@@ -13,22 +14,26 @@ from pathlib import Path
 from typing import cast
 
 from ltvn_core.errors import LtvnError, PluginError
+from ltvn_core.extras import naming_the_extra
 from ltvn_core.plugins import ROBOTS, Plugin, find_plugins
 from ltvn_core.preprocessing import admit_observation
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import RobotSpec
 
 METHODS = ("observe", "state", "drive", "stop")
-HOW_TO = "`--robot NAME` takes an installed robot, `--robot path/to/file.py:factory` one in a file"
+HOW_TO = (
+    "`--robot NAME` takes an installed robot, `--robot path/to/file.py:factory` one in a file, and `--robot "
+    "turtlebot4@tcp/HOST:7447` one of ROS 2 by its profile"
+)
 
 
 def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Robot:
-    """Make the robot of that name, or of `path/to/file.py:factory`, and check it.
+    """Make the robot of that name, of `path/to/file.py:factory`, or of PROFILE@ADDRESS (ROS 2), and check it.
 
     One image is taken; nothing is driven. Raises PluginError when there is no such robot, when its factory fails, or
-    when it lacks a part.
+    when it lacks a part, and RobotError when one of ROS 2 cannot be reached.
     """
-    factory = _factory_in_file(wanted) if ".py" in wanted else _installed_factory(wanted, installed)
+    factory = _factory(wanted, installed)
     try:
         robot = factory()
     except LtvnError:
@@ -66,6 +71,14 @@ def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
         raise PluginError(f"The robot {name} takes no image ({type(error).__name__}: {error}).") from error
     if not sound:
         raise PluginError(f"The robot {name}: its state must hold x, y, yaw and seconds, all finite, got {state}.")
+
+
+def _factory(wanted: str, installed: Mapping[str, Plugin] | None) -> Callable[[], Robot]:
+    if "@" in wanted:
+        with naming_the_extra():
+            from ltvn_core.robots.ros2.ros_robot import open_ros_robot
+        return lambda: open_ros_robot(wanted)
+    return _factory_in_file(wanted) if ".py" in wanted else _installed_factory(wanted, installed)
 
 
 def _installed_factory(name: str, installed: Mapping[str, Plugin] | None) -> Callable[[], Robot]:

@@ -1,0 +1,208 @@
+"""What must be known of a robot of ROS 2 to drive it: its topics, body, limits and how its camera is mounted.
+
+A profile is a TOML file. Some travel with the toolkit, by name; one of your own is named by its path. Owns the reading
+and the check of every field. Speaks to no robot.
+"""
+
+import math
+import re
+import tomllib
+from dataclasses import dataclass, field, fields
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import cattrs
+
+from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.close_names import which_name
+from ltvn_core.errors import RobotError
+from ltvn_core.robots.robot_spec import AccelerationLimits, RobotSpec, SpeedLimits
+
+_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_LAST_DOMAIN = 232
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topics:
+    """Where the robot says what it sees and takes its commands."""
+
+    colour: str
+    """sensor_msgs/Image."""
+    depth: str
+    """sensor_msgs/Image, aligned with the colours: 16UC1, or 32FC1 in metres."""
+    camera_info: str
+    """sensor_msgs/CameraInfo of the colours."""
+    odometry: str
+    """nav_msgs/Odometry."""
+    command: str
+    """geometry_msgs/Twist or TwistStamped: what moves the robot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driving:
+    """How commands reach the wheels."""
+
+    stamped: bool
+    """Commands are TwistStamped, as from ROS 2 Kilted on (TurtleBot 4 and others since Jazzy); else Twist."""
+    guarded: bool = True
+    """Commands go to `guard_topic`, and `ltvn guard` beside the robot forwards those that are fresh."""
+    guard_topic: str = "/ltvn/cmd_vel"
+    """Where the guard listens."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """The size of the robot."""
+
+    radius_m: float
+    """Radius of the circle that its body fits into, about the point it turns on."""
+    height_m: float
+    """Height of its body."""
+    ground_clearance_m: float
+    """What is lower than this it drives over."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mounting:
+    """How the camera sits on the robot, and what its messages do not say."""
+
+    height_m: float
+    """Height of the optical centre above the floor."""
+    pitch_deg: float = 0.0
+    """Tilt of the optical axis, upwards positive."""
+    roll_deg: float = 0.0
+    """Turn about the optical axis; positive lowers the camera's right side."""
+    quarter_turns: int = 0
+    """How often its picture must be turned by 90 degrees counter-clockwise to stand upright."""
+    rectified: bool = False
+    """The pictures have no distortion any more, so that only the P of CameraInfo holds."""
+    depth_unit_m: float = MILLIMETRES
+    """Metres per unit of a 16UC1 depth image."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotProfile:
+    """Everything about one kind of robot. Raises RobotError where a field cannot be right."""
+
+    name: str
+    """What people call it."""
+    topics: Topics
+    driving: Driving
+    body: Body
+    camera: Mounting
+    speeds: SpeedLimits = field(default_factory=SpeedLimits)
+    accelerations: AccelerationLimits = field(default_factory=AccelerationLimits)
+    domain: int = 0
+    """The robot's ROS_DOMAIN_ID."""
+
+    def __post_init__(self) -> None:
+        """Check what types alone do not."""
+        named = {f"topics.{each.name}": getattr(self.topics, each.name) for each in fields(self.topics)}
+        named["driving.guard_topic"] = self.driving.guard_topic
+        for place, topic in named.items():
+            if not _TOPIC.fullmatch(topic):
+                raise RobotError(f"{place} is {topic!r:.60}; a topic is written as /camera/color/image_raw.")
+        if self.driving.guard_topic == self.topics.command:
+            raise RobotError("driving.guard_topic is topics.command too, so that the guard would hear itself.")
+        if not 0 <= self.domain <= _LAST_DOMAIN:
+            raise RobotError(f"domain is {self.domain}; a ROS_DOMAIN_ID is from 0 to {_LAST_DOMAIN}.")
+        for limits in (self.speeds, self.accelerations):
+            for each in fields(limits):
+                if getattr(limits, each.name) <= 0:
+                    raise RobotError(f"{each.name} is {getattr(limits, each.name)}; a limit is above 0.")
+        self.spec(CameraModel.from_fov(64, 48, 1.0))  # Its own checks know sizes and angles.
+
+    def spec(self, lens: CameraModel) -> RobotSpec:
+        """Return what the toolkit asks of a robot, with the lens that the robot itself told."""
+        return RobotSpec(
+            name=self.name,
+            radius_m=self.body.radius_m,
+            height_m=self.body.height_m,
+            ground_clearance_m=self.body.ground_clearance_m,
+            camera=self.mounted(lens),
+            speeds=self.speeds,
+            accelerations=self.accelerations,
+        )
+
+    def mounted(self, lens: CameraModel) -> CameraModel:
+        """Return a lens at its place on the robot. Its depth is in metres: messages are decoded so."""
+        return CameraModel.from_json(
+            {
+                **lens.to_json(),
+                "height_m": self.camera.height_m,
+                "pitch_rad": math.radians(self.camera.pitch_deg),
+                "roll_rad": math.radians(self.camera.roll_deg),
+                "quarter_turns": self.camera.quarter_turns,
+                "depth_scale": 1.0,
+            }
+        )
+
+
+def shipped_profiles() -> dict[str, str]:
+    """Return the text of each profile that travels with the toolkit, by name."""
+    folder = files("ltvn_core.robots.ros2") / "profiles"
+    texts = {each.name.removesuffix(".toml"): each for each in folder.iterdir() if each.name.endswith(".toml")}
+    return {name: texts[name].read_text(encoding="utf-8") for name in sorted(texts)}
+
+
+def open_profile(wanted: str) -> RobotProfile:
+    """Return a profile by name, or the one in a TOML file. Raises RobotError."""
+    if wanted.endswith(".toml"):
+        try:
+            text = Path(wanted).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise RobotError(f"The profile {wanted} cannot be read: {error}.") from error
+        return read_profile(text, wanted)
+    known = shipped_profiles()
+    if wanted not in known:
+        raise RobotError(
+            f"No robot profile is called {wanted!r:.60}. {which_name(wanted, known)}; one of your own is named by its "
+            "path, as in my_robot.toml."
+        )
+    return read_profile(known[wanted], wanted)
+
+
+def read_profile(text: str, source: str) -> RobotProfile:
+    """Return the profile in a TOML text. Raises RobotError that names every field which is wrong."""
+    try:
+        return _converter().structure(tomllib.loads(text), RobotProfile)
+    except tomllib.TOMLDecodeError as error:
+        raise RobotError(f"The profile {source} is no TOML: {error}.") from error
+    except cattrs.BaseValidationError as error:
+        wrong = "; ".join(
+            each.replace("$.", "").replace("$", "the file")
+            for each in cattrs.transform_error(error, format_exception=_words)
+        )
+        raise RobotError(
+            f"The profile {source} cannot be used: {wrong}. docs/how-to/ros2-robot.md lists the fields."
+        ) from error
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    """Return what reads tables strictly: no field too many, no text where a number belongs."""
+    converter = cattrs.Converter(forbid_extra_keys=True)
+    for kind in (float, int, bool, str):
+        converter.register_structure_hook(kind, _strict)
+    return converter
+
+
+def _strict(value: Any, kind: type) -> Any:
+    fits = isinstance(value, (int, float) if kind is float else kind) and (kind is bool) == isinstance(value, bool)
+    if not fits or (kind is float and not math.isfinite(value)):
+        raise ValueError(f"expected {_KINDS[kind]}, got {value!r:.60}")
+    return kind(value)
+
+
+_KINDS = {float: "a finite number", int: "a whole number", bool: "true or false", str: "text in quotes"}
+
+
+def _words(error: BaseException, _: type | None) -> str:
+    """Say what is wrong with a field, in words."""
+    if isinstance(error, cattrs.ForbiddenExtraKeysError):
+        return f"there is no field {', '.join(sorted(error.extra_fields))}"
+    if isinstance(error, KeyError):
+        return "a field is missing"
+    return str(error).rstrip(".")

@@ -1,0 +1,95 @@
+"""ROS's CameraInfo as a camera model: the lens of raw or of rectified images."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import CameraError, DriveError
+
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
+_FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4")
+_ORDINARY = ("", "plumb_bob", "rational_polynomial", "none")
+
+
+def is_calibrated(info: Any) -> bool:
+    """Tell whether a CameraInfo says anything: drivers without a calibration send zeros."""
+    return _numbers(info, "k")[0] > 0 or _numbers(info, "p")[0] > 0
+
+
+def ros_camera(info: Any, width: int, height: int, *, rectified: bool, topic: str) -> CameraModel:
+    """Return the camera of images of that size, level and of unknown height.
+
+    Args:
+        info: The CameraInfo message, of ROS 1 or 2.
+        width: Columns of the images, which a driver may have binned or cropped,
+        height: and rows.
+        rectified: The images have no distortion any more, so that P holds and not K and D.
+        topic: Where it came from, for messages.
+
+    Raises:
+        DriveError: It is no camera of such images.
+    """
+    k, p = _numbers(info, "k"), _numbers(info, "p")
+    fx, fy, cx, cy = (p[0], p[5], p[2], p[6]) if rectified and p[0] > 0 else (k[0], k[4], k[2], k[5])
+    fisheye, distortion = (False, ()) if rectified else _distortion(info, topic)
+    try:
+        camera = CameraModel(
+            width=int(info.width) or width,
+            height=int(info.height) or height,
+            fx=float(fx),
+            fy=float(fy),
+            cx=float(cx),
+            cy=float(cy),
+            distortion=distortion,
+            fisheye=fisheye,
+        )
+        return _fitted(camera, info, width, height)
+    except CameraError as error:
+        raise DriveError(f"{topic}: {error} Give the camera by --camera.") from error
+
+
+def _fitted(camera: CameraModel, info: Any, width: int, height: int) -> CameraModel:
+    """Return the camera for the size of the images, after cropping and binning."""
+    roi = info.roi
+    if 0 < int(roi.width) < camera.width or 0 < int(roi.height) < camera.height:
+        camera = replace(
+            camera,
+            width=int(roi.width),
+            height=int(roi.height),
+            cx=camera.cx - int(roi.x_offset),
+            cy=camera.cy - int(roi.y_offset),
+        )
+    if (camera.width, camera.height) == (width, height):
+        return camera
+    if abs(camera.width * height - camera.height * width) > 0.02 * camera.width * height:
+        raise CameraError(f"the camera takes {camera.width} x {camera.height} but the images are {width} x {height}.")
+    return camera.scaled(width, height)
+
+
+def _distortion(info: Any, topic: str) -> tuple[bool, tuple[float, ...]]:
+    """Return whether the lens is a fisheye, and its coefficients without those that do nothing."""
+    model = str(info.distortion_model).lower()
+    numbers = tuple(float(number) for number in _numbers(info, "d"))
+    if model in _FISHEYES:
+        return True, numbers[:4]
+    if model not in _ORDINARY and any(numbers):
+        raise DriveError(
+            f"{topic}: the distortion model {model!r:.40} is none of {', '.join((*_ORDINARY[1:3], *_FISHEYES[:1]))}; "
+            "give the camera by --camera."
+        )
+    for count in (0, 4, 5, 8):
+        if not any(numbers[count:]):
+            return False, (numbers + (0.0,) * count)[:count]
+    raise DriveError(
+        f"{topic}: {len(numbers)} coefficients of distortion are more than 8; give the camera by --camera."
+    )
+
+
+def _numbers(info: Any, name: str) -> np.ndarray:
+    """Return a field that ROS 2 writes small and ROS 1 large."""
+    found = getattr(info, name, None)
+    numbers = np.asarray(getattr(info, name.upper(), ()) if found is None else found, np.float64)
+    return numbers if numbers.size or name == "d" else np.zeros(12)

@@ -1,0 +1,153 @@
+"""ROS's image messages as colours and as depth in metres, whatever encoding a driver chose.
+
+Owns the encodings of `sensor_msgs/Image` and the formats of `sensor_msgs/CompressedImage`.
+"""
+
+import struct
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import MILLIMETRES
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
+from ltvn_core.cameras.rvl_depth import decode_rvl
+from ltvn_core.errors import DriveError
+from ltvn_core.types import Depth, Rgb
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+
+_DEPTH_HEADER = struct.Struct("<iff")
+"""Before the PNG of a `compressedDepth` message: which compression, and two constants for depth in floats."""
+_RVL_HEADER = struct.Struct("<II")
+
+
+class _Layout(NamedTuple):
+    dtype: type[np.generic]
+    channels: int
+    to_rgb: int | None
+    """OpenCV's conversion; None where it is RGB already."""
+    rows_per_line: float = 1.0
+    """Rows of data for a line of the image; colours in planes have half as many again."""
+
+
+_COLOURS = {
+    "rgb8": _Layout(np.uint8, 3, None),
+    "bgr8": _Layout(np.uint8, 3, cv2.COLOR_BGR2RGB),
+    "8uc3": _Layout(np.uint8, 3, cv2.COLOR_BGR2RGB),
+    "rgba8": _Layout(np.uint8, 4, cv2.COLOR_RGBA2RGB),
+    "bgra8": _Layout(np.uint8, 4, cv2.COLOR_BGRA2RGB),
+    "8uc4": _Layout(np.uint8, 4, cv2.COLOR_BGRA2RGB),
+    "rgb16": _Layout(np.uint16, 3, None),
+    "bgr16": _Layout(np.uint16, 3, cv2.COLOR_BGR2RGB),
+    "mono8": _Layout(np.uint8, 1, cv2.COLOR_GRAY2RGB),
+    "8uc1": _Layout(np.uint8, 1, cv2.COLOR_GRAY2RGB),
+    "mono16": _Layout(np.uint16, 1, cv2.COLOR_GRAY2RGB),
+    "bayer_rggb8": _Layout(np.uint8, 1, cv2.COLOR_BayerRGGB2RGB),
+    "bayer_bggr8": _Layout(np.uint8, 1, cv2.COLOR_BayerBGGR2RGB),
+    "bayer_gbrg8": _Layout(np.uint8, 1, cv2.COLOR_BayerGBRG2RGB),
+    "bayer_grbg8": _Layout(np.uint8, 1, cv2.COLOR_BayerGRBG2RGB),
+    "bayer_rggb16": _Layout(np.uint16, 1, cv2.COLOR_BayerRGGB2RGB),
+    "bayer_bggr16": _Layout(np.uint16, 1, cv2.COLOR_BayerBGGR2RGB),
+    "bayer_gbrg16": _Layout(np.uint16, 1, cv2.COLOR_BayerGBRG2RGB),
+    "bayer_grbg16": _Layout(np.uint16, 1, cv2.COLOR_BayerGRBG2RGB),
+    "yuv422": _Layout(np.uint8, 2, cv2.COLOR_YUV2RGB_UYVY),
+    "uyvy": _Layout(np.uint8, 2, cv2.COLOR_YUV2RGB_UYVY),
+    "yuv422_yuy2": _Layout(np.uint8, 2, cv2.COLOR_YUV2RGB_YUY2),
+    "yuyv": _Layout(np.uint8, 2, cv2.COLOR_YUV2RGB_YUY2),
+    "nv12": _Layout(np.uint8, 1, cv2.COLOR_YUV2RGB_NV12, 1.5),
+    "nv21": _Layout(np.uint8, 1, cv2.COLOR_YUV2RGB_NV21, 1.5),
+}
+_DEPTHS = {
+    "16uc1": _Layout(np.uint16, 1, None),
+    "mono16": _Layout(np.uint16, 1, None),
+    "32fc1": _Layout(np.float32, 1, None),
+    "64fc1": _Layout(np.float64, 1, None),
+}
+
+
+def shows_depth(message: Any) -> bool:
+    """Tell whether an image message holds depth, by its encoding or format."""
+    said = str(getattr(message, "encoding", "") or getattr(message, "format", "")).lower()
+    return said.startswith(("16uc1", "32fc1", "64fc1")) or "compresseddepth" in said
+
+
+def image_size(message: Any) -> tuple[int, int] | None:
+    """Return width and height of an uncompressed image; None for a compressed one."""
+    return (int(message.width), int(message.height)) if hasattr(message, "encoding") else None
+
+
+def decode_colours(message: Any, source: str) -> Rgb:
+    """Return the colours (H, W, 3) of an image message, which `source` names. Raises DriveError."""
+    if not hasattr(message, "encoding"):
+        return decode_colour(bytes(message.data), source)
+    layout = _layout(message, _COLOURS, source)
+    image = _pixels(message, layout, source)
+    if image.dtype == np.uint16:
+        image = (image >> 8).astype(np.uint8)
+    if layout.to_rgb is None:
+        return np.ascontiguousarray(image)
+    try:
+        return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), layout.to_rgb), np.uint8)
+    except cv2.error as error:  # An odd number of pixels where colours come in twos.
+        raise DriveError(f"{source}: {image.shape} cannot be {message.encoding}.") from error
+
+
+def decode_metres(message: Any, source: str) -> Depth:
+    """Return depth (H, W) in metres, 0 = no return, of an image message. Raises DriveError."""
+    if not hasattr(message, "encoding"):
+        return _clean(_compressed_metres(bytes(message.data), str(message.format), source))
+    image = _pixels(message, _layout(message, _DEPTHS, source), source)
+    return _clean(image * np.float32(MILLIMETRES) if image.dtype == np.uint16 else image.astype(np.float32))
+
+
+def _layout(message: Any, known: dict[str, _Layout], source: str) -> _Layout:
+    layout = known.get(str(message.encoding).lower())
+    if layout is None:
+        raise DriveError(f"{source}: the encoding {message.encoding!r:.40} is none of {', '.join(known)}.")
+    return layout
+
+
+def _pixels(message: Any, layout: _Layout, source: str) -> NDArray:
+    """Return the data of an image as (rows, W) or (rows, W, channels), without the padding at the end of each line."""
+    width, rows, step = int(message.width), int(message.height * layout.rows_per_line), int(message.step)
+    dtype = np.dtype(layout.dtype).newbyteorder(">" if message.is_bigendian else "<")
+    line = width * layout.channels * dtype.itemsize
+    if not (0 < line <= step and rows > 0 and rows * step <= message.data.size):
+        raise DriveError(
+            f"{source}: {message.data.size:,} bytes in lines of {step} are no {width} x {message.height} image of "
+            f"{message.encoding}."
+        )
+    lines = message.data[: rows * step].reshape(rows, step)[:, :line]
+    pixels = np.ascontiguousarray(lines).view(dtype).astype(layout.dtype, copy=False)
+    return pixels if layout.channels == 1 else pixels.reshape(rows, width, layout.channels)
+
+
+def _compressed_metres(data: bytes, form: str, source: str) -> Depth:
+    if "compresseddepth" not in form.lower():
+        return decode_depth(data, MILLIMETRES, source)
+    if len(data) <= _DEPTH_HEADER.size:
+        raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
+    _, scale, offset = _DEPTH_HEADER.unpack_from(data)
+    steps = _compressed_units(data[_DEPTH_HEADER.size :], form, source)
+    if not form.lower().startswith("32fc1"):
+        return steps * np.float32(MILLIMETRES)
+    # Floats are sent as 16 bits of inverse depth.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.where(steps > 0, np.float32(scale) / (steps - np.float32(offset)), 0).astype(np.float32)
+
+
+def _compressed_units(data: bytes, form: str, source: str) -> Depth:
+    """Return the 16 bits of each pixel as they were compressed, by PNG or by RVL behind width and height."""
+    if not form.lower().rstrip().endswith("rvl"):
+        return decode_depth(data, 1.0, source)
+    if len(data) < _RVL_HEADER.size:
+        raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
+    width, height = _RVL_HEADER.unpack_from(data)
+    return decode_rvl(data[_RVL_HEADER.size :], width, height, source).astype(np.float32)
+
+
+def _clean(metres: Depth) -> Depth:
+    return np.where(np.isfinite(metres) & (metres > 0), metres, 0).astype(np.float32)

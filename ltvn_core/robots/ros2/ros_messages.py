@@ -1,0 +1,140 @@
+"""Messages of ROS 2 made from what the toolkit senses and does, and read back; each is checked as it comes in.
+
+Stamps are seconds on the robot's clock. Owns the names of frames. Images are decoded by `ros_images`.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import RobotError
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.ros_images import IMAGE
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED, type_store
+from ltvn_core.types import Depth, Pose, Rgb, Twist
+
+BASE_FRAME, ODOMETRY_FRAME, CAMERA_FRAME = "base_link", "odom", "camera_color_optical_frame"
+_UNIT_QUATERNION_TOLERANCE = 0.01
+
+
+def twist_message(twist: Twist, stamp_s: float | None) -> Any:
+    """Return a velocity command: a TwistStamped where there is a stamp, else a Twist."""
+    message = _make(TWIST, linear=_vector(twist.linear_m_s, 0.0, 0.0), angular=_vector(0.0, 0.0, twist.angular_rad_s))
+    if stamp_s is None:
+        return message
+    return _make(TWIST_STAMPED, header=header(stamp_s, BASE_FRAME), twist=message)
+
+
+def odometry_message(pose: Pose, speeds: Twist, stamp_s: float) -> Any:
+    """Return where the robot is, (3,), and how fast it goes."""
+    x, y, yaw = map(float, pose)
+    turn = _make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+    place = _make(
+        "geometry_msgs/msg/Pose", position=_make("geometry_msgs/msg/Point", x=x, y=y, z=0.0), orientation=turn
+    )
+    unknown = np.zeros(36)
+    return _make(
+        ODOMETRY,
+        header=header(stamp_s, ODOMETRY_FRAME),
+        child_frame_id=BASE_FRAME,
+        pose=_make("geometry_msgs/msg/PoseWithCovariance", pose=place, covariance=unknown),
+        twist=_make("geometry_msgs/msg/TwistWithCovariance", twist=twist_message(speeds, None), covariance=unknown),
+    )
+
+
+def image_message(pixels: Rgb | Depth, stamp_s: float) -> Any:
+    """Return colours (H, W, 3) as rgb8, or depth (H, W) in metres as 32FC1."""
+    rows = np.ascontiguousarray(pixels)
+    return _make(
+        IMAGE,
+        header=header(stamp_s, CAMERA_FRAME),
+        height=rows.shape[0],
+        width=rows.shape[1],
+        encoding="rgb8" if rows.ndim == 3 else "32FC1",
+        is_bigendian=0,
+        step=rows.strides[0],
+        data=rows.view(np.uint8).ravel(),
+    )
+
+
+def camera_info_message(camera: CameraModel, stamp_s: float) -> Any:
+    """Return the lens of a camera; its mounting is no part of the message."""
+    k = [camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1]
+    p = [camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0]
+    region = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
+    return _make(
+        CAMERA_INFO,
+        header=header(stamp_s, CAMERA_FRAME),
+        height=camera.height,
+        width=camera.width,
+        distortion_model=distortion_model(camera),
+        d=np.array(camera.distortion or (0.0,) * 5, np.float64),
+        k=np.array(k, np.float64),
+        r=np.eye(3).ravel(),
+        p=np.array(p, np.float64),
+        binning_x=0,
+        binning_y=0,
+        roi=_make("sensor_msgs/msg/RegionOfInterest", **region),
+    )
+
+
+def header(stamp_s: float, frame: str) -> Any:
+    """Return the header of a message."""
+    # Apart, because nanoseconds since 1970 are more digits than a float has.
+    seconds = math.floor(stamp_s)
+    carry, nanoseconds = divmod(round((stamp_s - seconds) * 1e9), 10**9)
+    return _make(
+        "std_msgs/msg/Header",
+        stamp=_make("builtin_interfaces/msg/Time", sec=seconds + carry, nanosec=nanoseconds),
+        frame_id=frame,
+    )
+
+
+def distortion_model(camera: CameraModel) -> str:
+    """Return ROS's name of a lens."""
+    if camera.fisheye:
+        return "equidistant"
+    return "rational_polynomial" if len(camera.distortion) > 5 else "plumb_bob"
+
+
+def read_stamp(message: Any, source: str) -> float:
+    """Return the seconds in a message's header. Raises RobotError."""
+    stamp = message.header.stamp
+    if stamp.sec < 0 or stamp.nanosec >= 10**9:
+        raise RobotError(f"{source}: {stamp.sec} s and {stamp.nanosec} ns are no time; is the robot's clock set?")
+    return stamp.sec + stamp.nanosec * 1e-9
+
+
+def read_twist(message: Any, source: str) -> Twist:
+    """Return the speeds in a Twist or TwistStamped. Raises RobotError where one is not finite."""
+    body = getattr(message, "twist", message)
+    twist = Twist(float(body.linear.x), float(body.angular.z))
+    if not all(map(math.isfinite, twist)):
+        raise RobotError(
+            f"{source}: a command must be two finite speeds, got {twist.linear_m_s} m/s and "
+            f"{twist.angular_rad_s} rad/s; it is refused."
+        )
+    return twist
+
+
+def read_odometry(message: Any, source: str) -> Pose:
+    """Return x, y, yaw (3,) of an Odometry. Raises RobotError where they cannot be right."""
+    place = message.pose.pose
+    q = place.orientation
+    length = math.hypot(q.x, q.y, q.z, q.w)
+    if not (math.isfinite(place.position.x) and math.isfinite(place.position.y)):
+        raise RobotError(f"{source}: odometry says x {place.position.x}, y {place.position.y}; both must be metres.")
+    if not abs(length - 1.0) <= _UNIT_QUATERNION_TOLERANCE:
+        raise RobotError(f"{source}: odometry's quaternion has length {length:g} instead of 1, so it says no heading.")
+    yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
+    return np.array([place.position.x, place.position.y, yaw])
+
+
+def _vector(x: float, y: float, z: float) -> Any:
+    return _make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def _make(name: str, **fields: Any) -> Any:
+    return type_store().types[name](**fields)

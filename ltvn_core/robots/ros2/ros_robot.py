@@ -1,0 +1,187 @@
+"""A robot of ROS 2 behind the `Robot` protocol: its newest image with depth and odometry, and its wheels.
+
+Owns what counts as stale. Opened by `open_ros_robot` from PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447.
+"""
+
+import time
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.robots.robot import WallClock
+from ltvn_core.robots.robot_spec import RobotSpec
+from ltvn_core.robots.ros2.command_sender import CommandSender
+from ltvn_core.robots.ros2.complaints import Complaints
+from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
+from ltvn_core.robots.ros2.ros_images import IMAGE, decode_colours, decode_metres
+from ltvn_core.robots.ros2.ros_messages import twist_message
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
+from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.zenoh_link import ZenohLink
+from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, RobotState, Twist
+
+STALE_S = 0.5
+"""An image older than this is no image of now."""
+_PATIENCE_S = 10.0
+"""So long a robot may take to send its first image."""
+
+
+def open_ros_robot(wanted: str, *, patience_s: float = _PATIENCE_S) -> "RosRobot":
+    """Connect to PROFILE@ADDRESS and wait for its first image. Drives nothing. Raises RobotError."""
+    profile, address = split_address(wanted)
+    link = ZenohLink.connect(address, node="ltvn", domain=profile.domain)
+    try:
+        return RosRobot(link, profile, patience_s=patience_s)
+    except LtvnError:
+        link.close()
+        raise
+
+
+def split_address(wanted: str) -> tuple[RobotProfile, str]:
+    """Return the profile and the router's address in PROFILE@ADDRESS. Raises RobotError."""
+    name, _, address = wanted.rpartition("@")
+    return open_profile(name), address
+
+
+class RosRobot:
+    """A robot at the other end of a link. Implements `ltvn_core.robots.robot.Robot`."""
+
+    def __init__(self, link: ZenohLink, profile: RobotProfile, *, patience_s: float = _PATIENCE_S) -> None:
+        """Listen to the robot until all of its topics have spoken. Raises RobotError that names the silent ones."""
+        self.profile = profile
+        self.link = link
+        self.clock = WallClock()
+        self.inbox = SensorInbox(profile)
+        self._complaints = Complaints()
+        self._subscribe()
+        if not self.inbox.wait_for_all(patience_s):
+            raise RobotError(
+                f"{profile.name} at {link.address}: within {patience_s:g} s not everything came: "
+                f"{self.inbox.complaint(time.monotonic())}. `ros2 topic list` has the names; put them into a profile."
+            )
+        first = self._newest()
+        self._spec = profile.spec(self._lens(first))
+        self._began_s = first.stamp_s - (self.clock.now() - (time.monotonic() - first.arrived_s))
+        self._seen: tuple[Moment, Observation] | None = None
+        self._step = 0
+        driving = profile.driving
+        self._kind = TWIST_STAMPED if driving.stamped else TWIST
+        goal = driving.guard_topic if driving.guarded else profile.topics.command
+        self._commands = link.publisher(Topic(goal, self._kind, profile.domain))
+        self._sender = CommandSender(self._send, lambda: link.is_connected, profile.speeds)
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The profile's, with the lens that the robot told."""
+        return self._spec
+
+    @property
+    def age_s(self) -> float:
+        """Seconds since the newest whole image came."""
+        return time.monotonic() - self._newest().arrived_s
+
+    def observe(self) -> Observation:
+        """Return the newest image with depth and odometry of one moment.
+
+        Raises RobotError where it is older than 0.5 s, or where driving broke off and the driver has not let go yet.
+        """
+        if (reason := self._sender.break_reason) is not None:
+            raise RobotError(f"{self.profile.name} was stopped: {reason}. Let go for a moment, then drive again.")
+        moment = self._newest()
+        age_s = time.monotonic() - moment.arrived_s
+        if age_s > STALE_S:
+            self._sender.interrupt(f"its images stopped for {age_s:.1f} s")
+            link = "" if self.link.is_connected else " The link is broken; it comes back by itself."
+            raise RobotError(
+                f"{self.profile.name}: its newest image is {age_s:.1f} s old, so it is not driven: "
+                f"{self.inbox.complaint(time.monotonic())}.{link}"
+            )
+        if self._seen is None or (self._seen[0] is not moment and self._seen[0].stamp_s != moment.stamp_s):
+            self._seen = moment, self._decoded(moment)
+        return self._seen[1]
+
+    def state(self) -> RobotState:
+        """Return the newest odometry; the bumper is not known."""
+        kept = self.inbox.odometry.kept
+        if not kept:
+            raise RobotError(f"{self.profile.name}: {self.inbox.complaint(time.monotonic())}.")
+        newest = kept[-1]
+        stamp = newest.stamp_s - self._began_s
+        return RobotState(newest.content, stamp, max(self._step, int(stamp / CONTROL_STEP_S)), False)
+
+    def drive(self, twist: Twist) -> None:
+        """Command a velocity for the time of a lease; nothing after a break, until the driver has let go."""
+        self._sender.drive(twist)
+
+    def stop(self) -> None:
+        """Send a zero now."""
+        self._sender.stop()
+
+    def close(self) -> None:
+        """Stop, and leave."""
+        self._sender.close()
+        self.link.close()
+
+    @property
+    def has_listener(self) -> bool:
+        """Whether anybody takes the commands: the guard, or the robot itself."""
+        return self._commands.has_listener
+
+    def _subscribe(self) -> None:
+        topics, domain, inbox = self.profile.topics, self.profile.domain, self.inbox
+        for stream in (inbox.colour, inbox.depth):
+            take = partial(inbox.take_image, stream)
+            self.link.subscribe(Topic(stream.topic, IMAGE, domain), take, partial(self._refuse, stream))
+        odometry = Topic(topics.odometry, ODOMETRY, domain)
+        self.link.subscribe(odometry, inbox.take_odometry, partial(self._refuse, inbox.odometry))
+        info = Topic(topics.camera_info, CAMERA_INFO, domain)
+        self.link.subscribe(info, inbox.take_camera_info, partial(self._refuse, inbox.colour))
+
+    def _refuse(self, stream: Stream, error: RobotError) -> None:
+        stream.refusal = str(error)
+        self._complaints.say(error)
+
+    def _newest(self) -> Moment:
+        moment = self.inbox.newest()
+        if moment is None:
+            raise RobotError(f"{self.profile.name}: no whole image: {self.inbox.complaint(time.monotonic())}.")
+        return moment
+
+    def _lens(self, moment: Moment) -> CameraModel:
+        info, topic = self.inbox.camera_info, self.profile.topics.camera_info
+        if not is_calibrated(info):
+            raise RobotError(f"{topic} says nothing of the lens: all zeros; calibrate the camera on the robot.")
+        size = int(moment.colour.width), int(moment.colour.height)
+        try:
+            return ros_camera(info, *size, rectified=self.profile.camera.rectified, topic=topic)
+        except LtvnError as error:
+            raise RobotError(str(error)) from error
+
+    def _decoded(self, moment: Moment) -> Observation:
+        topics = self.profile.topics
+        try:
+            rgb = decode_colours(moment.colour, topics.colour)
+            depth = _metres(moment.depth, topics.depth, self.profile.camera.depth_unit_m)
+        except LtvnError as error:
+            raise RobotError(str(error)) from error
+        if depth.shape != rgb.shape[:2]:
+            raise RobotError(
+                f"{topics.depth} is {depth.shape[1]} x {depth.shape[0]} but {topics.colour} is {rgb.shape[1]} x "
+                f"{rgb.shape[0]}; name the topic of depth that is aligned with the colours."
+            )
+        stamp = moment.stamp_s - self._began_s
+        self._step = max(self._step + 1, int(stamp / CONTROL_STEP_S))
+        return Observation(rgb=rgb, depth=depth, odometry=moment.odometry, stamp=stamp, step=self._step)
+
+    def _send(self, twist: Twist) -> None:
+        self._commands.put(twist_message(twist, time.time() if self._kind == TWIST_STAMPED else None))
+
+
+def _metres(message: Any, topic: str, unit_m: float) -> Depth:
+    depth = decode_metres(message, topic)
+    return depth * np.float32(unit_m / MILLIMETRES) if str(message.encoding).upper() == "16UC1" else depth

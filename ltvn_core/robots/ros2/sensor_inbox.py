@@ -1,0 +1,144 @@
+"""What a robot of ROS 2 sent last: colours, depth and odometry, matched by their stamps.
+
+Keeps a second of each at most. Filled by the link's threads, read by whoever observes. Owns the matching and the words
+for what is missing; decodes no image.
+"""
+
+import threading
+from collections import deque
+from typing import Any, NamedTuple
+
+from ltvn_core.errors import RobotError
+from ltvn_core.robots.ros2.freshness import Freshness
+from ltvn_core.robots.ros2.profile import RobotProfile
+from ltvn_core.robots.ros2.ros_messages import read_odometry, read_stamp
+from ltvn_core.robots.ros2.zenoh_link import Received
+from ltvn_core.types import Pose
+
+TOGETHER_S = 0.05
+"""What was taken within so much is of one moment."""
+MOST_LATE_S = 0.5
+"""What took so much longer on its way than the quickest is not used."""
+_CLOCK_JUMP_S = 1.0
+_KEPT = 30
+
+
+class Stamped(NamedTuple):
+    """A message and its times."""
+
+    stamp_s: float
+    """On the robot's clock."""
+    arrived_s: float
+    """On our steady clock."""
+    content: Any
+
+
+class Moment(NamedTuple):
+    """Colours, depth and place of one moment; not decoded yet."""
+
+    stamp_s: float
+    """When the colours were taken, on the robot's clock."""
+    arrived_s: float
+    """When the last of them came, on our steady clock."""
+    colour: Any
+    depth: Any
+    odometry: Pose
+
+
+class Stream:
+    """The newest messages of one topic."""
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self.kept: deque[Stamped] = deque(maxlen=_KEPT)
+        self.count = 0
+        self.freshness = Freshness(topic, most_late_s=MOST_LATE_S)
+        self.refusal: str | None = None
+        """What was wrong with the last message; None where it was used."""
+
+    def add(self, received: Received, content: Any) -> None:
+        """Keep a message. Raises RobotError where it is late, or the robot's clock jumped."""
+        self.freshness.admit(received.attachment, received.arrived_s)
+        item = Stamped(read_stamp(received.message, self.topic), received.arrived_s, content)
+        if self.kept:
+            last = self.kept[-1]
+            jump_s = (item.stamp_s - last.stamp_s) - (item.arrived_s - last.arrived_s)
+            if abs(jump_s) > _CLOCK_JUMP_S:
+                self.kept.clear()
+                raise RobotError(
+                    f"{self.topic}: stamps jumped by {jump_s:+.1f} s; the robot's clock was set. Connect again."
+                )
+        self.kept.append(item)
+        self.count += 1
+        self.refusal = None
+
+    def nearest(self, stamp_s: float) -> Stamped | None:
+        """Return the message of that moment."""
+        near = min(self.kept, key=lambda each: abs(each.stamp_s - stamp_s), default=None)
+        return near if near is not None and abs(near.stamp_s - stamp_s) <= TOGETHER_S else None
+
+    def age_s(self, now_s: float) -> float | None:
+        """Return how long ago the last message came; None where none did."""
+        return now_s - self.kept[-1].arrived_s if self.kept else None
+
+
+class SensorInbox:
+    """All that the robot says."""
+
+    def __init__(self, profile: RobotProfile) -> None:
+        """Nothing came yet."""
+        topics = profile.topics
+        self.colour, self.depth, self.odometry = map(Stream, (topics.colour, topics.depth, topics.odometry))
+        self.camera_info: Any = None
+        """The last CameraInfo."""
+        self._changed = threading.Condition(threading.RLock())
+
+    @property
+    def streams(self) -> tuple[Stream, Stream, Stream]:
+        """Colours, depth and odometry."""
+        return self.colour, self.depth, self.odometry
+
+    def take_image(self, stream: Stream, received: Received) -> None:
+        """Keep an image of colours or of depth."""
+        with self._changed:
+            stream.add(received, received.message)
+            self._changed.notify_all()
+
+    def take_odometry(self, received: Received) -> None:
+        """Keep where the robot says it is."""
+        pose = read_odometry(received.message, self.odometry.topic)
+        with self._changed:
+            self.odometry.add(received, pose)
+            self._changed.notify_all()
+
+    def take_camera_info(self, received: Received) -> None:
+        """Keep the lens."""
+        with self._changed:
+            self.camera_info = received.message
+            self._changed.notify_all()
+
+    def newest(self) -> Moment | None:
+        """Return the newest moment of which colours, depth and odometry have come."""
+        with self._changed:
+            for colour in reversed(self.colour.kept):
+                depth, place = self.depth.nearest(colour.stamp_s), self.odometry.nearest(colour.stamp_s)
+                if depth is not None and place is not None:
+                    arrived_s = max(colour.arrived_s, depth.arrived_s, place.arrived_s)
+                    return Moment(colour.stamp_s, arrived_s, colour.content, depth.content, place.content)
+        return None
+
+    def wait_for_all(self, patience_s: float) -> bool:
+        """Wait until a whole moment and the lens are there; tell whether they are."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self.newest() is not None and self.camera_info is not None, patience_s
+            )
+
+    def complaint(self, now_s: float) -> str:
+        """Say in words what is missing, topic by topic."""
+        words = [] if self.camera_info is not None else ["no CameraInfo came"]
+        for stream in self.streams:
+            age_s = stream.age_s(now_s)
+            said = "never came" if age_s is None else f"came {age_s:.1f} s ago"
+            words.append(f"{stream.topic} {said}" + (f" ({stream.refusal})" if stream.refusal else ""))
+        return "; ".join(words)

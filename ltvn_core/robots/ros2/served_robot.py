@@ -1,0 +1,100 @@
+"""A robot of the toolkit shown as a robot of ROS 2: what it sees goes out, what moves it comes in, in real time.
+
+The other half of `ros_robot`; the simulated robot becomes a test double and a simulator for other people's programs.
+Has a drive lease of its own on the machine's steady clock. Owns the pace.
+"""
+
+import math
+import time
+from collections.abc import Callable
+
+from ltvn_core.errors import RobotError
+from ltvn_core.geometry import relative
+from ltvn_core.robots.drive_lease import DriveLease
+from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.ros2.complaints import Complaints
+from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
+from ltvn_core.robots.ros2.profile import RobotProfile
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.ros_images import IMAGE
+from ltvn_core.robots.ros2.ros_messages import camera_info_message, image_message, odometry_message, read_twist
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Twist
+
+TURN_S = 0.02
+"""The wheels look for commands so often."""
+_MOST_MADE_UP_S = 0.2
+"""A simulator that was held up for longer lets that time be."""
+
+
+class ServedRobot:
+    """A robot and the topics of its profile."""
+
+    def __init__(self, robot: Robot, link: ZenohLink, profile: RobotProfile) -> None:
+        """Announce all topics, and listen for commands."""
+        self._robot = robot
+        self._lease = DriveLease(time.monotonic, limits=robot.spec.speeds)
+        self._freshness = Freshness(profile.topics.command, most_late_s=MOST_LATE_COMMAND_S)
+        self._complaints = Complaints()
+        self.refusal: str | None = None
+        """What was wrong with the last command; None where it was obeyed."""
+        self._source = profile.topics.command
+        self._seen: Observation | None = None
+        topics, domain = profile.topics, profile.domain
+        self._colour = link.publisher(Topic(topics.colour, IMAGE, domain), best_effort=True)
+        self._depth = link.publisher(Topic(topics.depth, IMAGE, domain), best_effort=True)
+        self._info = link.publisher(Topic(topics.camera_info, CAMERA_INFO, domain), best_effort=True)
+        self._odometry = link.publisher(Topic(topics.odometry, ODOMETRY, domain))
+        kind = TWIST_STAMPED if profile.driving.stamped else TWIST
+        link.subscribe(Topic(topics.command, kind, domain), self._take_command, self._refuse)
+
+    def run(self, is_over: Callable[[], bool]) -> None:
+        """Let time pass as on the wall, and send an image with odometry 10 times a second, until it is over."""
+        passed_s, looked_s = time.monotonic(), -math.inf
+        while not is_over():
+            now_s = time.monotonic()
+            if now_s - looked_s >= CONTROL_STEP_S:
+                looked_s = now_s if now_s - looked_s > 2 * CONTROL_STEP_S else looked_s + CONTROL_STEP_S
+                self._look()
+            self._turn_wheels()
+            now_s = time.monotonic()
+            self._robot.clock.advance(min(now_s - passed_s, _MOST_MADE_UP_S))
+            passed_s = now_s
+            time.sleep(TURN_S)
+        self._robot.stop()
+
+    def _turn_wheels(self) -> None:
+        # The robot's own lease runs on simulated time, ours on the wall's: it holds when this process was stopped.
+        self._robot.drive(self._lease.command())
+
+    def _look(self) -> None:
+        stamp_s = time.time()
+        seen = self._robot.observe()
+        self._odometry.put(odometry_message(seen.odometry, self._speeds(seen), stamp_s))
+        self._info.put(camera_info_message(self._robot.spec.camera, stamp_s))
+        self._colour.put(image_message(seen.rgb, stamp_s))
+        if seen.depth is not None:
+            self._depth.put(image_message(seen.depth, stamp_s))
+
+    def _speeds(self, seen: Observation) -> Twist:
+        """Return how fast it went since the last look."""
+        last, self._seen = self._seen, seen
+        if last is None or seen.stamp <= last.stamp:
+            return ZERO_TWIST
+        ahead, _, turned = relative(last.odometry, seen.odometry) / (seen.stamp - last.stamp)
+        return Twist(float(ahead), float(turned))
+
+    def _take_command(self, received: Received) -> None:
+        self._freshness.admit(received.attachment, received.arrived_s)
+        try:
+            self._lease.grant(read_twist(received.message, self._source))
+        except RobotError:
+            self._lease.cancel()  # Who sends invalid speeds is broken, and must not keep the robot moving.
+            raise
+        self.refusal = None
+
+    def _refuse(self, error: RobotError) -> None:
+        self.refusal = str(error)
+        self._complaints.say(error)

@@ -1,0 +1,106 @@
+"""Where messages travel, as `rmw_zenoh` names it: the keys of topics and the liveliness tokens of who takes part.
+
+Owns both patterns and the check of what a key says. Sends nothing.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from enum import Enum
+
+from ltvn_core.errors import RobotError
+from ltvn_core.robots.ros2.attachment import GID_BYTES
+from ltvn_core.robots.ros2.ros_types import NO_HASH, dds_name, type_hash
+
+TOKENS = "@ros2_lv"
+_DEFAULT_QOS_REST = ":,:,:,,"
+
+
+class Role(Enum):
+    """What an endpoint does with its topic, as tokens say it."""
+
+    PUBLISHES = "MP"
+    SUBSCRIBES = "MS"
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic of one type in one ROS domain."""
+
+    name: str
+    """With its leading slash: `/cmd_vel`."""
+    type_name: str
+    """Such as `geometry_msgs/msg/Twist`."""
+    domain: int = 0
+    """The robot's ROS_DOMAIN_ID."""
+
+    @property
+    def key(self) -> str:
+        """Where messages of exactly this type are published."""
+        return f"{self._place}/{dds_name(self.type_name)}/{type_hash(self.type_name)}"
+
+    @property
+    def any_type_key(self) -> str:
+        """Takes messages of every type there, so that a wrong one can be told from none."""
+        return f"{self._place}/*/*"
+
+    @property
+    def _place(self) -> str:
+        return f"{self.domain}/{self.name.strip('/')}"
+
+    def check_key(self, key: str) -> None:
+        """Raise RobotError where a message of this topic came as another type or another edition of it."""
+        kind, edition = key.split("/")[-2:]
+        if kind != dds_name(self.type_name):
+            raise RobotError(
+                f"{self.name} carries {ros_name(kind)}, expected {self.type_name}; name the right topic in the robot's "
+                "profile, or say there whether its commands are stamped."
+            )
+        if edition not in (type_hash(self.type_name), NO_HASH):
+            raise RobotError(
+                f"{self.name} carries another edition of {self.type_name}: its hash is {edition:.24}..., expected "
+                f"{type_hash(self.type_name):.24}...; is the robot's ROS older than Humble, or the type changed?"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """One publisher or subscriber of a node, as others may see it in `ros2 topic list`."""
+
+    session: str
+    """The Zenoh id of the session."""
+    node: str
+    """Name of the node, in the root namespace."""
+    number: int
+    """Counts the endpoints of the session; 0 is the node itself."""
+    role: Role
+    topic: Topic
+    best_effort: bool = False
+    """A message that got lost is not sent again."""
+    depth: int = 1
+    """So many messages wait at most."""
+
+    @property
+    def token(self) -> str:
+        """The liveliness token: as long as it stands, the endpoint is there."""
+        topic = self.topic
+        mangled = topic.name.replace("/", "%")
+        qos = f"{'2' if self.best_effort else ''}::,{self.depth}{_DEFAULT_QOS_REST}"
+        return (
+            f"{TOKENS}/{topic.domain}/{self.session}/0/{self.number}/{self.role.value}/%/%/{self.node}/"
+            f"{mangled}/{dds_name(topic.type_name)}/{type_hash(topic.type_name)}/{qos}"
+        )
+
+    @property
+    def gid(self) -> bytes:
+        """Names this endpoint beside its messages, 16 bytes."""
+        return hashlib.blake2b(self.token.encode(), digest_size=GID_BYTES).digest()
+
+
+def node_token(session: str, node: str, domain: int) -> str:
+    """Return the liveliness token of a node."""
+    return f"{TOKENS}/{domain}/{session}/0/0/NN/%/%/{node}"
+
+
+def ros_name(wire_name: str) -> str:
+    """Return `geometry_msgs/msg/Twist` for a name on the wire; anything else as it is."""
+    return wire_name.replace("::dds_::", "::").replace("::", "/").removesuffix("_")

@@ -1,0 +1,202 @@
+"""The connection to the robots of a ROS 2 domain, by Zenoh; the only module that knows that library.
+
+Publishes and subscribes as `rmw_zenoh` does, and shows itself in `ros2 topic list`. A link is opened to a router
+(`connect`), or is one itself (`listen`); it listens at no address that nobody asked for, and looks for nobody by
+multicast. A broken link is made anew by itself, and messages of the meantime are lost rather than kept.
+"""
+
+import json
+import logging
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple, Self
+
+import zenoh
+
+from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.robots.ros2.attachment import Attachment
+from ltvn_core.robots.ros2.ros_types import decode, encode
+from ltvn_core.robots.ros2.topic_keys import TOKENS, Endpoint, Role, Topic, node_token
+
+_LOG = logging.getLogger(__name__)
+_CONNECT_MS = 3000
+_ADDRESS = re.compile(r"(tcp|tls|quic|udp|ws)/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+):([0-9]{1,5})")
+LOOPBACK = "tcp/127.0.0.1:7447"
+"""Where a router of this machine listens."""
+
+
+class Received(NamedTuple):
+    """A message that came in and was understood."""
+
+    message: Any
+    attachment: Attachment
+    arrived_s: float
+    """On this machine's steady clock (`time.monotonic`)."""
+
+
+class ZenohLink:
+    """One node in a ROS 2 domain. A context manager; close it, so that others see it go."""
+
+    def __init__(self, session: zenoh.Session, node: str, domain: int, address: str) -> None:
+        """Use `connect` or `listen`."""
+        self.address = address
+        """Where the router is."""
+        self.domain = domain
+        self._session = session
+        self._node = node
+        self._endpoints = 0
+        self._declared: list[Any] = [session.liveliness().declare_token(node_token(str(session.zid()), node, domain))]
+
+    @classmethod
+    def connect(cls, address: str, *, node: str, domain: int = 0) -> Self:
+        """Join through the router at `address`, such as tcp/127.0.0.1:7447. Raises RobotError."""
+        check_address(address)
+        settings = {"mode": "client", "connect/endpoints": [address], "connect/timeout_ms": _CONNECT_MS}
+        advice = "is the router there (`ros2 run rmw_zenoh_cpp rmw_zenohd`, or `ltvn serve`), and the port open?"
+        return cls(_open(settings, f"Nothing answers at {address}; {advice}"), node, domain, address)
+
+    @classmethod
+    def listen(cls, address: str, *, node: str, domain: int = 0) -> Self:
+        """Be the router at `address`, where port 0 takes a free one. Raises RobotError where it is taken."""
+        address = _with_port(address)
+        settings = {"mode": "router", "listen/endpoints": [address]}
+        advice = "another router may be there; use --connect instead, or another port."
+        return cls(_open(settings, f"Cannot listen at {address}; {advice}"), node, domain, address)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether anybody is at the other end now."""
+        return any(True for _ in self._session.info.transports())
+
+    def publisher(self, topic: Topic, *, best_effort: bool = False) -> "TopicPublisher":
+        """Announce that messages of a topic will come from here."""
+        endpoint = self._announce(topic, Role.PUBLISHES, best_effort)
+        return TopicPublisher(self._keep(_declare_publisher(self._session, topic)), endpoint)
+
+    def subscribe(self, topic: Topic, take: Callable[[Received], None], refuse: Callable[[RobotError], None]) -> None:
+        """Hand each message to `take`, and what is wrong with one that cannot be read to `refuse`.
+
+        Both are called in a thread of the link, one message after the other. A RobotError that `take` raises goes to
+        `refuse`, too.
+        """
+
+        def receive(sample: zenoh.Sample) -> None:
+            arrived_s = time.monotonic()
+            try:
+                take(_read(sample, topic, arrived_s))
+            except LtvnError as error:
+                refuse(error if isinstance(error, RobotError) else RobotError(str(error)))
+            except Exception:  # Zenoh would drop it without a word.
+                _LOG.exception("%s: a message could not be handled.", topic.name)
+
+        self._announce(topic, Role.SUBSCRIBES, best_effort=False)
+        self._keep(self._session.declare_subscriber(topic.any_type_key, receive))
+
+    def publishers(self, name: str) -> list[str]:
+        """Return the nodes that say they publish a topic, such as `/odom`."""
+        pattern = f"{TOKENS}/{self.domain}/*/*/*/{Role.PUBLISHES.value}/*/*/*/{name.replace('/', '%')}/*/*/*"
+        replies = [reply.ok for reply in self._session.liveliness().get(pattern, timeout=1.0)]
+        return sorted(str(reply.key_expr).split("/")[8] for reply in replies if reply is not None)
+
+    def close(self) -> None:
+        """Take everything back and leave; closing twice is allowed."""
+        for each in reversed(self._declared):
+            each.undeclare()
+        self._declared.clear()
+        if not self._session.is_closed():
+            self._session.close()
+
+    def _announce(self, topic: Topic, role: Role, best_effort: bool) -> Endpoint:
+        self._endpoints += 1
+        endpoint = Endpoint(
+            session=str(self._session.zid()),
+            node=self._node,
+            number=self._endpoints,
+            role=role,
+            topic=topic,
+            best_effort=best_effort,
+        )
+        self._keep(self._session.liveliness().declare_token(endpoint.token))
+        return endpoint
+
+    def _keep(self, declared: Any) -> Any:
+        self._declared.append(declared)
+        return declared
+
+
+class TopicPublisher:
+    """Sends messages of one topic, numbered and signed. May be used from any thread."""
+
+    def __init__(self, publisher: zenoh.Publisher, endpoint: Endpoint) -> None:
+        self._publisher = publisher
+        self._gid = endpoint.gid
+        self._sequence = 0
+        self._lock = threading.Lock()
+
+    @property
+    def has_listener(self) -> bool:
+        """Whether anybody subscribes to the topic now."""
+        status: Any = self._publisher.matching_status  # Its stub says bool.
+        return bool(status.matching)
+
+    def put(self, message: Any) -> None:
+        """Send a message now, or lose it where the link is broken or full: an old one is worth nothing."""
+        payload = encode(message)
+        with self._lock:
+            self._sequence += 1
+            attachment = Attachment(self._sequence, time.time_ns(), self._gid)
+            self._publisher.put(payload, attachment=attachment.to_bytes())
+
+
+def check_address(address: str) -> tuple[str, str, int]:
+    """Return protocol, host and port of an address. Raises RobotError where it is none."""
+    found = _ADDRESS.fullmatch(address)
+    if found is None or int(found[3]) > 65535:
+        raise RobotError(f"{address!r:.80} is no address of a router; write tcp/HOST:PORT, as in {LOOPBACK}.")
+    return found[1], found[2], int(found[3])
+
+
+def _with_port(address: str) -> str:
+    protocol, host, port = check_address(address)
+    if port:
+        return address
+    with socket.create_server((host.strip("[]"), 0), family=socket.AF_INET6 if "[" in host else socket.AF_INET) as free:
+        return f"{protocol}/{host}:{free.getsockname()[1]}"
+
+
+def _open(settings: dict[str, Any], failure: str) -> zenoh.Session:
+    """Open a session that does only what it is told. Raises RobotError."""
+    config = zenoh.Config()
+    quiet = {"scouting/multicast/enabled": False, "listen/endpoints": [], "connect/endpoints": []}
+    for key, value in {**quiet, **settings}.items():
+        config.insert_json5(key, json.dumps(value))
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise RobotError(failure) from error
+
+
+def _declare_publisher(session: zenoh.Session, topic: Topic) -> zenoh.Publisher:
+    return session.declare_publisher(
+        topic.key,
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.INTERACTIVE_HIGH if "Twist" in topic.type_name else zenoh.Priority.DATA,
+        express=True,
+    )
+
+
+def _read(sample: zenoh.Sample, topic: Topic, arrived_s: float) -> Received:
+    """Check and decode what came in. Raises RobotError."""
+    topic.check_key(str(sample.key_expr))
+    beside = None if sample.attachment is None else sample.attachment.to_bytes()
+    attachment = Attachment.from_bytes(beside, topic.name)
+    return Received(decode(sample.payload.to_bytes(), topic.type_name, topic.name), attachment, arrived_s)

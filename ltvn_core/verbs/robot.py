@@ -1,0 +1,43 @@
+"""`ltvn robot check`: looks a robot of ROS 2 over before anybody drives it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tyro.conf import Positional
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.verb import Summary, Verb
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotVerb(Verb):
+    """Look a robot of ROS 2 over: rates, ages, field of view, tilt, who listens. Drives nothing without --drive.
+
+    Ends with exit code 1 where something is not good enough to navigate by.
+    """
+
+    command: Positional[Literal["check"]]
+    """What to do with it."""
+    robot: Positional[str]
+    """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447."""
+    seconds: float = 3.0
+    """How long to watch it."""
+    drive: bool = False
+    """Turn it on the spot a little, and measure how soon it moves and stands. Keep people and cables away."""
+
+    def run(self) -> Summary:
+        """Watch, and drive where told to; raises OptionError and RobotError."""
+        from ltvn_core.robots.ros2.robot_probe import look_over
+        from ltvn_core.robots.ros2.ros_robot import open_ros_robot
+
+        if not 0.5 <= self.seconds <= 600:
+            raise OptionError(f"--seconds is from 0.5 to 600, got {self.seconds}.")
+        robot = open_ros_robot(self.robot)
+        try:
+            return look_over(robot, seconds=self.seconds, drives=self.drive)
+        finally:
+            robot.close()
+
+    def exit_code(self, summary: Summary) -> int:
+        """Return 1 where there are doubts."""
+        return int(bool(getattr(summary, "doubts", ())))

@@ -1,0 +1,74 @@
+"""`ltvn serve`: the simulated robot as a robot of ROS 2, in real time."""
+
+import logging
+from contextlib import suppress
+from dataclasses import dataclass
+
+from ltvn_core.errors import OptionError
+from ltvn_core.verbs.verb import Summary, Verb
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ServeSummary:
+    """The robot is gone again."""
+
+    scene: str
+    address: str
+    """Where the router was."""
+    driven_s: float
+    """Robot time."""
+    collisions: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeVerb(Verb):
+    """Show the simulated robot as one of ROS 2, until interrupted: images and odometry out, velocities in."""
+
+    scene: str = "demo"
+    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
+    profile: str = "sim"
+    """Whose topics, size and limits it has: locobot, nav2, sim, stretch, turtlebot4, or a TOML file."""
+    listen: str = ""
+    """Be the router at this address; tcp/127.0.0.1:7447 by default, and port 0 takes any free one."""
+    connect: str = ""
+    """Join through the router at this address instead."""
+    width: int = 96
+    """Columns of its images; three quarters as many rows."""
+    world: str | None = None
+    """Let the scene change by itself: static, doors, daily, moving, light, people, ..., or a JSON file."""
+    seed: int = 0
+    """Draws the start, the odometry noise and what changes in the world."""
+
+    def run(self) -> Summary:
+        """Serve until interrupted; raises OptionError, RobotError and SceneError."""
+        from ltvn_core.composition import open_script, open_simulation
+        from ltvn_core.robots.robot_spec import LOCOBOT
+        from ltvn_core.robots.ros2.profile import open_profile
+        from ltvn_core.robots.ros2.served_robot import ServedRobot
+        from ltvn_core.robots.ros2.zenoh_link import LOOPBACK, ZenohLink
+
+        if self.listen and self.connect:
+            raise OptionError("--listen and --connect are two ways to be reached; give one.")
+        if not 16 <= self.width <= 1920:
+            raise OptionError(f"--width is from 16 to 1920, got {self.width}.")
+        profile = open_profile(self.profile)
+        if profile.camera.quarter_turns or profile.camera.roll_deg:
+            raise OptionError(
+                f"{profile.name} has its camera on its side, and the simulator draws upright; use another."
+            )
+        simulation = open_simulation(
+            self.scene,
+            seed=self.seed,
+            spec=profile.spec(LOCOBOT.camera.scaled(self.width, max(self.width * 3 // 4, 1))),
+            script=None if self.world is None else open_script(self.world, self.scene, seed=self.seed),
+        )
+        join = ZenohLink.connect if self.connect else ZenohLink.listen
+        robot = simulation.robot
+        with join(self.connect or self.listen or LOOPBACK, node="ltvn_simulator", domain=profile.domain) as link:
+            served = ServedRobot(robot, link, profile)
+            _LOG.info("Serving %s in %s at %s; Ctrl-C ends it.", profile.name, simulation.scene.name, link.address)
+            with suppress(KeyboardInterrupt):
+                served.run(lambda: False)
+        return ServeSummary(simulation.scene.name, link.address, robot.stamp, robot.collisions)

@@ -1,0 +1,105 @@
+"""The guard in a process of its own: what it forwards, and that the wheels get a zero whatever dies."""
+
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from queue import SimpleQueue
+
+import pytest
+
+from ltvn_core.robots.ros2.profile import shipped_profiles
+from ltvn_core.robots.ros2.ros_messages import read_twist, twist_message
+from ltvn_core.robots.ros2.ros_types import TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.zenoh_link import Received, TopicPublisher, ZenohLink
+from ltvn_core.types import ZERO_TWIST, Twist
+from tests.core.robots.ros2.processes import Program, running
+from tests.waiting import PATIENCE_S, until
+
+pytestmark = pytest.mark.slow
+
+TURN = Twist(0.0, 0.5)
+
+
+class Bench:
+    """Wheels that write down what reaches them, a driver, and the guard between."""
+
+    def __init__(self, link: ZenohLink, guard: Program, driver: TopicPublisher) -> None:
+        self.link, self.guard, self.driver = link, guard, driver
+        self.reached: SimpleQueue[Twist] = SimpleQueue()
+        link.subscribe(Topic("/cmd_vel", TWIST), self._take, lambda error: None)
+        until(lambda: driver.has_listener)
+        self.drive(ZERO_TWIST)
+
+    def drive(self, twist: Twist) -> None:
+        self.driver.put(twist_message(twist, None))
+
+    def next_that(self, is_zero: bool) -> float:
+        """Wait for such a command at the wheels, and return the time on the steady clock."""
+        while (self.reached.get(timeout=PATIENCE_S) == ZERO_TWIST) != is_zero:
+            pass
+        return time.monotonic()
+
+    def _take(self, received: Received) -> None:
+        self.reached.put(read_twist(received.message, "/cmd_vel"))
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    file = tmp_path_factory.mktemp("profile") / "guarded.toml"
+    file.write_text(shipped_profiles()["sim"].replace("guarded = false", "guarded = true"))
+    with ZenohLink.listen("tcp/127.0.0.1:0", node="bench") as link:
+        robot = f"{file}@{link.address}"
+        with running("ltvn_core.verbs.guard", "GuardVerb", robot, ready="Guarding") as guard:
+            yield Bench(link, guard, link.publisher(Topic("/ltvn/cmd_vel", TWIST)))
+
+
+def test_commands_are_forwarded_and_silence_is_one_zero(bench: Bench) -> None:
+    bench.drive(TURN)
+    bench.next_that(is_zero=False)
+    bench.next_that(is_zero=True)
+
+    bench.drive(TURN)  # It drove, fell silent, and sent no stop.
+    bench.guard.wait_until_it_says("a driver sends a stop first")
+    assert bench.reached.empty()
+    bench.drive(ZERO_TWIST)
+    bench.next_that(is_zero=True)
+
+
+def test_a_command_of_another_type_is_named_and_moves_nothing(bench: Bench) -> None:
+    wrong = bench.link.publisher(Topic("/ltvn/cmd_vel", TWIST_STAMPED))
+    wrong.put(twist_message(TURN, time.time()))
+
+    bench.guard.wait_until_it_says(
+        "/ltvn/cmd_vel carries geometry_msgs/msg/TwistStamped, expected geometry_msgs/msg/Twist"
+    )
+    assert bench.reached.empty()
+
+
+def test_a_guard_that_was_suspended_forwards_nothing_old(bench: Bench) -> None:
+    bench.drive(ZERO_TWIST)
+    bench.next_that(is_zero=True)
+    bench.drive(TURN)
+    bench.next_that(is_zero=False)
+    bench.guard.process.send_signal(signal.SIGSTOP)
+    until(lambda: Path(f"/proc/{bench.guard.process.pid}/stat").read_text().split()[2] == "T")
+    begun_s = time.monotonic()
+    until(lambda: bench.drive(TURN) or time.monotonic() - begun_s > 0.6)
+    bench.guard.process.send_signal(signal.SIGCONT)
+
+    bench.next_that(is_zero=True)
+    bench.drive(ZERO_TWIST)
+    bench.next_that(is_zero=True)
+    bench.drive(TURN)
+    bench.next_that(is_zero=False)
+
+
+def test_a_guard_that_ends_sends_a_last_zero(bench: Bench) -> None:
+    bench.drive(ZERO_TWIST)
+    bench.drive(TURN)
+    bench.next_that(is_zero=False)
+    bench.guard.process.terminate()
+
+    bench.next_that(is_zero=True)
+    bench.guard.process.wait(PATIENCE_S)

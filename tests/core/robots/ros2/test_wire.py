@@ -1,0 +1,196 @@
+"""What goes over the wire to a robot of ROS 2, byte for byte, and what is refused of what comes from one."""
+
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from zenoh_ros2_sdk import entity as their_entities
+from zenoh_ros2_sdk import qos as their_qos
+from zenoh_ros2_sdk.attachment import Attachment as TheirAttachment
+from zenoh_ros2_sdk.keyexpr import endpoint_liveliness_keyexpr, node_liveliness_keyexpr, topic_keyexpr
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import DriveError, RobotError
+from ltvn_core.robots.ros2.attachment import Attachment
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.ros_images import IMAGE, decode_colours, decode_metres
+from ltvn_core.robots.ros2.ros_messages import (
+    camera_info_message,
+    image_message,
+    odometry_message,
+    read_odometry,
+    read_stamp,
+    read_twist,
+    twist_message,
+)
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED, decode, encode
+from ltvn_core.robots.ros2.topic_keys import Endpoint, Role, Topic, node_token
+from ltvn_core.types import Twist
+
+Them: Any = their_entities
+TheirQos: Any = their_qos  # Their decorator hides the fields from type checkers.
+STAMP_S = 1_700_000_000.25
+GID = bytes(range(16))
+TWIST_HASH = "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"
+CAMERA = CameraModel.from_fov(4, 2, math.radians(60))
+
+
+class Cdr:
+    """Little-endian CDR written by hand, as the standard says it: each number begins at a multiple of its size."""
+
+    def __init__(self) -> None:
+        self.body = b""
+
+    def put(self, kind: str, *numbers: float) -> "Cdr":
+        size = struct.calcsize(kind)
+        for number in numbers:
+            self.body += b"\0" * (-len(self.body) % size) + struct.pack("<" + kind, number)
+        return self
+
+    def text(self, words: str) -> "Cdr":
+        self.put("I", len(words) + 1)
+        self.body += words.encode() + b"\0"
+        return self
+
+    def header(self, frame: str) -> "Cdr":
+        return self.put("i", 1_700_000_000).put("I", 250_000_000).text(frame)
+
+    def bytes(self) -> bytes:
+        return b"\x00\x01\x00\x00" + self.body
+
+
+def test_a_twist_is_six_numbers() -> None:
+    expected = Cdr().put("d", 0.25, 0, 0, 0, 0, -0.5).bytes()
+
+    assert encode(twist_message(Twist(0.25, -0.5), None)) == expected
+
+
+def test_a_stamped_twist_has_its_header_before() -> None:
+    expected = Cdr().header("base_link").put("d", 0.25, 0, 0, 0, 0, -0.5).bytes()
+
+    assert encode(twist_message(Twist(0.25, -0.5), STAMP_S)) == expected
+
+
+def test_an_image_is_its_size_encoding_and_pixels() -> None:
+    pixels = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
+    expected = Cdr().header("camera_color_optical_frame").put("I", 2, 2).text("rgb8").put("B", 0).put("I", 6, 12)
+    expected.put("B", *range(12))
+
+    assert encode(image_message(pixels, STAMP_S)) == expected.bytes()
+
+
+def test_odometry_is_a_pose_and_speeds_with_their_covariances() -> None:
+    expected = Cdr().header("odom").text("base_link")
+    expected.put("d", 1.0, 2.0, 0.0, 0.0, 0.0, math.sin(0.25), math.cos(0.25), *[0.0] * 36)
+    expected.put("d", 0.3, 0.0, 0.0, 0.0, 0.0, 0.1, *[0.0] * 36)
+
+    message = odometry_message(np.array([1.0, 2.0, 0.5]), Twist(0.3, 0.1), STAMP_S)
+
+    assert encode(message) == expected.bytes()
+
+
+def test_camera_info_is_the_lens() -> None:
+    focal, middle, level = 2 / math.tan(math.radians(30)), 1.5, 0.5
+    expected = Cdr().header("camera_color_optical_frame").put("I", 2, 4).text("plumb_bob").put("I", 5)
+    expected.put("d", *[0.0] * 5, focal, 0, middle, 0, focal, level, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, 1)
+    expected.put("d", focal, 0, middle, 0, 0, focal, level, 0, 0, 0, 1, 0)
+    expected.put("I", 0, 0, 0, 0, 0, 0).put("B", 0)
+
+    body = encode(camera_info_message(CAMERA, STAMP_S))
+
+    assert body[: len(expected.bytes())].hex() == expected.bytes().hex()
+    assert len(body) - len(expected.bytes()) < 4
+
+
+def test_the_attachment_is_33_bytes_that_another_maker_reads() -> None:
+    data = Attachment(7, 1_700_000_000_250_000_000, GID).to_bytes()
+
+    assert data == struct.pack("<q", 7) + struct.pack("<q", 1_700_000_000_250_000_000) + b"\x10" + GID
+    theirs = TheirAttachment.from_bytes(data)
+    assert (theirs.sequence_id, theirs.timestamp_ns, bytes(theirs.gid)) == (7, 1_700_000_000_250_000_000, GID)
+    assert Attachment.from_bytes(theirs.to_bytes(), "/odom") == Attachment(7, 1_700_000_000_250_000_000, GID)
+
+
+@pytest.mark.parametrize("data", [None, b"", bytes(32), bytes(34), bytes(33), b"\xff" * 16 + b"\x10" + GID])
+def test_another_attachment_is_refused_and_the_topic_named(data: bytes | None) -> None:
+    with pytest.raises(RobotError, match=r"^/odom: .*rmw_zenoh"):
+        Attachment.from_bytes(data, "/odom")
+
+
+def test_keys_and_tokens_are_those_of_another_maker() -> None:
+    topic = Topic("/robot/cmd_vel", TWIST, domain=3)
+    ours = Endpoint(session="ab12", node="ltvn", number=2, role=Role.PUBLISHES, topic=topic, best_effort=True, depth=5)
+    node = Them.NodeEntity(domain_id=3, session_id="ab12", node_id=0, node_name="ltvn", namespace="/")
+    theirs = Them.EndpointEntity(
+        node=node,
+        entity_id=2,
+        kind=Them.EntityKind.PUBLISHER,
+        name="/robot/cmd_vel",
+        dds_type_name="geometry_msgs::msg::dds_::Twist_",
+        type_hash=TWIST_HASH,
+        qos=TheirQos.QosProfile(reliability=TheirQos.QosReliability.BEST_EFFORT, history_depth=5).encode(),
+        gid=GID,
+    )
+
+    assert topic.key == topic_keyexpr(3, "/robot/cmd_vel", "geometry_msgs::msg::dds_::Twist_", TWIST_HASH)
+    assert ours.token == endpoint_liveliness_keyexpr(theirs)
+    assert node_token("ab12", "ltvn", 3) == node_liveliness_keyexpr(node)
+
+
+def test_a_topic_of_another_type_or_edition_is_named() -> None:
+    topic = Topic("/cmd_vel", TWIST)
+
+    topic.check_key(topic.key)
+    topic.check_key(topic.key.replace(TWIST_HASH, "TypeHashNotSupported"))
+    with pytest.raises(RobotError, match="carries geometry_msgs/msg/TwistStamped, expected geometry_msgs/msg/Twist"):
+        topic.check_key(Topic("/cmd_vel", TWIST_STAMPED).key)
+    with pytest.raises(RobotError, match="another edition"):
+        topic.check_key(topic.key[:-1] + "0")
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:20], lambda data: data + bytes(20), lambda data: b"\xff" + data])
+def test_a_damaged_message_is_refused(damage: Callable[[bytes], bytes]) -> None:
+    with pytest.raises(RobotError, match=r"/cmd_vel: .* are no geometry_msgs/msg/Twist"):
+        decode(damage(encode(twist_message(Twist(0.1, 0.2), None))), TWIST, "/cmd_vel")
+
+
+def test_what_was_sent_is_what_is_read() -> None:
+    pose = np.array([1.0, -2.0, 3.0])
+    odometry = decode(encode(odometry_message(pose, Twist(0.0, 0.0), STAMP_S)), ODOMETRY, "/odom")
+    command = decode(encode(twist_message(Twist(0.1, -0.2), STAMP_S)), TWIST_STAMPED, "/cmd_vel")
+
+    np.testing.assert_allclose(read_odometry(odometry, "/odom"), pose)
+    assert read_stamp(odometry, "/odom") == STAMP_S
+    assert read_twist(command, "/cmd_vel") == Twist(0.1, -0.2)
+
+
+def test_numbers_that_cannot_be_are_refused() -> None:
+    with pytest.raises(RobotError, match="two finite speeds"):
+        read_twist(twist_message(Twist(math.nan, 0.0), None), "/cmd_vel")
+    with pytest.raises(RobotError, match="both must be metres"):
+        read_odometry(odometry_message(np.array([math.inf, 0.0, 0.0]), Twist(0.0, 0.0), 1.0), "/odom")
+    with pytest.raises(RobotError, match="says no heading"):
+        read_odometry(odometry_message(np.array([0.0, 0.0, math.nan]), Twist(0.0, 0.0), 1.0), "/odom")
+    with pytest.raises(RobotError, match="are no time"):
+        read_stamp(image_message(np.zeros((2, 2, 3), np.uint8), -5.0), "/image")
+
+
+def test_images_come_back_and_another_encoding_is_refused() -> None:
+    colours = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+    depth = np.array([[1.0, np.nan], [np.inf, 2.5]], np.float32)
+    message = decode(encode(image_message(colours, STAMP_S)), IMAGE, "/image")
+
+    np.testing.assert_array_equal(decode_colours(message, "/image"), colours)
+    np.testing.assert_array_equal(decode_metres(image_message(depth, 1.0), "/depth"), [[1.0, 0.0], [0.0, 2.5]])
+    with pytest.raises(DriveError, match="/depth: the encoding 'rgb8' is none of"):
+        decode_metres(message, "/depth")
+
+
+def test_a_lens_comes_back() -> None:
+    info = decode(encode(camera_info_message(CAMERA, STAMP_S)), CAMERA_INFO, "/camera_info")
+
+    assert (info.width, info.height, info.distortion_model) == (4, 2, "plumb_bob")
+    np.testing.assert_allclose(info.k[0], CAMERA.fx)

@@ -1,14 +1,16 @@
-"""Finds scenes by name (generated apartments, cached on disk, the same on every machine) or by the path of a mesh.
+"""Finds scenes by name (generated, cached on disk, the same on every machine) or by the path of a mesh.
 
 Other packages offer scenes in the entry-point group `ltvn.scenes`: `name = "package.module:function"`.
 
-Holds the names, seeds and the cache. `apartments.generation` makes an apartment, `meshes.mesh_scene` reads a mesh.
+Holds the names, seeds and the cache. `apartments.generation` makes an apartment, `apartments.office` an office,
+`apartments.plain_building` a building with nothing in it, `meshes.mesh_scene` reads a mesh.
 """
 
 import logging
 import os
 import tempfile
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,9 +19,12 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_path
 
+from ltvn_core.close_names import which_name
 from ltvn_core.errors import LtvnError, PluginError, SceneError
 from ltvn_core.plugins import SCENES, Plugin, find_plugins
-from ltvn_core.simulation.apartments.generation import generate_apartment
+from ltvn_core.simulation.apartments.generation import Building, generate_apartment
+from ltvn_core.simulation.apartments.office import generate_office
+from ltvn_core.simulation.apartments.plain_building import generate_plain_building
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene
 from ltvn_core.simulation.rooms import Room, RoomKind
@@ -39,6 +44,7 @@ CACHE_VERSION = 2
 class _Recipe:
     seed: int
     area_m2: float
+    generate: Callable[[int, float], Building] = generate_apartment
 
 
 _SEEDS_WITH_ALIASES = (6014, 6025, 6035, 6047)
@@ -58,6 +64,10 @@ def _recipes() -> dict[str, _Recipe]:
     recipes |= {f"tune-{k}": _Recipe(5000 + k, 55.0 + 13 * (k % 6) + 5 * (k // 6)) for k in range(9)}
     recipes |= {f"tune-twin-{k}": _Recipe(seed, 128.0) for k, seed in enumerate(_SEEDS_WITH_ALIASES)}
     recipes |= {f"tune-narrow-{k}": _Recipe(seed, 126.0) for k, seed in enumerate(_SEEDS_WITH_NARROW_PASSAGES)}
+    recipes |= {f"office-{k}": _Recipe(8000 + k, 500.0, generate_office) for k in range(4)}
+    recipes |= {f"tune-office-{k}": _Recipe(8500 + k, 500.0, generate_office) for k in range(4)}
+    recipes |= {f"plain-{k}": _Recipe(8200 + k, 200.0, generate_plain_building) for k in range(4)}
+    recipes |= {f"tune-plain-{k}": _Recipe(8700 + k, 200.0, generate_plain_building) for k in range(4)}
     return recipes
 
 
@@ -119,7 +129,7 @@ def _mesh_path(name: str) -> Path:
         return path
     if not path.suffix and len(Path(name).parts) == 1:
         raise SceneError(
-            f"There is no scene {name!r}. Choose one of: {', '.join(scene_names())}; or give the path of a mesh "
+            f"There is no scene {name!r}. {which_name(name, scene_names())}; or give the path of a mesh "
             "(.glb, .gltf, .obj, .ply) or of a folder in Gibson layout."
         )
     here = Path(path.name).absolute()
@@ -141,7 +151,7 @@ def _cache_path(name: str) -> Path:
 
 def _generate(name: str) -> Scene:
     recipe = _RECIPES[name]
-    grown = generate_apartment(recipe.seed, recipe.area_m2)
+    grown = recipe.generate(recipe.seed, recipe.area_m2)
     plan = grown.plan
     area_m2 = round(plan.width * plan.depth, 2)
     return Scene(

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.robots.watched_drive import IMAGE_EVERY_M, IMAGE_EVERY_RAD, has_moved
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.path_follower import PathFollower
 from ltvn_core.simulation.scene import Scene
@@ -25,9 +26,9 @@ LED_M_S = 0.45
 class TourSettings:
     """How the robot drives and how often it takes an image (all values are ours)."""
 
-    image_every_m: float = 0.12
+    image_every_m: float = IMAGE_EVERY_M
     """An image is taken after this distance."""
-    image_every_rad: float = float(np.deg2rad(10))
+    image_every_rad: float = IMAGE_EVERY_RAD
     """Or after this change of heading."""
     spin_loops: int = 2
     """In this many loops, from the first, the robot makes a full turn in each room, for views in all directions."""
@@ -117,14 +118,10 @@ class _Driver:
 
     def capture(self) -> Iterator[Observation]:
         """Take an image if the robot has moved enough since the last one."""
-        odometry = self._robot.state().odometry
-        if self._last_capture_odometry is not None:
-            motion = relative(self._last_capture_odometry, odometry)
-            near = np.hypot(motion[0], motion[1]) < self.settings.image_every_m
-            if near and abs(motion[2]) < self.settings.image_every_rad:
-                return
-        self._last_capture_odometry = odometry
-        yield self._robot.observe()
+        odometry, last, settings = self._robot.state().odometry, self._last_capture_odometry, self.settings
+        if last is None or has_moved(last, odometry, by_m=settings.image_every_m, by_rad=settings.image_every_rad):
+            self._last_capture_odometry = odometry
+            yield self._robot.observe()
 
     def follow(self, path: NDArray[np.float64]) -> Iterator[Observation]:
         """Drive along a path (M, 2), until its end or a collision."""

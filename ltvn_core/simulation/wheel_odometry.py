@@ -2,7 +2,7 @@
 
 Errors are scale errors, not jitter: wheels that measure 1 % too much do so for a while. Each error is drawn again after
 a metre driven or a radian turned. So short motions are wrong in proportion to their length, long drives drift like a
-random walk, and the result does not depend on the length of a simulation step.
+random walk, and the result does not depend on the length of a simulation step. Wheels that slip are wrong at once.
 """
 
 import math
@@ -24,12 +24,20 @@ class OdometryNoise:
     """Error of the turned angle, as a share of it."""
     drift_rad_per_m: float = 0.01
     """Change of heading that the wheels do not measure, in radians per metre driven."""
+    slips: float = 0.0
+    """Chance per section (a metre driven or a radian turned) that the wheels slip: the measured pose jumps by
+    `SLIP_M` and `SLIP_RAD`."""
 
     NONE: ClassVar["OdometryNoise"]
     """Exact odometry."""
 
 
 OdometryNoise.NONE = OdometryNoise(0.0, 0.0, 0.0)
+
+SLIP_M = 0.15
+"""Standard deviation of a slip along the heading (ours): a threshold, the edge of a carpet,"""
+SLIP_RAD = 0.12
+"""and of the heading."""
 
 ERROR_SECTION_LENGTH = 1.0
 """Metres driven plus radians turned after which the errors are drawn again."""
@@ -67,6 +75,15 @@ class Odometer:
         self._left_in_section -= driven + abs(turn_rad)
         if self._left_in_section <= 0:
             self._begin_section()
+            self._slip()
+
+    def _slip(self) -> None:
+        # Nothing is drawn where nothing slips, so that other drives stay as they are.
+        if self._noise.slips and self._rng.random() < self._noise.slips:
+            forward, turn = (float(draw) for draw in self._rng.normal(0.0, (SLIP_M, SLIP_RAD)))
+            self._x += math.cos(self._yaw) * forward
+            self._y += math.sin(self._yaw) * forward
+            self._yaw += turn
 
     def _begin_section(self) -> None:
         noise = self._noise

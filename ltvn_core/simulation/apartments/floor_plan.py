@@ -30,24 +30,25 @@ class FloorPlan:
 
 def generate_floor_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
     """Return a floor plan of connected rooms with a given area (45 to 130 m2)."""
-    width = _snap((area_m2 * rng.uniform(1.1, 1.6)) ** 0.5)
-    depth = _snap(area_m2 / width)
+    width = snap((area_m2 * rng.uniform(1.1, 1.6)) ** 0.5)
+    depth = snap(area_m2 / width)
     for _ in range(40):
         trial = rng.spawn()
         layout = trial.choice(_LAYOUTS)(trial, width, depth)
         rooms = _assign_kinds(trial, layout)
         doorways = _draw_doorways(trial, rooms)
         if doorways is not None and min(room.shorter_side_m for room in rooms) >= 1.3:
-            return _mirrored(FloorPlan(width=width, depth=depth, rooms=rooms, doorways=doorways), trial)
+            return mirrored(FloorPlan(width=width, depth=depth, rooms=rooms, doorways=doorways), trial)
     return _row_of_rooms(rng, width, depth)
 
 
-def _snap(metres: float) -> float:
+def snap(metres: float) -> float:
+    """Return the nearest length on the grid."""
     return round(round(metres / GRID_STEP_M) * GRID_STEP_M, 6)
 
 
 def _hall(x0: float, y0: float, x1: float, y1: float) -> Room:
-    return Room(kind=RoomKind.HALL, x0=_snap(x0), y0=_snap(y0), x1=_snap(x1), y1=_snap(y1))
+    return Room(kind=RoomKind.HALL, x0=snap(x0), y0=snap(y0), x1=snap(x1), y1=snap(y1))
 
 
 def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
@@ -58,10 +59,10 @@ def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
         return [block]
     cut = rng.uniform(0.4, 0.6) if longer > 5.5 else rng.choice((0.44, 0.5, 0.56))
     if x1 - x0 > y1 - y0:
-        middle = _snap(x0 + cut * longer)
+        middle = snap(x0 + cut * longer)
         parts = replace(block, x1=middle), replace(block, x0=middle)
     else:
-        middle = _snap(y0 + cut * longer)
+        middle = snap(y0 + cut * longer)
         parts = replace(block, y1=middle), replace(block, y0=middle)
     return [room for part in parts for room in _split(rng, part, room_area_m2)]
 
@@ -70,9 +71,9 @@ def _spine(rng: SeededRng, width: float, depth: float) -> list[Room]:
     """A large room at one end and a corridor from it between two rows of rooms."""
     corridor = rng.uniform_multiple(1.3, 1.6)
     one_row = depth < 5.4 + corridor
-    low = 0.0 if one_row else _snap((depth - corridor) * rng.uniform(0.42, 0.58))
-    start = _snap(width * rng.uniform(0.34, 0.44))
-    end = _snap(width - 3.2) if width - start > 8.0 and rng.chance(0.6) else width
+    low = 0.0 if one_row else snap((depth - corridor) * rng.uniform(0.42, 0.58))
+    start = snap(width * rng.uniform(0.34, 0.44))
+    end = snap(width - 3.2) if width - start > 8.0 and rng.chance(0.6) else width
     rooms = [_hall(start, low, end, low + corridor)]
     room_area_m2 = rng.uniform(9, 14)
     blocks = [_hall(start, low + corridor, end, depth)]
@@ -90,10 +91,10 @@ def _spine(rng: SeededRng, width: float, depth: float) -> list[Room]:
 def _elbow(rng: SeededRng, width: float, depth: float) -> list[Room]:
     """A corridor with a corner, and three blocks of rooms around it."""
     corridor = rng.uniform_multiple(1.3, 1.6)
-    low = _snap(max(2.7, depth * rng.uniform(0.36, 0.46)))
-    high = _snap(low + corridor)
-    right = _snap(width * rng.uniform(0.5, 0.62))
-    left = _snap(right - corridor)
+    low = snap(max(2.7, depth * rng.uniform(0.36, 0.46)))
+    high = snap(low + corridor)
+    right = snap(width * rng.uniform(0.5, 0.62))
+    left = snap(right - corridor)
     room_area_m2 = rng.uniform(10, 15)
     blocks = [_hall(0, 0, width, low), _hall(0, high, left, depth), _hall(right, low, width, depth)]
     halls = [_hall(0, low, right, high), _hall(left, high, right, depth)]
@@ -104,7 +105,7 @@ def _open(rng: SeededRng, width: float, depth: float) -> list[Room]:
     """A small entrance hall and rooms that lead into each other."""
     deep = rng.uniform_multiple(2.0, 3.0)
     broad = rng.uniform_multiple(1.5, 2.0)
-    at = _snap(width * rng.uniform(0.35, 0.6))
+    at = snap(width * rng.uniform(0.35, 0.6))
     blocks = [_hall(0, 0, at, depth), _hall(at, deep, width, depth), _hall(at + broad, 0, width, deep)]
     room_area_m2 = rng.uniform(12, 18)
     return [_hall(at, 0, at + broad, deep)] + [room for block in blocks for room in _split(rng, block, room_area_m2)]
@@ -193,12 +194,12 @@ def _narrowed(rng: SeededRng, rooms: tuple[Room, ...], gap: Doorway) -> Doorway:
         width = available
     elif kinds <= _OPEN_PLAN_KINDS and rng.chance(0.6):
         width = rng.uniform_multiple(1.2, 2.0)
-    width = _snap(min(width, available))
+    width = snap(min(width, available))
     low = rng.uniform_multiple(gap.low + 0.15, gap.high - 0.15 - width)
-    return replace(gap, low=_snap(low), high=_snap(low + width))
+    return replace(gap, low=snap(low), high=snap(low + width))
 
 
-def _mirrored(plan: FloorPlan, rng: SeededRng) -> FloorPlan:
+def mirrored(plan: FloorPlan, rng: SeededRng) -> FloorPlan:
     """Return the plan with each of its two axes flipped, and the axes exchanged, with a probability of one half."""
     for axis in (0, 1):
         if rng.chance(0.5):
@@ -210,7 +211,7 @@ def _flipped(plan: FloorPlan, axis: int) -> FloorPlan:
     size = (plan.width, plan.depth)[axis]
 
     def flip(value: float) -> float:
-        return _snap(size - value)
+        return snap(size - value)
 
     def flip_door(door: Doorway) -> Doorway:
         if door.axis == axis:
@@ -233,7 +234,7 @@ def _transposed(plan: FloorPlan) -> FloorPlan:
 def _row_of_rooms(rng: SeededRng, width: float, depth: float) -> FloorPlan:
     """Return a plan of rooms side by side, the fallback that is always possible."""
     count = max(2, int(width // 3.2))
-    edges = [_snap(width * i / count) for i in range(count + 1)]
+    edges = [snap(width * i / count) for i in range(count + 1)]
     layout = [Room(kind=RoomKind.BEDROOM, x0=edges[i], y0=0.0, x1=edges[i + 1], y1=depth) for i in range(count)]
     rooms = _assign_kinds(rng, layout)
     gaps = [_common_wall(rooms, i, i + 1) for i in range(count - 1)]

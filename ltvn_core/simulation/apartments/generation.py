@@ -42,8 +42,8 @@ _MIN_FREE_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Apartment:
-    """A furnished apartment."""
+class Building:
+    """A furnished apartment or office."""
 
     plan: FloorPlan
     surfaces: Surfaces
@@ -55,7 +55,7 @@ class Apartment:
     """What of it can be moved or exchanged."""
 
 
-def generate_apartment(seed: int, area_m2: float) -> Apartment:
+def generate_apartment(seed: int, area_m2: float) -> Building:
     """Generate the apartment of a seed with a floor area (45 to 130 m2)."""
     rng = SeededRng(np.random.default_rng(seed))
     while True:  # A plan whose empty rooms are not connected is drawn again; none was met so far.
@@ -83,15 +83,22 @@ def generate_apartment(seed: int, area_m2: float) -> Apartment:
         hidden = furniture_placer.place_furniture(room_rng, room, room_sides)
         for side, covered in zip(room_sides, hidden, strict=True):
             shell.add_decoration(room, side, covered)
-    surfaces = builder.build()
-    blocked = _occupied_cells(occupancy.blocked, occupancy.origin, surfaces.vertices[surfaces.faces])
     parts = SceneParts(
         doorways=plan.doorways,
         furniture=tuple(furniture_placer.placed),
         paintings=tuple(shell.paintings),
         rugs=tuple(rugs),
     )
-    return Apartment(plan=plan, surfaces=surfaces, blocked=blocked, origin=occupancy.origin, parts=parts)
+    return finished_building(plan, builder, occupancy, parts)
+
+
+def finished_building(
+    plan: FloorPlan, builder: SurfaceBuilder, occupancy: OccupancyGrid, parts: SceneParts
+) -> Building:
+    """Return what was built as a building, with the cells of its floor that are really occupied."""
+    surfaces = builder.build()
+    blocked = _occupied_cells(occupancy.blocked, occupancy.origin, surfaces.vertices[surfaces.faces])
+    return Building(plan=plan, surfaces=surfaces, blocked=blocked, origin=occupancy.origin, parts=parts)
 
 
 def _hues(rng: SeededRng, count: int) -> list[float]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ltvn_core.close_names import which_name
 from ltvn_core.errors import WorldError
 from ltvn_core.simulation.changes.door_scripts import daily_doors, mixed_doors, telegraph_doors
 from ltvn_core.simulation.changes.light_script import daylight, exchanged_pictures
@@ -112,7 +113,7 @@ def _from_file(name: str, scene: Scene) -> WorldScript:
     path = Path(name).expanduser()
     if not path.suffix and not path.exists():
         raise WorldError(
-            f"There is no world {name!r}. Choose one of: {', '.join(SCRIPT_NAMES)}; or several of them, as in "
+            f"There is no world {name!r}. {which_name(name, SCRIPT_NAMES)}; or several of them, as in "
             "doors+moving; or give the path of a JSON file with a script."
         )
     return read_script(path, scene)

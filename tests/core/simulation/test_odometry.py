@@ -54,6 +54,13 @@ def test_the_error_grows_with_the_distance() -> None:
     assert far < 5.0
 
 
+def test_wheels_that_slip_jump_now_and_then_and_else_err_as_before() -> None:
+    jumps = {slips: sum(_jumps(OdometryNoise(slips=slips), seed) for seed in range(20)) for slips in (0.0, 0.2)}
+    # 200 sections of a metre, of which a fifth slips; a tenth of the slips is too small to be counted.
+    assert jumps[0.0] == 0
+    assert 24 <= jumps[0.2] <= 48
+
+
 def test_how_a_motion_is_cut_into_pieces_hardly_matters() -> None:
     coarse, fine = (_pose_after(10.0, 3, step_m=step_m) for step_m in (0.004, 0.001))
     assert coarse == pytest.approx(fine, abs=0.02)
@@ -81,6 +88,16 @@ def _pose_after(length_m: float, seed: int, *, step_m: float = 0.05) -> Pose:
     odometer = Odometer(np.zeros(3), OdometryNoise(), np.random.default_rng(seed))
     _move(odometer, [(step_m, 0.0, 0.0)] * round(length_m / step_m))
     return odometer.pose
+
+
+def _jumps(noise: OdometryNoise, seed: int) -> int:
+    """Count the steps of a straight drive of ten metres in which odometry turned by more than 0.01 rad."""
+    odometer = Odometer(np.zeros(3), noise, np.random.default_rng(seed))
+    poses = [odometer.pose]
+    for _ in range(2000):
+        odometer.move(0.005, 0.0, 0.0)
+        poses.append(odometer.pose)
+    return int((np.abs(np.diff(np.array(poses)[:, 2])) > 0.01).sum())
 
 
 def _typical_error_m(length_m: float) -> float:

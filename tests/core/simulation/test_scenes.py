@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation import scene_registry
-from ltvn_core.simulation.apartments.generation import Apartment, generate_apartment
+from ltvn_core.simulation.apartments.generation import Building, generate_apartment
 from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
 from ltvn_core.simulation.rooms import Room
 from ltvn_core.simulation.scene_registry import Scene, load_scene, scene_names
@@ -54,7 +54,9 @@ def test_all_families_of_scenes_have_names() -> None:
     assert {"demo", "apartment-57", "apartment-70", "apartment-124", "apartment-129"} <= set(names)
     assert [f"train-{k:02d}" for k in range(40)] == [name for name in names if name.startswith("train-")]
     tuning = [*(f"tune-{k}" for k in range(9)), *(f"tune-twin-{k}" for k in range(4))]
-    tuning += [f"tune-narrow-{k}" for k in range(2)]
+    tuning += [f"tune-narrow-{k}" for k in range(2)] + [f"tune-office-{k}" for k in range(4)]
+    tuning += [f"tune-plain-{k}" for k in range(4)]
+    assert {f"{family}-{k}" for family in ("office", "plain") for k in range(4)} <= set(names)
     assert tuning == [name for name in names if name.startswith("tune-")]
 
 
@@ -194,7 +196,7 @@ def _free_place(clearance: ClearanceMap, room: Room) -> NDArray[np.float64] | No
     return places[inside][np.argmin(((places[inside] - middle) ** 2).sum(1))]
 
 
-def _digest(apartment: Apartment) -> str:
+def _digest(apartment: Building) -> str:
     floor = (apartment.blocked.astype(np.uint8), apartment.origin.astype("<f8"))
     return hashlib.sha256(b"".join(array.tobytes() for array in floor) + _bytes_of(apartment.surfaces)).hexdigest()
 

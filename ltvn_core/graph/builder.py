@@ -14,6 +14,7 @@ from ltvn_core.config import Method
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.drive_links import DriveLinkSearch
+from ltvn_core.graph.goal_ties import GoalTies
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
@@ -59,6 +60,8 @@ def build(
         if best.coverage >= method.building.tiny_share:
             break
     assert best is not None
+    if method.building.tie_goals:
+        best.tie_goals()
     keyframes.keep_only([*best.nodes, *best.reserve])
     return best.finish()
 
@@ -152,6 +155,14 @@ class _BuildRun:
             self._left = [seen for seen in self._left if seen is not other]
             self._grow_all(rng, progress)
 
+    def tie_goals(self) -> None:
+        """Make nodes of the goals that are still left over, and join them by the best way there is."""
+        search = GoalTies(self._observations, self._matcher, self._odometry_gate, self._second_pass_thresholds)
+        for goal in sorted(self._goals - self.nodes.keys()):
+            for bridge in search.ties(goal, self.nodes.keys() | self._merged.keys()):
+                self._cross(bridge, Cause.GOAL)
+        self._left = [seen for seen in self._left if seen.step not in self.nodes]
+
     def _start_elsewhere(self, rng: np.random.Generator) -> Observation | None:
         """Draw an image of a drive that has no place in the map yet, because nothing recognises it; None without."""
         drive_of = self._matcher.keyframes.drive_of
@@ -221,14 +232,14 @@ class _BuildRun:
             self._cross(bridge)
         return bridge is not None
 
-    def _cross(self, bridge: Bridge) -> None:
+    def _cross(self, bridge: Bridge, cause: Cause = Cause.BUILD) -> None:
         """Make a left-over image a node, and the one that it hangs on as well if that merged."""
         (other,) = bridge.matches.nodes
         keyframes, config = self._matcher.keyframes, self._method.believing
         if other in self._merged:
             merging = self._merged.pop(other)
-            self._enter(node_with_edges(keyframes.observation(other), merging, config, Cause.BUILD))
-        self._enter(node_with_edges(keyframes.observation(bridge.frame), bridge.matches, config, Cause.BUILD))
+            self._enter(node_with_edges(keyframes.observation(other), merging, config, cause))
+        self._enter(node_with_edges(keyframes.observation(bridge.frame), bridge.matches, config, cause))
 
     def _not_met(self, frame: FrameId) -> tuple[tuple[NodeId, ...], ...]:
         """Return the nodes that came since the last time, those near in time first: most images merge with these."""

@@ -110,7 +110,7 @@ class Matcher:
 
     def match_pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
         """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
-        there, back = self._there_and_back(first, second)
+        there, back = self.match_both_ways(first, second)
         ahead = there.reachability >= back.reachability
         waypoints = np.where(ahead[:, None], there.waypoints, invert(back.waypoints))
         return np.maximum(there.reachability, back.reachability), waypoints
@@ -163,9 +163,9 @@ class Matcher:
         count = len(targets)
         if not self._config.both_directions or count > _MAX_NODES_BOTH_WAYS_AT_ONCE:
             return self._predictor.predict(features, targets), None
-        return self._there_and_back(np.repeat(features, count, axis=0), targets)
+        return self.match_both_ways(np.repeat(features, count, axis=0), targets)
 
-    def _there_and_back(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
+    def match_both_ways(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
         """Ask about P pairs (P, F), (P, F) both ways in one call."""
         count = len(first)
         both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))

@@ -6,6 +6,7 @@ what is true of this one it must learn from a handful of observations.
 
 import numpy as np
 
+from ltvn_core.close_names import which_name
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.presence.durations import DurationMixture
 from ltvn_core.graph.presence.forgetting import ForgettingFilter
@@ -48,5 +49,5 @@ EDGE_FILTERS: dict[str, PresenceFilter] = {
 def edge_filter(name: str) -> PresenceFilter:
     """Return the filter of presence of that name. Raises OptionError where there is none."""
     if name not in EDGE_FILTERS:
-        raise OptionError(f"No filter of presence is called {name!r}; choose one of: {', '.join(EDGE_FILTERS)}.")
+        raise OptionError(f"No filter of presence is called {name!r}. {which_name(name, EDGE_FILTERS)}.")
     return EDGE_FILTERS[name]

@@ -1,0 +1,95 @@
+"""How goals that Algorithm 1 leaves over are tied into the map after all, so that there is a way to each (ours).
+
+The robot drove past its goal images, so odometry knows a way there; where it does not, the surest node may agree with
+the goal both ways, though less surely than an edge needs. Such an edge is believed less than any other. Owns which
+images are tied to what; changes no map.
+"""
+
+from collections.abc import Collection, Container, Iterator, Sequence
+
+import numpy as np
+
+from ltvn_core.geometry import distance, invert, relative, wrap_angle
+from ltvn_core.graph.bridges import Bridge
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.types import FrameId, Observation
+
+UNSURE_P = 0.45
+"""What is believed at most of an edge that is not sure; an edge that is believed less than a half is rather none."""
+_MAX_HOPS = 12
+"""Odometry is followed over so many images, about ten metres, for a goal."""
+_MIN_AGREED = 0.2
+"""Least r, the smaller of both ways, of a node that a goal is tied to unsurely."""
+_GAP_M, _GAP_RAD = 0.35, 0.35
+"""Both ways must say the same but for so much."""
+
+
+class GoalTies:
+    """Searches ties of goals along one trajectory."""
+
+    def __init__(
+        self,
+        observations: Sequence[Observation],
+        matcher: Matcher,
+        odometry_gate: OdometryGate,
+        thresholds: OperatorThresholds,
+    ) -> None:
+        """Tie within the distance of `thresholds`, those of the last pass."""
+        self._frames = sorted(seen.step for seen in observations)
+        self._row = {frame: row for row, frame in enumerate(self._frames)}
+        self._matcher, self._odometry_gate, self._thresholds = matcher, odometry_gate, thresholds
+
+    def ties(self, goal: FrameId, placed: Collection[FrameId]) -> tuple[Bridge, ...]:
+        """Return bridges that lead from the images `placed` in the map to a goal, in the order in which to cross them.
+
+        Those of odometry, if it knows a way; else the surest node with which the goal agrees; else none.
+        """
+        chains = [chain for step in (-1, 1) if (chain := self._chain(goal, placed, step))]
+        if chains:
+            return min(chains, key=lambda chain: sum(bridge.matches.distances[0] for bridge in chain))
+        unsure = self._unsure(goal, sorted(placed))
+        return () if unsure is None else (unsure,)
+
+    def _chain(self, goal: FrameId, placed: Container[FrameId], step: int) -> tuple[Bridge, ...]:
+        """Follow odometry from the goal on to the next placed image, by hops as long as an edge may be."""
+        bridges, here = list[Bridge](), goal
+        while here not in placed and len(bridges) < _MAX_HOPS:
+            hops = list(self._hops(here, step))
+            hop = next((hop for hop in hops if hop.matches.nodes[0] in placed), hops[-1] if hops else None)
+            if hop is None:
+                return ()
+            bridges.append(hop)
+            here = hop.matches.nodes[0]
+        return tuple(reversed(bridges)) if here in placed else ()
+
+    def _hops(self, frame: FrameId, step: int) -> Iterator[Bridge]:
+        """Yield edges from an image to those that follow it, or come before it, nearest in time first."""
+        row, belief = self._row[frame] + step, np.array([self._thresholds.connect_reachability])
+        while 0 <= row < len(self._frames):
+            driven = self._odometry_gate.driven(frame, self._frames[row])
+            if driven is None or distance(driven) >= self._thresholds.connect_distance:
+                return
+            near = Matches((self._frames[row],), belief, driven[None], distance(driven)[None], np.ones(1, bool))
+            yield Bridge(frame, near)
+            row += step
+
+    def _unsure(self, goal: FrameId, placed: Sequence[FrameId]) -> Bridge | None:
+        """Return the image with which the goal agrees best, both ways; None where none does."""
+        others = self._odometry_gate.may_be_near(goal, placed)
+        if not others:
+            return None
+        keyframes = self._matcher.keyframes
+        own = np.repeat(keyframes.features([goal]), len(others), axis=0)
+        there, back = self._matcher.match_both_ways(own, keyframes.features(others))
+        gap = relative(there.waypoints, invert(back.waypoints))
+        agreed = (np.hypot(gap[:, 0], gap[:, 1]) < _GAP_M) & (np.abs(wrap_angle(gap[:, 2])) < _GAP_RAD)
+        agreed &= distance(there.waypoints) < self._thresholds.connect_distance
+        surely = np.where(agreed, np.minimum(there.reachability, back.reachability), 0.0)
+        best = int(surely.argmax())
+        if surely[best] < _MIN_AGREED:
+            return None
+        reachability = np.minimum(surely[best : best + 1], UNSURE_P)
+        waypoint = np.asarray(there.waypoints[best : best + 1], np.float64)
+        return Bridge(goal, Matches((others[best],), reachability, waypoint, distance(waypoint), np.ones(1, bool)))

@@ -18,7 +18,7 @@ from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.doors_layer import DoorsLayer
 from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, EdgesLayer, NodesLayer
-from ltvn_viz.layers.lights_and_camera import add_lights
+from ltvn_viz.layers.lights_and_camera import add_lights, fit_first_view
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layer import RobotLayer
 from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
@@ -34,13 +34,12 @@ from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import Notifications, OwnNotices
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import StatusPanel
+from ltvn_viz.panels.timeline_panel import TimelinePanel
 from ltvn_viz.panels.world_panel import WorldPanel
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.server.page_elements import shared_elements
 from ltvn_viz.session.commands import AimBox, Command, PickNode, PutBox, ToggleDoor
 
-PANEL_PX = 380
-CAMERA_PX = 520
 TITLE = "Lifelong Topological Visual Navigation"
 
 
@@ -72,14 +71,20 @@ class Pages(Protocol):
         """Return our number of a page by viser's."""
         ...
 
+    def show_picture(self, jpeg: bytes) -> None:
+        """Show all pages what the robot sees, colours beside depth."""
+        ...
+
+    def tell_moment(self, message: str) -> None:
+        """Tell all pages which moment is on show."""
+        ...
+
 
 def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets) -> Sequence[PagePart]:
     """Put all layers and panels onto a page; returns them in the order in which they should be drawn."""
     accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=accent)
     server.gui.set_panel_label(TITLE)
-    server.gui.main_panel.dock_right()
-    server.gui.main_panel.set_width(PANEL_PX)
     return [*_panels(server, pages), *_layers(server.scene, pages, assets)]
 
 
@@ -102,12 +107,10 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
         replay = ReplayPanel(gui, send)
     why_tab = tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION)
     gui.add_html(legend_html() + grey_for_watchers(shared_elements(gui)))
-    window = gui.add_panel()
-    with window.add_tab("Camera and depth", viser.Icon.CAMERA):
-        camera = CameraPanel(gui)
-    window.float(x=-16, y=-16, width=CAMERA_PX)
+    camera = CameraPanel(gui, pages.show_picture)
 
     def own_parts(client: viser.ClientHandle) -> Sequence[PagePart]:
+        fit_first_view(server, client)
         with drive_tab:
             follow = FollowCamera(client.gui, lambda: [client])
         with why_tab:
@@ -115,7 +118,18 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
         return [follow, why, DebuggerLayer(client.scene), OwnNotices(client)]
 
     own = OwnParts(clients, own_parts, pages.number_of)
-    return [status, camera, drive, learn, go, world, replay, own, Notifications(clients)]
+    return [
+        status,
+        camera,
+        drive,
+        learn,
+        go,
+        world,
+        replay,
+        own,
+        TimelinePanel(pages.tell_moment),
+        Notifications(clients),
+    ]
 
 
 def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:

@@ -12,6 +12,8 @@ from ltvn_core.errors import LtvnError
 from ltvn_viz.session.worker import JobQueue
 
 _KEPT = 32
+_LEFT = object()
+"""Stands for the answer to a question that nobody waited for."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -23,6 +25,8 @@ class BackgroundCache:
         self._worker, self._on_answer = worker, on_answer
         self._known: OrderedDict[Hashable, Any] = OrderedDict()
         self._asked: set[Hashable] = set()
+        self._left: set[Hashable] = set()
+        """Asked, and not waited for any more; what of it has not begun is not computed."""
 
     def __call__(self, question: Hashable, compute: Callable[[], Any]) -> Any | None:
         """Return the answer to a question, None as long as it is being computed; raises the LtvnError it ended with."""
@@ -31,13 +35,25 @@ class BackgroundCache:
             if isinstance(answer, LtvnError):
                 raise answer
             return answer
+        self._left.discard(question)
         if question not in self._asked:
             self._asked.add(question)
-            self._worker.submit(lambda: _tried(compute), lambda answer: self._answered(question, answer))
+            self._worker.submit(
+                lambda: _LEFT if question in self._left else _tried(compute),
+                lambda answer: self._answered(question, answer),
+            )
         return None
+
+    def leave(self) -> None:
+        """Wait for nothing any more."""
+        self._left |= self._asked
 
     def _answered(self, question: Hashable, answer: Any) -> None:
         self._asked.discard(question)
+        self._left.discard(question)
+        if answer is _LEFT:
+            self._on_answer()  # Somebody may have come back to it meanwhile.
+            return
         self._known[question] = answer
         while len(self._known) > _KEPT:
             self._known.popitem(last=False)
@@ -64,6 +80,11 @@ class LatestAnswer:
             return self._newest
         self._newest = answer
         return answer if asked[0] == question else self(cache, question, compute)
+
+    @property
+    def is_behind(self) -> bool:
+        """Tell whether the answer that was returned last is to an earlier question, and the new one is under way."""
+        return self._asked is not None
 
     def forget(self) -> None:
         """Leave the old answer behind, because something else is asked now."""

@@ -66,6 +66,7 @@ class BreakpointQuestion(Question[BreakpointRequest]):
 
     name = QuestionName.BREAK
     word = QuestionName.BREAK.word
+    verb = "Stop there"
     about = "The query or the replay stops where something you name happens. Click an offer or type your own."
 
     def __init__(self, breakpoint_monitor: BreakpointMonitor) -> None:

@@ -86,6 +86,7 @@ class ComparisonQuestion(Question[ComparisonRequest]):
 
     name = QuestionName.COMPARE
     word = QuestionName.COMPARE.word
+    verb = "Compare"
     about = "This map against another: figures of both, and the edges that differ, those that matter most first."
 
     def __init__(self) -> None:
@@ -114,6 +115,7 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         if found is None:
             builder.add_pending("Comparing")
             return builder.build()
+        builder.add_behind(self._latest)
         _metrics_table(builder, found)
         return _difference(builder, found, selection)
 

@@ -10,9 +10,12 @@ from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, edge_histo
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.geometry import compose
 from ltvn_core.types import Waypoint
+from ltvn_viz.debugger.charts import PROBABILITY, Axis, step_chart_svg
 from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.later_changes import add_later_changes
 from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.debugger.svg_figures import image_figure, step_curve_svg
+from ltvn_viz.debugger.svg_figures import image_figure
+from ltvn_viz.server.glossary import explained
 from ltvn_viz.session.commands import PointAt
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
@@ -26,13 +29,19 @@ class EdgeQuestion(Question[Never]):
     name = QuestionName.EDGE
     word = QuestionName.EDGE.word
     is_for_watchers = True
-    about = "Both images of an edge, what was believed of it when, and every attempt. Click a node, then its neighbour."
+    about = (
+        "Both images of an edge, what was believed of it up to now, and each attempt. Click a node, then its neighbour."
+    )
+
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether there ever was a map."""
+        return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the edge that was pointed at, or those of the node."""
         builder = AnswerBuilder()
         if selection.edge is not None:
-            return self._edge(context, edge_history(context.timeline, *selection.edge), builder)
+            return self._edge(context, edge_history(context.timeline, *selection.edge, context.instant), builder)
         if selection.node is None:
             builder.add_text("Click a node in the scene.")
             return builder.build()
@@ -54,7 +63,8 @@ class EdgeQuestion(Question[Never]):
         back = builder.link("the way back", PointAt(target, source))
         builder.add_html(f"<div>Edge <b>{source} → {target}</b> · {back}</div>")
         if not story.lifetimes:
-            builder.add_text("The map never had this edge.")
+            builder.add_text("The map does not have this edge and had it at no time before.")
+            add_later_changes(context, story, builder)
             return builder.build(self._overlay(context, story))
         life = story.lifetimes[-1]
         waypoint = np.array(life.waypoint)
@@ -62,7 +72,8 @@ class EdgeQuestion(Question[Never]):
             context.observation(target), f"to {target}", context.camera
         )
         builder.add_html(f'<div class="lt-pair">{pair}</div>')
-        builder.add_text(f"Predicted: {_where(waypoint)}; r {_number(life.initial_reachability)}.")
+        foretold = f"{explained('r')} {_number(life.initial_reachability)}"
+        builder.add_html(f"<div>Predicted: {_where(waypoint)}; {foretold}.</div>")
         self._beliefs(context, story, builder)
         self._attempts(context, story, builder)
         return builder.build(self._overlay(context, story))
@@ -72,29 +83,39 @@ class EdgeQuestion(Question[Never]):
         now = beliefs[-1].belief
         added_at = story.lifetimes[-1].added_at
         builder.add_html(
-            f"<div>p <b>{now.p:.2f}</b> · length <b>{now.mu:.2f}</b> ± {now.sigma2**0.5:.2f} · "
+            f"<div>{explained('p')} <b>{now.p:.2f}</b> · "
+            f"{explained('length')} <b>{now.mu:.2f}</b> ± {now.sigma2**0.5:.2f} · "
             f"{'in the map since' if story.alive else 'came at'} {self._jump(context, builder, added_at)} · "
             f"in {len(story.planned_at)} plans</div>"
         )
         points = [(context.seconds(each.instant), each.belief.p) for each in beliefs]
-        builder.add_html(
-            step_curve_svg(points, lines=((context.method.believing.prune_below, "R_p"),), colour=palette.SOURCE)
+        now_s = context.seconds(context.instant)
+        last_s = max(now_s, points[0][0] + 1.0)
+        chart = step_chart_svg(
+            points,
+            Axis("time, s", min(points[0][0], last_s - 1.0), last_s),
+            Axis("p", *PROBABILITY),
+            lines=((context.method.believing.prune_below, "R_p"),),
+            colour=palette.SOURCE,
+            now=now_s,
         )
+        builder.add_html(chart)
         if (end := story.lifetimes[-1].end) is not None:
             builder.add_html(
                 f"<div>It left the map at {self._jump(context, builder, end.instant)}, {end.cause.value}.</div>"
             )
+        add_later_changes(context, story, builder)
 
     def _attempts(self, context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
         if not story.attempts:
-            builder.add_text("Nobody drove it yet.")
+            builder.add_text("Nobody drove it up to now.")
             return
         rows = [self._attempt(context, each, builder) for each in story.attempts[-_ATTEMPTS:]]
         builder.add_table(("when", "from", "result", "d", "r"), rows)
 
     def _attempt(self, context: DebugContext, row: EdgeAttempt, builder: AnswerBuilder) -> tuple[str, ...]:
         at = "–" if row.localised is None or row.localised.node is None else str(row.localised.node)
-        result = "cut" if row.succeeded is None else "success" if row.succeeded else f"failed ({row.end})"
+        result = "under way" if row.succeeded is None else "success" if row.succeeded else f"failed ({row.end})"
         numbers = map(_number, (row.distance, row.reachability))
         return (
             self._jump(context, builder, row.begin),

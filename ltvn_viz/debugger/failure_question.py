@@ -32,6 +32,7 @@ _NEXT = {
     FailureMode.LOST: (QuestionName.WHERE, QuestionName.BLAME),
     FailureMode.NO_PATH: (QuestionName.TRUTH, QuestionName.WHAT_IF),
     FailureMode.COLLISION: (QuestionName.BLAME, QuestionName.EDGE),
+    FailureMode.BLOCKED: (QuestionName.EDGE, QuestionName.BLAME),
     FailureMode.FAILED_EDGE: (QuestionName.BLAME, QuestionName.EDGE),
     FailureMode.TOO_SLOW: (QuestionName.BLAME, QuestionName.EDGE),
 }
@@ -78,8 +79,12 @@ class FailureQuestion(Question[ShowFailures]):
         self._known: tuple[object, FailureSummary | None] = (None, None)
         self._drawn: tuple[object, Overlay] = (None, EMPTY_OVERLAY)
 
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether the robot was ever sent anywhere."""
+        return context.timeline.progress_before(len(context.timeline.events)).queries > 0
+
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the failures of the whole run, and the one at the moment."""
+        """Show what failed up to the moment and, marked so, later; and the failure at the moment."""
         builder, findings = AnswerBuilder(), self._findings(context)
         if findings is None:
             builder.add_pending("Looking through the queries")
@@ -88,7 +93,7 @@ class FailureQuestion(Question[ShowFailures]):
             builder.add_text("No query has ended yet: choose a goal under “Go”, or open a recording with queries.")
             return builder.build()
         shown = [each for each in findings.failures if self._only in (None, each.failure_mode)]
-        self._causes(findings, builder)
+        self._causes(context, findings, builder)
         now = next((each for each in shown if _covers(each, context)), None)
         if now is not None:
             _detail(context, now, builder)
@@ -115,9 +120,14 @@ class FailureQuestion(Question[ShowFailures]):
             self._known = run, answer
         return self._known[1] if self._known[0] == run else None
 
-    def _causes(self, findings: FailureSummary, builder: AnswerBuilder) -> None:
-        count, failed = len(findings.strip.queries), len(findings.failures)
-        builder.add_html(f"<div><b>{failed}</b> of <b>{count}</b> queries failed.</div>")
+    def _causes(self, context: DebugContext, findings: FailureSummary, builder: AnswerBuilder) -> None:
+        over = sum(end.step <= context.step for end in findings.strip.ends)
+        failed = sum(not _is_later(each, context) for each in findings.failures)
+        told = f"Up to now <b>{failed}</b> of <b>{over}</b> queries failed." if over else "No query is over yet."
+        if over < len(findings.strip.ends):
+            whole = f"{len(findings.failures)} of {len(findings.strip.ends)}"
+            told += f" In the whole run {whole} queries fail; those after this moment are marked as later."
+        builder.add_html(f"<div>{told}</div>")
         groups = group_by_failure_mode(findings.failures)
         links = [
             builder.request_link(f"{failure_mode} {len(group)}", ShowFailures(failure_mode))
@@ -143,8 +153,13 @@ def _covers(failure: FailedQuery, context: DebugContext) -> bool:
     return failure.query.begin.step <= context.step <= end.step
 
 
+def _is_later(failure: FailedQuery, context: DebugContext) -> bool:
+    """Tell whether a query fails after the moment."""
+    return (failure.query.end or failure.query.begin).step > context.step
+
+
 def _row(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> tuple[str, ...]:
-    when = builder.time_link(context.seconds(failure.instant))
+    when = builder.time_link(context.seconds(failure.instant)) + " later" * _is_later(failure, context)
     node = "–" if failure.node is None else builder.link(str(failure.node), PointAt(failure.node))
     return when, str(failure.query.id), f'<span title="{escape(failure.text)}">{failure.failure_mode}</span>', node
 

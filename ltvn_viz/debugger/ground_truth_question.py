@@ -19,9 +19,10 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import FrameId, Observation, Pose
 from ltvn_core.worlds.world_state import WorldState
 from ltvn_viz.debugger.background_cache import LatestAnswer
+from ltvn_viz.debugger.charts import calibration_svg
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.debugger.svg_figures import calibration_svg, legend_item
+from ltvn_viz.debugger.svg_figures import legend_item
 from ltvn_viz.session.commands import PointAt
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
@@ -55,6 +56,17 @@ class GroundTruthQuestion(Question[Never]):
         """Know nothing yet."""
         self._latest = LatestAnswer()
         self._about: tuple[str, str] = "", ""
+        self._offered: tuple[object, bool] = None, False
+
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether the images of this run say where they were truly taken; one is looked at, once a run."""
+        run, nodes = (context.name, context.start_s), context.moment.graph.ids[:_LOOKED_AT].tolist()
+        if self._offered[0] != run and nodes:
+            seen = next((image for node in nodes if (image := context.observation(node)) is not None), None)
+            if seen is None:
+                return True  # Nobody knows yet.
+            self._offered = run, seen.exact_pose is not None
+        return bool(nodes) and self._offered[1]
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the verdicts, or say why there are none."""
@@ -75,6 +87,7 @@ class GroundTruthQuestion(Question[Never]):
         if judged is None:
             builder.add_pending("Asking the simulator")
             return builder.build()
+        builder.add_behind(self._latest)
         return _show(builder, judged, selection)
 
 

@@ -48,6 +48,10 @@ class HistoryQuestion(Question[Never]):
         """Begin with nothing drawn."""
         self._recent_changes = RecentChanges()
 
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether anything happened."""
+        return len(context.timeline.events) > 0
+
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Count marks until the moment, and offer ways to others."""
         builder = AnswerBuilder()

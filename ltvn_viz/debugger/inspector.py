@@ -45,7 +45,8 @@ class Inspector:
         """
         self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
         self.words = {question.word: question.name for question in questions}
-        self._contexts = DebugContextBuilder(BackgroundCache(worker, self.mark_stale))
+        self._in_background = BackgroundCache(worker, self.mark_stale)
+        self._contexts = DebugContextBuilder(self._in_background)
         self.names = (QuestionName.NONE, *self._questions)
         self.shown = Inspection(offered=(QuestionName.NONE,), serial=first_serial)
         self._key: object = None
@@ -59,8 +60,12 @@ class Inspector:
 
     def choose(self, question: str) -> None:
         """Show a tool, or none."""
-        about = self._questions[question].about if question in self._questions else ""
-        self.shown = replace(self.shown, question=question, about=about, answer=NO_ANSWER, serial=self.shown.serial + 1)
+        chosen = self._questions.get(question)
+        about, verb = ("", "") if chosen is None else (chosen.about, chosen.verb)
+        self.shown = replace(
+            self.shown, question=question, about=about, verb=verb, answer=NO_ANSWER, serial=self.shown.serial + 1
+        )
+        self._in_background.leave()
         self._drawn.clear()
         self._key = None
 

@@ -14,9 +14,9 @@ from ltvn_core.analysis.lifelong_success import LifelongSuccess, SuccessDip
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.palette import Rgb8
+from ltvn_viz.debugger.charts import Axis, step_chart_svg
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder
-from ltvn_viz.debugger.svg_figures import step_curve_svg
 from ltvn_viz.session.commands import PointAt
 
 _POINTS = 200
@@ -28,21 +28,23 @@ def add_lifelong_curves(context: DebugContext, strip: LifelongSuccess, builder: 
     """Add the curves and the dips to a page; nothing for a single query."""
     if len(strip.queries) < 2:
         return
-    now = f"{100 * strip.success[-1]:.0f} %"
-    builder.add_html(
-        f"<div>Success over the last queries, now <b>{now}</b>:</div>{_curve(strip.success, palette.SOURCE)}"
-    )
-    for name, counts, colour in (("Nodes", strip.nodes, palette.NODE), ("Edges", strip.edges, palette.PLAN)):
-        shares = counts / max(int(counts.max()), 1)
-        span = f"{counts[0]} → {counts[-1]}"
-        builder.add_html(f"<div>{name}, {span}:</div>{_curve(shares, colour)}")
+    over = sum(end.step <= context.step for end in strip.ends)
+    now = f"{100 * strip.success[over - 1]:.0f} %" if over else "–"
+    builder.add_html(f"<div>Success over the last queries, now <b>{now}</b>:</div>")
+    builder.add_html(_chart(strip.success, "share that arrived", palette.SOURCE, over))
+    for name, counts, colour in (("nodes", strip.nodes, palette.NODE), ("edges", strip.edges, palette.PLAN)):
+        builder.add_html(_chart(counts, name, colour, over))
     for dip in sorted(strip.dips, key=lambda dip: -dip.fall)[:_DIPS]:
         _dip(context, strip, dip, builder)
 
 
-def _curve(shares: Sequence[float] | np.ndarray, colour: Rgb8) -> str:
-    rows = np.unique(np.linspace(0, len(shares) - 1, min(len(shares), _POINTS)).astype(np.intp))
-    return step_curve_svg([(float(row), float(shares[row])) for row in rows], colour=colour)
+def _chart(values: Sequence[float] | np.ndarray, label: str, colour: Rgb8, over: int) -> str:
+    """Draw one value after each query (Q,), with a line behind the last of the `over` that are over."""
+    rows = np.unique(np.linspace(0, len(values) - 1, min(len(values), _POINTS)).astype(np.intp))
+    points = [(float(row + 1), float(values[row])) for row in rows]
+    x = Axis("queries", 1.0, float(len(values)))
+    y = Axis(label, 0.0, max(1.0, float(np.max(values))))
+    return step_chart_svg(points, x, y, colour=colour, now=float(over) if 0 < over < len(values) else None)
 
 
 def _dip(context: DebugContext, strip: LifelongSuccess, dip: SuccessDip, builder: AnswerBuilder) -> None:
@@ -74,7 +76,7 @@ def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]
             case EdgePruned():
                 edge, what = (delta.source, delta.target), "pruned"
             case BeliefUpdated():
-                edge, what = (delta.source, delta.target), f"p {delta.belief.p:.2f}"
+                edge, what = (delta.source, delta.target), f"then p {delta.belief.p:.2f}"
             case EdgeAdded():
                 edge, what = (delta.edge.source, delta.edge.target), "new"
             case _:

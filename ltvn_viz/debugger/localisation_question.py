@@ -25,10 +25,11 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
+from ltvn_viz.debugger.charts import PROBABILITY, Axis, step_chart_svg
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.node_images import NodeImageLoader
 from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.debugger.svg_figures import step_curve_svg
+from ltvn_viz.server.glossary import explained
 from ltvn_viz.session.commands import PointAt, QuestionRequest, Seek
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
@@ -61,7 +62,7 @@ class LocalisationQuestion(Question[FindAliases]):
     name = QuestionName.WHERE
     word = QuestionName.WHERE.word
     is_for_watchers = True
-    about = "How near each node looks from the current view: blue is near. And how sure the robot was over time."
+    about = "How near each node looks: yellow is near, violet far. And how sure the robot was over time."
 
     def __init__(self) -> None:
         """Begin with nothing compared."""
@@ -69,6 +70,10 @@ class LocalisationQuestion(Question[FindAliases]):
         self._margins: tuple[tuple[Timeline, int] | None, LocalisationMargins] = (None, localisation_margins(()))
         self._asked: tuple[object, ...] | None = None
         self._run = ""
+
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether there ever was a map."""
+        return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Colour the nodes and say which are best."""
@@ -83,11 +88,7 @@ class LocalisationQuestion(Question[FindAliases]):
 
     def handle_request(self, context: DebugContext, request: FindAliases) -> None:
         """Search for places that look alike."""
-        self._asked = (
-            "alike",
-            context.name,
-            context.timeline.change_count_before(context.timeline.count_until(context.instant)),
-        )
+        self._asked = "alike", context.name, _change_count(context)
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> ColouredHeat | None:
         nodes, frame = tuple(context.graph.nodes), context.moment.frame
@@ -114,6 +115,7 @@ class LocalisationQuestion(Question[FindAliases]):
         elif isinstance(found, str):
             builder.add_text(found)
         else:
+            builder.add_behind(self._heat)
             _say(found.heat, builder)
             return found
         return None
@@ -128,10 +130,20 @@ class LocalisationQuestion(Question[FindAliases]):
         rows = range(max(0, until - _SHOWN_LOCALIZATIONS), until)
         if not rows:
             return
-        builder.add_text(f"Margin of best over second in the last {len(rows)} looks (from 0 to 1 and above):")
+        margin = explained("margin", "Margin of best over second")
+        builder.add_html(f"<div>{margin} in the last {len(rows)} looks:</div>")
         times = [context.seconds(Instant(int(localizations.steps[k]), float(localizations.stamps[k]))) for k in rows]
         points = [(time, min(1.0, float(localizations.margins[k]))) for time, k in zip(times, rows, strict=True)]
-        builder.add_html(step_curve_svg(points, lines=((_SMALL, "ambiguous"),), colour=palette.SOURCE))
+        now_s = context.seconds(context.instant)
+        chart = step_chart_svg(
+            points,
+            Axis("time, s", times[0], max(now_s, times[0] + 1.0)),
+            Axis("margin (1 and above)", *PROBABILITY),
+            lines=((_SMALL, "below: ambiguous"),),
+            colour=palette.SOURCE,
+            now=now_s,
+        )
+        builder.add_html(chart)
         self._smallest(localizations, rows, times, builder)
 
     @staticmethod
@@ -160,7 +172,13 @@ class LocalisationQuestion(Question[FindAliases]):
         if isinstance(found, str):
             builder.add_text(found)
             return ()
+        if self._asked[2] != _change_count(context):
+            builder.add_html(f"<div>Searched in the map of another moment; {link} in that of now.</div>")
         return _pairs(context, found, builder)
+
+
+def _change_count(context: DebugContext) -> int:
+    return context.timeline.change_count_before(context.timeline.count_until(context.instant))
 
 
 def _heat(
@@ -181,7 +199,7 @@ def _heat(
 def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
     """Colour the nodes that look nearest by their scores; at a score of D_l a node is half near."""
     rows = np.argsort(found.scores, kind="stable")[:_COLOURED]
-    rgb = palette.probability_colours(scale / (scale + np.maximum(found.scores[rows], 0.0)))
+    rgb = palette.score_colours(scale / (scale + np.maximum(found.scores[rows], 0.0)))
     return {found.nodes[row]: Rgb8(*colour) for row, colour in zip(rows, rgb.tolist(), strict=True)}
 
 

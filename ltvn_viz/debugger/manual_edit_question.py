@@ -47,12 +47,17 @@ class ManualEditQuestion(Question[Never]):
 
     name = QuestionName.HAND
     word = QuestionName.HAND.word
+    verb = "Name it"
     about = "Change the live map while you drive. Click a node, or one and then another to join or part them."
 
     def __init__(self) -> None:
         """Begin with nothing selected."""
         self._selection = NOTHING_SELECTED
         self._done: tuple[tuple[Timeline, int] | None, tuple[ManualEdit, ...]] = (None, ())
+
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether it is the live map that is on show."""
+        return context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer what can be done with the selection, and what was done to be undone."""

@@ -38,6 +38,10 @@ class NextDriveQuestion(Question[Never]):
         """Begin without advice."""
         self._advice = LatestAnswer()
 
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether somebody can drive."""
+        return context.is_live
+
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the latest advice, which is renewed once a second at most."""
         builder = AnswerBuilder()

@@ -12,10 +12,10 @@ from ltvn_core.analysis.world_clock import DAY_S, clock_text
 from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
 
-_WIDTH_PX, _HEIGHT_PX = 340, 128
-_LEFT_PX, _RIGHT_PX, _TOP_PX, _BOTTOM_PX = 30, 6, 12, 30
+_WIDTH_PX, _HEIGHT_PX = 360, 146
+_LEFT_PX, _RIGHT_PX, _TOP_PX, _BOTTOM_PX = 34, 8, 20, 38
 _TICK_STEPS_S = (60, 300, 600, 1800, 3600, 3 * 3600, 6 * 3600, 12 * 3600, DAY_S, 2 * DAY_S, 7 * DAY_S)
-_MOST_TICKS = 5
+_MOST_TICKS = 4
 _INK = "#a6a7ab"
 
 
@@ -87,7 +87,7 @@ def _now(frame: _Frame, now_s: float) -> str:
     anchor = "end" if x > 0.8 * _WIDTH_PX else "start"
     return (
         f'<path d="M{x:.1f} {_TOP_PX - 4}V{frame.y(0.0):.1f}" stroke="white" stroke-width="1.5"/>'
-        f'<text x="{x + (-3 if anchor == "end" else 3):.1f}" y="{_TOP_PX - 3}" font-size="10" text-anchor="{anchor}" '
+        f'<text x="{x + (-3 if anchor == "end" else 3):.1f}" y="{_TOP_PX - 3}" font-size="13" text-anchor="{anchor}" '
         f'fill="white">now</text>'
     )
 
@@ -95,7 +95,7 @@ def _now(frame: _Frame, now_s: float) -> str:
 def _axes(frame: _Frame) -> str:
     bottom, right = frame.y(0.0), _WIDTH_PX - _RIGHT_PX
     rules = "".join(
-        f'<text x="{_LEFT_PX - 4}" y="{frame.y(p) + 3:.1f}" font-size="10" text-anchor="end" fill="{_INK}">{p:g}</text>'
+        f'<text x="{_LEFT_PX - 4}" y="{frame.y(p) + 3:.1f}" font-size="13" text-anchor="end" fill="{_INK}">{p:g}</text>'
         for p in (0.0, OPEN_ABOVE, 1.0)
     )
     threshold = frame.y(OPEN_ABOVE)
@@ -105,8 +105,8 @@ def _axes(frame: _Frame) -> str:
     return (
         f'<path d="M{_LEFT_PX} {_TOP_PX}V{bottom:.1f}H{right}" fill="none" stroke="#868e96"/>'
         f'<path d="M{_LEFT_PX} {threshold:.1f}H{right}" stroke="#868e96" stroke-dasharray="4 3"/>{rules}{ticks}'
-        f'<text x="{_LEFT_PX + 4}" y="{_TOP_PX - 3}" font-size="10" fill="{_INK}">p open</text>'
-        f'<text x="{right}" y="{_HEIGHT_PX - 3}" font-size="10" text-anchor="end" fill="{_INK}">{unit}</text>'
+        f'<text x="{_LEFT_PX + 4}" y="{_TOP_PX - 3}" font-size="13" fill="{_INK}">p open</text>'
+        f'<text x="{right}" y="{_HEIGHT_PX - 3}" font-size="13" text-anchor="end" fill="{_INK}">{unit}</text>'
     )
 
 
@@ -122,6 +122,6 @@ def _tick(frame: _Frame, at_s: float, bottom: float) -> str:
     words = words.split(", ")[-1] if at_s % DAY_S or frame.last_s - frame.first_s < DAY_S else words.split(",")[0]
     return (
         f'<path d="M{frame.x(at_s):.1f} {bottom:.1f}v4" stroke="#868e96"/>'
-        f'<text x="{frame.x(at_s):.1f}" y="{bottom + 14:.1f}" font-size="10" text-anchor="middle" '
+        f'<text x="{frame.x(at_s):.1f}" y="{bottom + 17:.1f}" font-size="13" text-anchor="middle" '
         f'fill="{_INK}">{words}</text>'
     )

@@ -103,6 +103,7 @@ class PresenceQuestion(Question[Never]):
         if forecast is None:
             builder.add_pending("Following it through time")
         else:
+            builder.add_behind(self._latest)
             _show_forecast(seen, forecast, builder)
         _looks(context, edge, builder)
         _note(context, builder)

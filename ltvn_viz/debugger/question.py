@@ -13,7 +13,9 @@ from ltvn_core import palette
 from ltvn_core.errors import OptionError
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
+from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.server.glossary import explained
 from ltvn_viz.session.commands import AskQuestion, ChooseQuestion, Command, QuestionRequest, Seek
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay
@@ -34,7 +36,15 @@ class AnswerBuilder:
     def add_pending(self, text: str, *, title: str = "") -> None:
         """Say what is being computed in the background, after a title in bold if there is one."""
         self.is_pending = True
-        self.parts.append(f"<div>{f'<b>{escape(title)}</b> ' if title else ''}{escape(text)} …</div>")
+        leave = self.link("leave it", ChooseQuestion(QuestionName.NONE))
+        bar = f'<div class="lt-bar lt-wait" role="progressbar" aria-label="{escape(text)}"><div></div></div>'
+        named = f"<b>{escape(title)}</b> " if title else ""
+        self.parts.append(f"<div>{named}{escape(text)} … {leave}{bar}</div>")
+
+    def add_behind(self, latest: LatestAnswer) -> None:
+        """Say so where an answer is still that of another moment."""
+        if latest.is_behind:
+            self.add_pending("What follows is of another moment; looking again")
 
     def add_html(self, markup: str) -> None:
         """Add markup whose foreign parts are escaped."""
@@ -66,7 +76,7 @@ class AnswerBuilder:
     def add_table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Add a table of cells that are markup already."""
         cells = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-        heads = "".join(f"<th>{escape(each)}</th>" for each in head)
+        heads = "".join(f"<th>{explained(each)}</th>" for each in head)
         self.parts.append(f'<table class="lt-rows"><thead><tr>{heads}</tr></thead><tbody>{cells}</tbody></table>')
 
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:
@@ -95,6 +105,8 @@ class Question(ABC, Generic[RequestT]):
     """The word for it in an address, such as what-if."""
     about: ClassVar[str]
     """What it shows, in one line."""
+    verb: ClassVar[str] = "Ask"
+    """What handing over what was typed does, as the word on the button."""
     is_for_watchers: ClassVar[bool] = False
     """A page without the seat may ask it too: nothing that it does is noticed elsewhere, and it opens no file."""
 

@@ -54,6 +54,10 @@ class ShareQuestion(Question[ShareRequest]):
         self._job: _ShareJob | None = None
         self._count = 0
 
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether a recording is on show."""
+        return not context.is_live
+
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer the link and the files, and say what was written."""
         builder = AnswerBuilder()

@@ -54,6 +54,7 @@ class TriedQuestion(Question[Never]):
         if found is None:
             builder.add_pending("Planning once more")
             return builder.build()
+        builder.add_behind(self._latest)
         chosen = [each for each in found if selection.edge in (None, each.edge)] or found
         if not chosen:
             builder.add_text("Up to now no edge that was last seen blocked lay on the shortest way of a plan.")

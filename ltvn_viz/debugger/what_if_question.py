@@ -72,6 +72,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
 
     name = QuestionName.WHAT_IF
     word = QuestionName.WHAT_IF.word
+    verb = "Imagine"
     is_for_watchers = True
     about = "Imagine an edge, a belief, the goal, a threshold or the time to be otherwise. Map and run stay as is."
 
@@ -79,6 +80,10 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         """Begin with the world as it is."""
         self._changes: dict[Hashable, WhatIfChange] = {}
         self._told = 0
+
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether there ever was a map."""
+        return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show what is imagined and what would come of it."""

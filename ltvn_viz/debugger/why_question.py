@@ -20,6 +20,7 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
+from ltvn_viz.debugger.later_changes import add_later_changes
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.svg_figures import image_figure
 from ltvn_viz.session.commands import ChooseQuestion, PointAt
@@ -45,6 +46,10 @@ class WhyQuestion(Question[Never]):
         """Begin with nothing typed."""
         self._typed: EdgeKey | None = None
         self._under = NOTHING_SELECTED
+
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether there ever was a map."""
+        return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Tell why the edge or the node is as it is at the moment."""
@@ -120,7 +125,7 @@ class WhyQuestion(Question[Never]):
                 context.timeline, *edge, at=context.instant, believing=context.method.believing
             )
             self._chain(context, "Why is it gone?", reasons, builder)
-        self._ahead(context, edge, story, builder)
+        add_later_changes(context, story, builder)
         if story.planned_at:
             self._chosen(context, edge, story, builder)
         elif story.lifetimes:
@@ -131,20 +136,6 @@ class WhyQuestion(Question[Never]):
         return edge_explanation.explain_missing_edge(
             context.timeline, *edge, at=context.instant, seen=seen, thresholds=thresholds
         )
-
-    def _ahead(self, context: DebugContext, edge: EdgeKey, story: EdgeHistory, builder: AnswerBuilder) -> None:
-        """Say what is still to come of an edge, where the run goes on after the moment."""
-        later = edge_history(context.timeline, *edge)
-        if story.alive and later.lifetimes and (end := later.lifetimes[len(story.lifetimes) - 1].end) is not None:
-            builder.add_html(
-                f"<div>Later it leaves the map, at {builder.time_link(context.seconds(end.instant))}.</div>"
-            )
-        elif not story.alive and len(later.lifetimes) > len(story.lifetimes):
-            added_at = later.lifetimes[len(story.lifetimes)].added_at
-            builder.add_html(
-                f"<div>Later it comes {'back' * bool(story.lifetimes)} in, at "
-                f"{builder.time_link(context.seconds(added_at))}.</div>"
-            )
 
     def _chosen(self, context: DebugContext, edge: EdgeKey, story: EdgeHistory, builder: AnswerBuilder) -> None:
         timeline, planning, last = context.timeline.copy(), context.method.planning, story.planned_at[-1]

@@ -1,4 +1,4 @@
-"""What just changed: pruned edges rise and fade out red, new ones come in green."""
+"""What just changed: pruned edges rise and fade out magenta, new ones come in green."""
 
 import numpy as np
 import viser

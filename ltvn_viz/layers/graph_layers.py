@@ -29,11 +29,11 @@ class NodesLayer:
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId, int], None]) -> None:
         """Add the empty batch; `on_pick` gets the node and viser's number of the page, and must return at once."""
-        self.markers = PoseMarkers(scene, "/graph/nodes", 0.14)
+        self.markers = PoseMarkers(scene, "/graph/nodes", 0.14, outlined=True)
         self._drawn: GraphArrays | None = None
         self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
 
-        @self.markers.handle.on_click
+        @self.markers.on_click
         async def _(event: viser.SceneNodePointerEvent) -> None:
             graph = self._drawn
             if graph is not None and event.instance_index is not None and event.instance_index < len(graph.ids):
@@ -64,7 +64,7 @@ class EdgesLayer:
 
     def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty batch."""
-        self.lines = LineSegments(scene, "/graph/edges", thickness_px=2.0)
+        self.lines = LineSegments(scene, "/graph/edges", thickness_px=2.0, outlined=True)
         self._clock = clock
         self._drawn: GraphArrays | None = None
         self._when = -np.inf
@@ -84,7 +84,7 @@ class BlockedEdgesLayer:
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the empty batch."""
-        self.lines = LineSegments(scene, "/graph/blocked", thickness_px=4.0)
+        self.lines = LineSegments(scene, "/graph/blocked", thickness_px=4.0, outlined=True)
         self._drawn: frozenset[EdgeKey] = frozenset()
 
     def show(self, snapshot: Snapshot) -> None:

@@ -23,6 +23,7 @@ from ltvn_viz.layers.pose_geometry import points
 from ltvn_viz.layers.pose_markers import PoseMarkers
 from ltvn_viz.layers.scene_assets import floor_bounds, scene_glb
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.viser_client import mended
 
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; worker-src blob:; style-src 'unsafe-inline'; "
@@ -59,13 +60,14 @@ def _walls(recording: Recording) -> bytes | None:
 def _draw(scene: viser.SceneApi, drawn: MapLayout, poses: NDArray[np.float64]) -> None:
     """Draw nodes at poses (N, 3), edges by their belief, and those that nobody can drive."""
     rows = {row[0]: number for number, row in enumerate(drawn.plan.nodes)}
-    nodes = PoseMarkers(scene, "/graph/nodes", 0.14)
+    nodes = PoseMarkers(scene, "/graph/nodes", 0.14, outlined=True)
     nodes.place(poses, NODE_Z)
     nodes.paint(np.full((len(poses), 3), palette.NODE, np.uint8))
     ends = np.array([(rows[source], rows[target]) for source, target, *_ in drawn.plan.edges], int).reshape(-1, 2)
     p, spurious = np.array([row[2] for row in drawn.plan.edges]), np.array([row[3] for row in drawn.plan.edges], bool)
     segments = offset_right(poses[:, :2][ends])
-    LineSegments(scene, "/graph/edges", 2.0).draw(points(segments, EDGE_Z), palette.probability_colours(p))
+    edges = LineSegments(scene, "/graph/edges", 2.0, outlined=True)
+    edges.draw(points(segments, EDGE_Z), palette.probability_colours(p))
     wrong = np.full((int(spurious.sum()), 3), palette.EDGE_REMOVED, np.uint8)
     LineSegments(scene, "/graph/spurious", 5.0).draw(points(segments[spurious], CHANGE_Z), wrong)
 
@@ -84,6 +86,6 @@ def _finished(html: str, drawn: MapLayout) -> str:
         if drawn.simulated
         else "",
     )
-    html = html.replace("<head>", f'<head><meta http-equiv="Content-Security-Policy" content="{POLICY}">')
+    html = mended(html).replace("<head>", f'<head><meta http-equiv="Content-Security-Policy" content="{POLICY}">')
     html = html.replace("<title>Viser</title>", f"<title>{escape(drawn.title)}</title>")
     return html.replace("<body>", f"<body>{legend}")

@@ -9,22 +9,25 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.types import Depth, Rgb
+from ltvn_viz.panels.html_widgets import HtmlBlock
 from ltvn_viz.session.snapshot import CameraImage, ImageSource, Snapshot
 
 WIDTH, HEIGHT = 320, 240
 GAP = 6
 SHOW_EVERY_S = 1 / 15
+QUALITY = 85
 FARTHEST_M = 6.0
 """Everything beyond has one colour."""
 
 
 class CameraPanel:
-    """One image with both, so that they always belong together."""
+    """One image with both, so that they always belong together; the page shows it beside the scene."""
 
-    def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
-        """Add the empty image to the container that is open."""
-        self._handle = gui.add_image(colour_beside_depth(None), format="jpeg", jpeg_quality=85)
-        self._caption = gui.add_html("")
+    def __init__(
+        self, gui: viser.GuiApi, send: Callable[[bytes], None], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Let `send` take each image as a JPEG; the caption is copied by the page from the panel that is open."""
+        self._send, self._caption = send, HtmlBlock(gui)
         self._clock = clock
         self.shown: CameraImage | None = None
         self._due = float("-inf")
@@ -34,9 +37,8 @@ class CameraPanel:
         if snapshot.camera is self.shown or self._clock() < self._due:
             return
         self.shown, self._due = snapshot.camera, self._clock() + SHOW_EVERY_S
-        self._handle.image = colour_beside_depth(snapshot.camera)
-        if (text := caption(snapshot.camera)) != self._caption.content:
-            self._caption.content = text
+        self._send(_jpeg(colour_beside_depth(snapshot.camera)))
+        self._caption.show(caption(snapshot.camera))
 
 
 def caption(view: CameraImage | None) -> str:
@@ -49,7 +51,8 @@ def caption(view: CameraImage | None) -> str:
             text = f"What the method sees: {width} x {height} pixels" + (", no depth" if view.depth is None else "")
         case ImageSource.RENDERED:
             text = "Rendered larger for you; the method sees a smaller image"
-    return f'<div class="lt lt-note">{text}</div>'
+    has_depth = int(view.depth is not None)
+    return f'<div class="ltvn-elsewhere" data-ltvn-copy="caption"><span data-depth="{has_depth}">{text}</span></div>'
 
 
 def colour_beside_depth(view: CameraImage | None) -> Rgb:
@@ -61,6 +64,10 @@ def colour_beside_depth(view: CameraImage | None) -> Rgb:
         depth = cv2.resize(view.depth, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST).astype(np.float32)
         canvas[:, WIDTH + GAP :] = depth_colours(depth)
     return canvas
+
+
+def _jpeg(image: Rgb) -> bytes:
+    return cv2.imencode(".jpg", image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, QUALITY))[1].tobytes()
 
 
 def depth_colours(depth: Depth) -> Rgb:

@@ -1,6 +1,7 @@
 """The “Why” tab: one tool of the debugger at a time."""
 
 from collections.abc import Callable
+from html import escape
 
 import viser
 
@@ -33,12 +34,13 @@ class DebuggerPanel:
             self._tools.options = [str(question) for question in inspection.offered]
         if self._tools.value != inspection.question:
             self._tools.value = str(inspection.question)
-        self._about.show(note(inspection.about) if inspection.about else "")
+        self._about.show(_about(inspection.about))
         self._view.show(inspection.html)
         input_hint = inspection.answer.input_hint
         self._field.visible = self._tell.visible = bool(input_hint)
         if input_hint:
             self._field.label = input_hint
+            self._tell.label = inspection.verb
 
     def _bind(self, send: Callable[[Command], None]) -> None:
         @self._tools.on_update
@@ -50,3 +52,8 @@ class DebuggerPanel:
         @self._tell.on_click
         async def _(_: viser.GuiEvent) -> None:
             send(SubmitText(self._field.value))
+
+
+def _about(text: str) -> str:
+    words = '<button type="button" class="lt-words" data-ltvn-toggle="glossary">What do the words mean?</button>'
+    return f'<div class="lt lt-note">{escape(text)} {words}</div>'

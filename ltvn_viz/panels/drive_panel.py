@@ -2,7 +2,7 @@
 
 import viser
 
-from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note, number_grid
+from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, number_grid, with_keys
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.modes import LIVE, Mode
 from ltvn_viz.session.snapshot import Snapshot
@@ -13,7 +13,8 @@ class DrivePanel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
-        HtmlBlock(gui, note("Drive with W A S D held; the map grows as you go. A recording holds all that happens."))
+        about = with_keys("Drive with W A S D held; the map grows as you go. A recording holds all that happens.")
+        HtmlBlock(gui, f'<div class="lt lt-note">{about}</div>')
         self.recording, self.map, self.counts = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
@@ -38,12 +39,12 @@ def _counts(snapshot: Snapshot) -> str:
     moment = snapshot.moment
     progress = moment.progress
     return number_grid(
-        (f"{moment.frames:,}", "images"),
+        (f"{moment.frames:,}", "images taken"),
         (f"{len(moment.graph.ids):,}", "nodes"),
         (f"{len(moment.graph.p):,}", "edges"),
         (f"{progress.collisions}", "collisions"),
         (f"{progress.queries}", "queries"),
         (f"{progress.reached}", "arrived"),
-        (f"{progress.added}", "edges added"),
-        (f"{progress.pruned}", "pruned"),
+        (f"{progress.added:,}", "edges came in"),
+        (f"{progress.pruned:,}", "edges pruned"),
     )

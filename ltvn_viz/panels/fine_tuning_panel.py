@@ -45,8 +45,8 @@ def _about(fine_tuning: FineTuningStatus, weights: str) -> str:
     if fine_tuning.phase is FineTuningPhase.LEARNING:
         return f"The network learns from {fine_tuning.drive}; drive on meanwhile."
     if fine_tuning.phase is FineTuningPhase.LEARNED:
-        return f"The network learned. The map still uses the weights {weights}."
-    return f"The network (weights {weights}) can learn this place from {fine_tuning.drive}."
+        return "The network learned. The map still uses the network as it was."
+    return f"The network can learn this place from {fine_tuning.drive}."
 
 
 def _state(fine_tuning: FineTuningStatus) -> str:

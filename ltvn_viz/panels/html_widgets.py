@@ -21,6 +21,21 @@ STYLE = f"""<style>
 .lt-mode[data-mode="paused"], .lt-mode[data-mode="building"] {{ background: #845d00; }}
 .lt-mode[data-mode="replay"] {{ background: #5f3dc4; }}
 .lt-mode[data-rec="1"]::before {{ content: "● "; color: {palette.EDGE_REMOVED.css}; }}
+.lt-health {{ padding: .1em .7em; border: 1px solid; border-radius: 1em; background: none; font: inherit;
+  font-weight: 600; color: #8ce99a; cursor: pointer; }}
+.lt-health[data-health="Slow"] {{ color: #ffd43b; }}
+.lt-health[data-health="Trouble"] {{ color: #ffa8a8; }}
+.lt-health[data-health="Good"]::before {{ content: "✓ "; }}
+.lt-health:not([data-health="Good"])::before {{ content: "! "; }}
+.lt-numbers {{ display: none; grid-template-columns: auto 1fr; gap: 0 .8em; margin: .4em 0 0; color: #a6a7ab; }}
+[data-ltvn-numbers] .lt-numbers {{ display: grid; }}
+.lt-numbers dd {{ margin: 0; color: #e9ecef; }}
+.lt-words {{ padding: 0; border: 0; background: none; font: inherit; color: #74b0ff; text-decoration: underline;
+  cursor: pointer; }}
+.lt-term {{ text-decoration: underline dotted; cursor: help; }}
+.lt-wait div {{ width: 30%; animation: lt-wait 1.2s ease-in-out infinite alternate; }}
+@keyframes lt-wait {{ from {{ margin-left: 0; }} to {{ margin-left: 70%; }} }}
+@media (prefers-reduced-motion: reduce) {{ .lt-wait div {{ animation: none; width: 100%; opacity: .5; }} }}
 .lt-card {{ padding: .5em .75em; border-radius: .5em; background: rgba(56,139,253,.13);
   border-left: 3px solid {palette.ACCENT.css}; color: #dee2e6; overflow-wrap: anywhere; }}
 .lt-card[data-severity="WARN"] {{ background: rgba(250,176,5,.12); border-color: #fab005; }}
@@ -36,7 +51,7 @@ STYLE = f"""<style>
 .lt-buttons button.lt-main {{ background: #1c6fd6; }}
 .lt-buttons button.lt-main:hover:enabled {{ background: #2f81e8; }}
 .lt-buttons kbd {{ margin-left: .45em; padding: 0 .4em; border-radius: .25em; background: rgba(0,0,0,.3);
-  color: #ced4da; font: .85em/1.5 ui-monospace, monospace; font-weight: 400; }}
+  color: #ced4da; font: .8125rem/1.5 ui-monospace, monospace; font-weight: 400; }}
 .lt-bar {{ height: .4em; margin-top: .45em; border-radius: .2em; background: rgba(255,255,255,.1); overflow: hidden; }}
 .lt-toggle {{ padding: 0; border: 0; background: none; font: inherit; color: #ced4da; cursor: pointer; }}
 .lt-toggle::before {{ content: ""; display: inline-block; width: 1.8em; height: 1em; margin-right: .6em;
@@ -53,14 +68,14 @@ STYLE = f"""<style>
 .lt-table {{ display: grid; grid-template-columns: repeat(4, 1fr); gap: .1em .5em; }}
 .lt-table div {{ display: flex; flex-direction: column; }}
 .lt-table b {{ font-size: 1.15em; color: #f1f3f5; font-weight: 600; font-variant-numeric: tabular-nums; }}
-.lt-table span {{ color: #909296; font-size: .9em; }}
+.lt-table span {{ color: #a6a7ab; }}
 .lt-why > div {{ margin: .25em 0; color: #ced4da; }}
 .lt-link {{ color: #74b0ff; cursor: pointer; text-decoration: underline; }}
 .lt-pair {{ display: flex; gap: .4em; }}
 .lt-why figure {{ flex: 1; margin: 0; }}
 .lt-why figure img, .lt-none {{ width: 100%; aspect-ratio: 4/3; border-radius: .35em; display: block; }}
 .lt-none {{ background: #2c2e33; color: #868e96; text-align: center; }}
-.lt-why figcaption {{ color: #909296; font-size: .9em; }}
+.lt-why figcaption {{ color: #a6a7ab; }}
 .lt-curve {{ width: 100%; background: rgba(255,255,255,.04); border-radius: .35em; }}
 .lt-rows {{ width: 100%; border-collapse: collapse; font-variant-numeric: tabular-nums; }}
 .lt-rows td:first-child, .lt code {{ white-space: nowrap; }}
@@ -120,6 +135,27 @@ def note(text: str) -> str:
     return f'<div class="lt lt-note">{escape(text)}</div>'
 
 
+KEY_PHRASES = (
+    ("W A S D or the arrow keys", "an arrow"),
+    ("W A S D", "an arrow"),
+    ("Space", "Stop"),
+    ("press R ", "press Record "),
+    (" (N)", ""),
+    (" (B)", ""),
+)
+"""What texts say of keys, and what is true for fingers."""
+
+
+def with_keys(text: str) -> str:
+    """Return a text as HTML that names keys only where there are any."""
+    shown = escape(text)
+    for keys, touch in KEY_PHRASES:
+        if keys in shown:
+            both = f'<span class="ltvn-by-key">{keys}</span><span class="ltvn-by-touch">{touch}</span>'
+            return shown.replace(keys, both)
+    return shown
+
+
 def lines(*texts: str) -> str:
     """Return lines of plain text, nothing for none."""
     return f'<div class="lt lt-note">{"<br>".join(map(escape, texts))}</div>' if texts else ""
@@ -174,9 +210,10 @@ def legend_html() -> str:
         for name, colour in keys.items()
     )
     return (
-        '<div style="font-size:.75em;line-height:1.6;padding:.2em .75em">'
+        '<div class="ltvn-only-narrow" style="padding:.2em .75em"><div data-ltvn-copy="legend">'
+        '<div style="font-size:.8125rem;line-height:1.6">'
         '<div style="display:flex;gap:.5em;align-items:center"><span>edge p&nbsp;0</span>'
         '<span style="flex:1;height:.65em;border-radius:3px;'
         f'background:linear-gradient(90deg,{palette.probability_gradient_css()})"></span>'
-        f'<span>1</span></div><div style="display:flex;flex-wrap:wrap;gap:0 .9em">{chips}</div></div>'
+        f'<span>1</span></div><div style="display:flex;flex-wrap:wrap;gap:0 .9em">{chips}</div></div></div></div>'
     )

@@ -22,7 +22,9 @@ class ReplayPanel:
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         """Add the controls to the tab that is open; `send` takes commands and returns at once."""
-        HtmlBlock(gui, note("Watch a recording in this page: the scene shows the world at the time of the slider."))
+        HtmlBlock(
+            gui, note("Watch a recording in this page: the scene shows the world at the moment of the timeline below.")
+        )
         self._names = gui.add_dropdown("Recording", [NONE_YET], disabled=True)
         self._open = gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, color=QUIET, disabled=True)
         self.time = gui.add_slider("Time (s)", min=0.0, max=1.0, step=STEP_S, initial_value=0.0, visible=False)
@@ -92,7 +94,7 @@ class ReplayPanel:
             # Only a place in time that is new may move the slider, else it would jump back under a person's drag.
             self._followed = replay.time_s
             self.time.value = min(round(replay.time_s / STEP_S) * STEP_S, self.time.max)
-        self.play.label = "Hold" if replay.playing else "Play"
+        self.play.label = "Pause" if replay.playing else "Play"
 
 
 def _making(snapshot: Snapshot) -> str:

@@ -7,7 +7,8 @@ from html import escape
 import viser
 
 from ltvn_core.navigation.events import Severity
-from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row
+from ltvn_viz.panels.health import health_button, health_numbers
+from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row, with_keys
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
 
@@ -16,6 +17,9 @@ READ_S = 15.0
 REFRESH_S = 0.5
 """Numbers that flicker faster cannot be read."""
 
+
+PANEL_MARK = "<i data-ltvn-panel></i>"
+"""By this the page's script and style know viser's panel."""
 
 _WATCHING = (
     '<div class="lt ltvn-watching-only"><div class="lt-card" data-severity="WARN">'
@@ -37,7 +41,7 @@ class StatusPanel:
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the lines at the top of the main panel."""
-        gui.add_html(STYLE)
+        gui.add_html(STYLE + PANEL_MARK)
         gui.add_html(_WATCHING)
         self.line, self.hint, self.pause, self.message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
         self._clock = clock
@@ -53,7 +57,8 @@ class StatusPanel:
             self._shown, self._due = state, self._clock() + REFRESH_S
             self.line.show(_line(snapshot))
         self.hint.show(
-            f'<div class="lt"><div class="lt-card"><strong>Next:</strong> {escape(snapshot.hint)}</div></div>'
+            '<div class="lt lt-hint"><div class="lt-card"><strong>Next:</strong> '
+            f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
         )
         self.pause.show(_GO_ON if snapshot.pause_notice else "")
         self.message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
@@ -67,17 +72,14 @@ class StatusPanel:
 
 
 def _line(snapshot: Snapshot) -> str:
-    rates, recording = snapshot.rates, snapshot.recording
+    recording = snapshot.recording
     is_recording = int(recording.name is not None)
-    parts = [f'<span class="lt-mode" data-mode="{snapshot.mode}" data-rec="{is_recording}">{snapshot.mode}</span>']
-    parts += [
-        f"<span>loop <b>{rates.loop_hz:.0f}</b> Hz</span>",
-        f"<span>frame <b>{rates.frame_age_ms:.0f}</b> ms old</span>",
-        f"<span><b>{rates.dropped}</b> dropped</span>",
-    ]
+    mode = f'<span class="lt-mode" data-mode="{snapshot.mode}" data-rec="{is_recording}">{snapshot.mode}</span>'
+    parts = [f'<span data-ltvn-copy="mode">{mode}</span>']
+    parts.append(health_button(snapshot))
     if recording.name is not None:
-        parts.append(f"<span>rec <b>{recording.seconds:.0f}</b> s, <b>{recording.frames}</b> frames</span>")
-    return f'<div class="lt" role="status"><div class="lt-line">{"".join(parts)}</div></div>'
+        parts.append(f"<span>rec <b>{recording.seconds:.0f}</b> s, <b>{recording.frames:,}</b> images</span>")
+    return f'<div class="lt" role="status"><div class="lt-line">{"".join(parts)}</div>{health_numbers(snapshot)}</div>'
 
 
 def _message(message: Message) -> str:

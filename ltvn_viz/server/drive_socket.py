@@ -1,4 +1,4 @@
-"""The `/drive` socket: carries held inputs and presses from the pages to the app, and the seat back to the pages.
+"""The `/drive` socket: carries held inputs and presses to the app, and seat and camera pictures back to the pages.
 
 Owns the connections and the watchdog thread. The rules of driving are in `driving.py`, the words in
 `drive_messages.py`. Nothing is awaited between the arrival of a message and the listener's call.
@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum, auto
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
@@ -58,6 +59,15 @@ class DriveListener:
     """The last page is gone."""
 
 
+class Newest(Enum):
+    """What a page needs only the newest of; sent in this order."""
+
+    PICTURE = auto()
+    """What the robot sees, a JPEG."""
+    MOMENT = auto()
+    """Which moment is on show."""
+
+
 class _Page:
     """One open page: its connection and what is still to be told to it."""
 
@@ -66,6 +76,7 @@ class _Page:
         self.connection = connection
         self._told = ""
         self._unsent: list[str] = []
+        self._newest: dict[Newest, str | bytes] = {}
         self._wake = asyncio.Event()
 
     def tell_state(self, message: str) -> None:
@@ -78,6 +89,11 @@ class _Page:
         self._unsent = [*self._unsent[-MAX_UNSENT + 1 :], message]
         self._wake.set()
 
+    def tell_newest(self, kind: Newest, message: str | bytes) -> None:
+        # A page that does not read gets the newest one of each kind alone.
+        self._newest[kind] = message
+        self._wake.set()
+
     async def send_forever(self) -> None:
         while True:
             await self._wake.wait()
@@ -85,6 +101,9 @@ class _Page:
             unsent, self._unsent = self._unsent, []
             for message in unsent:
                 await self.connection.send(message)
+            for kind in Newest:
+                if (newest := self._newest.pop(kind, None)) is not None:
+                    await self.connection.send(newest)
 
 
 class DriveSocket:
@@ -104,6 +123,7 @@ class DriveSocket:
         self._wake = threading.Event()
         self._closing = False
         self._clients: dict[str, ClientId] = {}
+        self._newest: dict[Newest, str | bytes] = {}
         self._stop_log, self._refusal_log = LimitedLog(logger), LimitedLog(logger)
         self._watchdog = threading.Thread(target=self._watch, name="drive watchdog", daemon=True)
         self._watchdog.start()
@@ -121,6 +141,8 @@ class DriveSocket:
         self.presence.hear(page.client)
         if key is not None:
             self._clients[key] = page.client
+        for kind, message in self._newest.copy().items():
+            page.tell_newest(kind, message)
         sender = asyncio.create_task(page.send_forever())
         try:
             self._tell_pages()
@@ -175,6 +197,12 @@ class DriveSocket:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._tell_pages)
 
+    def tell_newest(self, kind: Newest, message: str | bytes) -> None:
+        """Tell all pages, in place of what of this kind still waits. Safe from any thread."""
+        self._newest[kind] = message
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._tell_newest, kind, message)
+
     def close(self) -> None:
         """Stop the robot and end the watchdog."""
         self._closing = True
@@ -222,6 +250,10 @@ class DriveSocket:
         if driver is not None:
             page.tell(refusal_message(driver))
         return False
+
+    def _tell_newest(self, kind: Newest, message: str | bytes) -> None:
+        for page in list(self._pages.values()):
+            page.tell_newest(kind, message)
 
     def _tell_pages(self) -> None:
         for page in list(self._pages.values()):

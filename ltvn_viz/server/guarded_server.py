@@ -31,7 +31,7 @@ from websockets.http11 import Request, Response
 from ltvn_core.errors import ServerError
 from ltvn_viz.server import page_messages
 from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
-from ltvn_viz.server.drive_socket import MAX_PAGES, DriveListener, DriveSocket
+from ltvn_viz.server.drive_socket import MAX_PAGES, DriveListener, DriveSocket, Newest
 from ltvn_viz.server.driver_seat import ClientId, DriverSeat
 from ltvn_viz.server.index_page import IndexPage
 from ltvn_viz.server.page_gate import PageGate
@@ -41,6 +41,8 @@ from ltvn_viz.server.routes import RouteHandler, Routes, not_found
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
+READY_PREFIX = "/ready/"
+"""A page asks here whether the app is there, true or false as JSON, before it opens its sockets."""
 MAX_VISER_SOCKETS = 2 * MAX_PAGES
 """A page that comes back may be counted twice until its old socket is given up."""
 _PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
@@ -70,8 +72,12 @@ class GuardedServer:
         *,
         seat: DriverSeat | None = None,
         drives: bool = True,
+        is_loading: bool = False,
     ) -> None:
-        """Start serving; port 0 takes any free one. A page that drives nothing has no pad. Raises ServerError."""
+        """Start serving; port 0 takes any free one. A page that drives nothing has no pad. Raises ServerError.
+
+        While it is loading, which `end_loading` ends, pages come and wait.
+        """
         if not is_loopback(host):
             raise ServerError(
                 f"Refused to listen on {host}: everybody in the network could drive the robot. Listen on 127.0.0.1 "
@@ -87,7 +93,9 @@ class GuardedServer:
         self._drive = DriveSocket(self.seat, self.presence)
         self._routes = Routes()
         self._page = IndexPage(drives=drives)
+        self._is_loading = is_loading
         self.gate = PageGate(self._drive.may_drive if drives else lambda key: True)
+        self._routes.add(READY_PREFIX, lambda _: b"false" if self._is_loading else b"true", ending="json")
         self._guard = RequestGuard(self.token, f"ltvn_{self.port}")
         self._files = ThreadPoolExecutor(max_workers=2, thread_name_prefix="page files")
         self.viser = self._start(listening)
@@ -132,6 +140,18 @@ class GuardedServer:
     def add_route(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
         """Serve `prefix<number>.ending`, as in `/thumb/17.jpg`, from `handler(number)`, called in a worker thread."""
         self._routes.add(prefix, handler, ending=ending)
+
+    def show_picture(self, jpeg: bytes) -> None:
+        """Show all pages what the robot sees. Safe from any thread."""
+        self._drive.tell_newest(Newest.PICTURE, jpeg)
+
+    def tell_moment(self, message: str) -> None:
+        """Tell all pages which moment is on show. Safe from any thread."""
+        self._drive.tell_newest(Newest.MOMENT, message)
+
+    def end_loading(self) -> None:
+        """Let the pages that wait open their sockets."""
+        self._is_loading = False
 
     def stop_robot(self) -> None:
         """Stop and latch for the app itself, as if somebody had pressed Space. Tells the listener."""

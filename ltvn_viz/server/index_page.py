@@ -6,18 +6,25 @@ page may talk to its own server alone.
 
 import json
 import secrets
+from collections.abc import Iterable
 from http import HTTPStatus
 from pathlib import Path
 
 import viser
 from websockets.http11 import Response
 
+from ltvn_viz.server.glossary import TERMS
 from ltvn_viz.server.keymap import FOR_EVERYBODY, Direction, action_codes, direction_codes, help_rows
 from ltvn_viz.server.responses import HTML, reply
+from ltvn_viz.server.strip_kinds import strip_tables
+from ltvn_viz.server.viser_client import viser_page
 
 STATIC = Path(__file__).parents[1] / "static"
 SCRIPTS = (
     "page.js",
+    "layout.js",
+    "names.js",
+    "pictures.js",
     "seat.js",
     "held.js",
     "keyboard.js",
@@ -26,8 +33,14 @@ SCRIPTS = (
     "rights.js",
     "clicks.js",
     "links.js",
+    "timeline_data.js",
+    "timeline_view.js",
+    "timeline.js",
+    "details.js",
     "main.js",
 )
+STYLES = ("loading.css", "layout.css", "ltvn.css", "timeline.css")
+PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
 """What the page's script takes out of its address."""
@@ -58,9 +71,9 @@ class IndexPage:
     """The whole HTML of the page, ready but for its nonce."""
 
     def __init__(self, *, drives: bool = True) -> None:
-        """Read the page; one that drives nothing comes without pad and keys."""
-        index = (Path(viser.__file__).parent / "client/build/index.html").read_text()
-        self._html = _with_our_parts(index, _script() if drives else "")
+        """Read the page; one that drives nothing comes without pad, keys and our layout."""
+        index = _guarded(viser_page())
+        self._html = _with_our_parts(index) if drives else _with_style(index, ("ltvn.css",))
 
     def answer(self) -> Response:
         """Return the page with a fresh nonce."""
@@ -69,14 +82,25 @@ class IndexPage:
         return reply(HTTPStatus.OK, html, content_type=HTML, policy=policy)
 
 
-def _with_our_parts(index: str, script: str) -> str:
-    if index.count("<script ") != 1 or index.count(LOADER) != 1 or index.count("</head>") != 1:
+def _guarded(index: str) -> str:
+    """Return viser's page with our name, whose scripts alone may run."""
+    once = ("<script ", LOADER, "</head>", "<body>", "<title>Viser</title>")
+    if any(index.count(part) != 1 for part in once):
         raise RuntimeError(f"viser {viser.__version__} has another page than the one this guard was written for")
     index = index.replace("<title>Viser</title>", f"<title>{TITLE}</title>")
     index = index.replace("<script ", f'<script nonce="{NONCE}" ')
-    index = index.replace(LOADER, f'{LOADER}e.nonce="{NONCE}";')
-    style = f"<style>{(STATIC / 'ltvn.css').read_text()}</style>"
-    return index.replace("</head>", f'{style}<script nonce="{NONCE}">{script}</script></head>')
+    return index.replace(LOADER, f'{LOADER}e.nonce="{NONCE}";')
+
+
+def _with_our_parts(index: str) -> str:
+    """Return the page with our layout, keys and pad; the parts come first, so that loading shows before all else."""
+    index = _with_style(index, STYLES).replace("<body>", f"<body>{(STATIC / PARTS).read_text()}")
+    return index.replace("</head>", f'<script nonce="{NONCE}">{_script()}</script></head>')
+
+
+def _with_style(index: str, names: Iterable[str]) -> str:
+    style = "".join((STATIC / name).read_text() for name in names)
+    return index.replace("</head>", f"<style>{style}</style></head>")
 
 
 def _script() -> str:
@@ -84,6 +108,8 @@ def _script() -> str:
     tables = {
         "KEYMAP": _keymap(),
         "LINK_WORDS": LINK_PARAMETERS,
+        "TIMELINE": strip_tables(),
+        "GLOSSARY": [term._asdict() for term in TERMS],
         "SOCKET_WORKER": (STATIC / SOCKET_WORKER).read_text(),
     }
     # "<" would let a text end the script element.

@@ -37,6 +37,7 @@ from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.session.viewpoint import Viewpoint
 from ltvn_viz.session.worker import PatientWorker, Worker
 from ltvn_viz.timeline.run_moment import RunMoment
+from ltvn_viz.timeline.strip_marks import StripLibrary
 
 Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
 
@@ -148,6 +149,12 @@ class AppState:
     """The story that is told, or was told last."""
     shown_stamp: float | None = None
     """A stamp of the live run that the page shows instead of now."""
+    plays_past: bool = False
+    """That stamp goes on by itself, until it is now."""
+    play_speed: float = 1.0
+    """The recording or the past on show plays so many times as fast as it happened."""
+    strips: StripLibrary = field(default_factory=StripLibrary)
+    """The marks of the runs on show, for the pages' timelines."""
     own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)
     """Of the pages that only watch and ask something themselves; the first looks again next."""
 
@@ -159,6 +166,11 @@ class AppState:
     def shown_run(self) -> Timeline:
         """The run that the page shows: of the open recording, else the live one."""
         return self.activity.timeline if isinstance(self.activity, Playback) else self.live.timeline
+
+    @property
+    def is_now(self) -> bool:
+        """Tell whether the page shows the robot as it is now."""
+        return self.shown_stamp is None and not isinstance(self.activity, Playback)
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Show a message in the page."""

@@ -10,21 +10,19 @@ from typing import assert_never
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import GraphChanged, Severity
-from ltvn_core.types import FrameId, NodeId, Rgb
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning_handlers import start_fine_tuning, use_weights
-from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
+from ltvn_viz.session.goal_handlers import choose_goal, find_and_go, find_place, navigate, pick
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode, refusal
 from ltvn_viz.session.own_views import STALE_LINK
-from ltvn_viz.session.place_lookup import FoundPlace
 from ltvn_viz.session.recording_jobs import build_from_replay, import_source
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording
-from ltvn_viz.session.seeking import seek, seek_mark
+from ltvn_viz.session.seeking import go_through_time
 from ltvn_viz.session.snapshot import JobProgress
 from ltvn_viz.session.world_handlers import change_world, interrupt_story
 
@@ -63,20 +61,20 @@ def _carry_out(state: AppState, command: c.Command) -> None:
         case c.DismissWeights():
             state.fine_tuning.dismiss()
         case c.ChooseGoal(node):
-            _choose_goal(state, node)
+            choose_goal(state, node)
         case c.PickNode(node):
-            _pick(state, node)
+            pick(state, node)
         case c.ChooseQuestion() | c.PointAt() | c.SubmitText() | c.AskQuestion() | c.FollowLink():
             _inspect(state, command)
         case c.EditMap(deltas):
             _change(state, deltas)
         case c.NavigateTo(node):
-            _navigate(state, node)
+            navigate(state, node)
         case c.NavigateToImage(rgb, original):
             if isinstance(state.activity, Playback):
-                _find_place(state, state.activity, rgb if original is None else original)
+                find_place(state, state.activity, rgb if original is None else original)
             else:
-                _find_and_go(state, rgb)
+                find_and_go(state, rgb)
         case (
             c.ToggleDoor()
             | c.AimBox()
@@ -87,12 +85,14 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             | c.WatchItLearn()
         ):
             change_world(state, command)
-        case c.ReportError(text):
-            state.say(text, Severity.ERROR)
         case c.StartRecording() | c.KeepRecording() | c.DiscardRecording():
             _record(state, command)
-        case c.Pause() | c.StepOnce() | c.Seek() | c.SeekMark() | c.SeekBy() | c.OpenRecording() | c.CloseRecording():
+        case c.Pause() | c.StepOnce() | c.OpenRecording() | c.CloseRecording():
             _play(state, command)
+        case c.Seek() | c.SeekMark() | c.SeekBy() | c.PlayTime() | c.SetPlaySpeed() | c.ShowNow():
+            go_through_time(state, command)
+        case c.ReportError(text):
+            state.say(text, Severity.ERROR)
         case _:
             assert_never(command)
 
@@ -147,17 +147,11 @@ def _play(state: AppState, command: c.PlaybackCommand) -> None:
             navigation.resume() if navigation.mode is Mode.PAUSED else navigation.pause()
         case c.StepOnce(), Navigation() as navigation:
             navigation.step()
-        case c.Seek(time_s), _:
-            seek(state, time_s)
-        case c.SeekMark(kind, forwards), _:
-            seek_mark(state, kind, forwards=forwards)
-        case c.SeekBy(seconds), Playback() as replay:
-            replay.seek(replay.time_s + seconds)
         case c.OpenRecording() as opening, _:
             _open(state, opening)
         case c.CloseRecording(), _:
             state.activity = state.teleop
-        case ((c.Pause() | c.StepOnce() | c.SeekBy()), _):
+        case ((c.Pause() | c.StepOnce()), _):
             pass  # It is legal in another mode alone, which `modes` has seen to.
 
 
@@ -190,67 +184,6 @@ def _change(state: AppState, deltas: Sequence[GraphDelta]) -> None:
         state.debugger.take_in_all_events()
 
     state.worker.submit(lambda: state.live_map.change(deltas), show)
-
-
-def _pick(state: AppState, node: NodeId) -> None:
-    if state.debugger.is_on:
-        state.debugger.point_at(node)
-    elif not isinstance(state.activity, Playback):
-        _choose_goal(state, node)
-
-
-def _choose_goal(state: AppState, node: NodeId) -> None:
-    """Go to a node; while a query runs it is the next goal."""
-    if state.activity is state.teleop:
-        _navigate(state, node)
-    else:
-        state.goals.selected = node
-
-
-def _navigate(state: AppState, node: NodeId | None) -> None:
-    goal = state.goals.selected if node is None else node
-    if goal is None:
-        raise OptionError("Choose a goal first: click a node in the scene or an image under “Go”.")
-    state.live.robot.stop()
-    state.goals.selected = goal
-    state.queries += 1
-    query = state.live_map.query(state.live.robot, goal, state.queries)
-    state.activity = Navigation(state.live, state.worker, goal, query, state.live_map.cancel)
-
-
-def _find_and_go(state: AppState, rgb: Rgb) -> None:
-    def find() -> tuple[Sequence[NodeId], Sequence[tuple[FrameId, Rgb]]]:
-        nodes = state.live_map.similar_nodes(rgb, SIMILAR_NODE_COUNT)
-        return nodes, state.live_map.node_images(nodes)
-
-    def go(found: tuple[Sequence[NodeId], Sequence[tuple[FrameId, Rgb]]]) -> None:
-        state.goals.offer_similar_nodes(*found)
-        if state.activity is state.teleop:
-            state.say("Going to the place that looks most like your image. Others that look like it are shown below.")
-            _navigate(state, found[0][0])
-
-    state.worker.submit(find, go)
-
-
-def _find_place(state: AppState, replay: Playback, rgb: Rgb) -> None:
-    path, predictor = state.library.path(replay.name), state.live_map.predictor
-
-    def find() -> FoundPlace | str:
-        try:
-            return state.places.find(path, rgb, predictor)
-        except LtvnError as error:
-            return str(error)
-
-    def show(found: FoundPlace | str) -> None:
-        state.work = None
-        if isinstance(found, str):
-            state.say(found, Severity.ERROR)
-            return
-        replay.found = found.node
-        state.say(found.text, Severity.INFO if found.node is not None else Severity.WARN)
-
-    state.work = JobProgress("Looking for the image in this map")
-    state.worker.submit(find, show)
 
 
 def _record(state: AppState, command: c.RecordingCommand) -> None:

@@ -191,6 +191,28 @@ class Seek(LabelledCommand):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PlayTime(LabelledCommand):
+    """Let the time on show go on, or hold it: of the recording, or of the live run's past."""
+
+    label: ClassVar[str] = "play"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetPlaySpeed(LabelledCommand):
+    """Play so many times as fast as it happened."""
+
+    label: ClassVar[str] = "play faster or slower"
+    speed: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShowNow(LabelledCommand):
+    """Show the live run as it is now, after a look back."""
+
+    label: ClassVar[str] = "back to now"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SeekBy(LabelledCommand):
     """Show the replay so many seconds later, or earlier."""
 
@@ -322,8 +344,10 @@ class ReportError(LabelledCommand):
 
 
 RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
-PlaybackCommand: TypeAlias = Pause | StepOnce | Seek | SeekMark | SeekBy | OpenRecording | CloseRecording
+PlaybackCommand: TypeAlias = Pause | StepOnce | OpenRecording | CloseRecording
 """What means something to a query or a replay under way."""
+TimeCommand: TypeAlias = Seek | SeekMark | SeekBy | PlayTime | SetPlaySpeed | ShowNow
+"""What moves the time on show, in a recording or in the live run's past."""
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
 WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
 """What changes the simulated world."""
@@ -331,6 +355,7 @@ Command: TypeAlias = (
     RecordingCommand
     | WorldCommand
     | PlaybackCommand
+    | TimeCommand
     | DebuggerCommand
     | StopRobot
     | BuildMap

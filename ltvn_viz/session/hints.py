@@ -11,6 +11,8 @@ FEW_IMAGES = 5
 
 def hint(snapshot: Snapshot) -> str:
     """Return what a person could do next."""
+    if not snapshot.timeline.is_now and not snapshot.timeline.is_replay:
+        return "The scene shows the past, the camera what is now. “Live” below it returns, and so does driving."
     match snapshot.mode:
         case Mode.BUILDING:
             return "The map is being built from all images so far. You can cancel; the old map stays until then."
@@ -23,7 +25,7 @@ def hint(snapshot: Snapshot) -> str:
         case Mode.REPLAY if snapshot.lone_camera is not None and not snapshot.moment.graph.ids.size:
             return "This is an imported drive. Play it, or press “Build the map anew” (B) under “Drive”."
         case Mode.REPLAY:
-            return "This is a recording. Drag the slider or press play; “Back to the robot” ends the replay."
+            return "This is a recording. Click into the timeline, or play; “Back to the robot” (Replay) ends it."
         case Mode.TELEOP:
             return _driving(snapshot)
 

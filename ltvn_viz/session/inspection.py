@@ -93,6 +93,8 @@ class Inspection:
     question: str = QuestionName.NONE
     """Its name, as the page calls it."""
     about: str = ""
+    verb: str = ""
+    """What handing over what was typed does, for the button."""
     answer: QuestionAnswer = NO_ANSWER
     serial: int = 0
     """Counts views; part of every link."""

@@ -10,6 +10,7 @@ import numpy as np
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
+from ltvn_core.graph.goal_standing import GoalReport, goal_reports
 from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import ODOMETRY_JUMP, KeyframeStore
 from ltvn_core.graph.map_coverage import map_coverage
@@ -202,11 +203,19 @@ class LiveMap:
         """Return the pictures of those of `frames` that are still at hand."""
         return [(frame, self.keyframes.observation(frame).rgb) for frame in frames if frame in self.keyframes]
 
-    def similar_nodes(self, rgb: Rgb, count: int) -> Sequence[NodeId]:
-        """Return the nodes that look most like a picture (H, W, 3), best first; raises MapError in an empty map."""
+    def goal_report(self, goal: NodeId) -> GoalReport:
+        """Return what the map says of a goal before any drive."""
+        (report,) = goal_reports(self.graph, [goal], self.keyframes, self._predictor, self.system)
+        return report
+
+    def similar_nodes(self, rgb: Rgb, count: int) -> Sequence[tuple[NodeId, float]]:
+        """Return the nodes that look most like a picture (H, W, 3), best first, and how much they do, in [-1, 1].
+
+        Raises MapError in an empty map.
+        """
         if not self.graph.nodes:
             raise MapError("The map is empty, so there is nowhere to go yet; hold W A S D and drive a little first.")
-        return [node for node, _ in most_similar_nodes(rgb, self.keyframes, list(self.graph.nodes), count)]
+        return most_similar_nodes(rgb, self.keyframes, list(self.graph.nodes), count)
 
     @staticmethod
     def _new_keyframes(predictor: Predictor, drive_starts: Iterable[FrameId]) -> KeyframeStore:

@@ -40,6 +40,11 @@ class LiveRun:
         """Robot time between two pictures of the page, where a simulator computes it."""
         return TICK_S * self.pace
 
+    @property
+    def now_s(self) -> float:
+        """The robot's clock, or the last thing that happened where that is later; seconds."""
+        return max(self.robot.state().stamp, self.timeline.end_s)
+
     def let_pass(self, duration_s: float) -> None:
         """Let robot time pass: a simulator computes it, the wall's passes by itself and is not waited for."""
         if self.robot.clock.is_simulated:

@@ -48,6 +48,8 @@ class AppOptions:
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""
     replay_at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
+    replay_question: str = ""
+    """Word of the question with which the debugger opens; empty for none."""
     questions: Sequence[Callable[[], Any]] = ()
     """Questions for the debugger besides ours and the installed ones, each a class that is made without arguments."""
 

@@ -26,3 +26,11 @@ class SessionPages:
     def number_of(self, viser_client: int) -> ClientId | None:
         """Return our number of a page by viser's."""
         return self._server.number_of(viser_client)
+
+    def show_picture(self, jpeg: bytes) -> None:
+        """Show all pages what the robot sees."""
+        self._server.show_picture(jpeg)
+
+    def tell_moment(self, message: str) -> None:
+        """Tell all pages which moment is on show."""
+        self._server.tell_moment(message)

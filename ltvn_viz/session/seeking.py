@@ -1,13 +1,36 @@
-"""Goes to another moment of what the page shows: of a recording, or of the live run so far.
+"""Moves the time on show: of a recording, or of the live run so far, and lets either play.
 
-Owns the way from event to event. Where the events are is `ltvn_core.analysis.timeline`.
+Owns the way from event to event, and the look back at a run that goes on. Where the events are is
+`ltvn_core.analysis.timeline`.
 """
 
+from typing import assert_never
+
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
+from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.timeline.adjacent_moments import adjacent_instant, adjacent_mark
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
+
+
+def go_through_time(state: AppState, command: c.TimeCommand) -> None:
+    """Carry out what moves the time on show."""
+    match command:
+        case c.Seek(time_s):
+            seek(state, time_s)
+        case c.SeekBy(seconds):
+            seek(state, _shown_stamp(state) - state.shown_run.start_s + seconds)
+        case c.SeekMark(kind, forwards):
+            seek_mark(state, kind, forwards=forwards)
+        case c.PlayTime():
+            play_or_hold(state)
+        case c.SetPlaySpeed(speed):
+            state.play_speed = speed
+        case c.ShowNow():
+            show_now(state)
+        case _:
+            assert_never(command)
 
 
 def seek(state: AppState, time_s: float) -> None:
@@ -17,13 +40,42 @@ def seek(state: AppState, time_s: float) -> None:
         return
     run = state.live.timeline
     stamp = run.start_s + time_s
-    state.shown_stamp = stamp if stamp < run.end_s else None
+    state.shown_stamp = stamp if stamp < state.live.now_s else None
+    state.plays_past = state.plays_past and state.shown_stamp is not None
+
+
+def show_now(state: AppState) -> None:
+    """End a look back at the live run; a recording has no now, and stays."""
+    state.shown_stamp = None
+    state.plays_past = False
+
+
+def play_or_hold(state: AppState) -> None:
+    """Let the recording or the past on show go on, or hold it."""
+    if isinstance(state.activity, Playback):
+        state.activity.play(playing=not state.activity.playing)
+    elif state.shown_stamp is None:
+        state.say("This is now. Click into the timeline to look back, then play what happened.")
+    else:
+        state.plays_past = not state.plays_past
+
+
+def let_time_pass(state: AppState, tick_s: float) -> None:
+    """Let a tick of the time on show pass: a recording plays as fast as was asked for, a look back comes nearer to now.
+
+    The recording itself goes on as the session's activity.
+    """
+    if isinstance(state.activity, Playback):
+        state.activity.speed = state.play_speed
+    elif state.plays_past and state.shown_stamp is not None:
+        seek(state, state.shown_stamp + tick_s * state.play_speed - state.live.timeline.start_s)
 
 
 def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None:
     """Show the next moment with a mark of a kind, or with any event for None, or the last one before."""
     if isinstance(state.activity, Playback):
         state.activity.play(playing=False)
+    state.plays_past = False
     run = state.shown_run
     at = _instant(state)
     if kind is None:
@@ -34,16 +86,17 @@ def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None
     if found is not None:
         seek(state, found.stamp - run.start_s + STAMP_EPSILON_S)
     elif forwards and not isinstance(state.activity, Playback):
-        state.shown_stamp = None
+        show_now(state)
     else:
         thing = "query" if kind is MarkKind.QUERY_START else kind or "event"
         state.say(f"There is no {thing} {'after' if forwards else 'before'} this moment.")
 
 
 def _instant(state: AppState) -> Instant:
-    run = state.shown_run
+    return state.shown_run.instant_at(_shown_stamp(state))
+
+
+def _shown_stamp(state: AppState) -> float:
     if isinstance(state.activity, Playback):
-        stamp = state.activity.stamp
-    else:
-        stamp = run.end_s if state.shown_stamp is None else state.shown_stamp
-    return run.instant_at(stamp)
+        return state.activity.stamp
+    return state.live.now_s if state.shown_stamp is None else state.shown_stamp

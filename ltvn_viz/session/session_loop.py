@@ -27,6 +27,7 @@ from ltvn_viz.session.command_handlers import handle, take_made_recording
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.own_views import handle_own, retain_own_views
+from ltvn_viz.session.seeking import let_time_pass, show_now
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
 from ltvn_viz.session.world_handlers import carry_out_changes, go_on_with_story
@@ -167,6 +168,8 @@ class Session:
         twist = self._driver.current_twist()
         if twist is not None and isinstance(state.activity, Navigation) and not state.activity.is_stopping:
             handle(state, c.TakeOver())
+        if twist is not None and not isinstance(state.activity, Playback):
+            show_now(state)  # Nobody drives by a picture of the past.
         state.teleop.handle(twist if state.activity is state.teleop else None)
 
     def _advance(self) -> None:
@@ -180,6 +183,7 @@ class Session:
         if (asked := go_on_with_story(state)) is not None:
             handle(state, asked)
         carry_out_changes(state)
+        let_time_pass(state, TICK_S)
         state.activity.tick()
         _handle_breakpoint(state)
         if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:

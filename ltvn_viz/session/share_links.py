@@ -53,7 +53,7 @@ def commands_from_link(query: str, questions: Mapping[str, str] = QUESTION_WORDS
     except ValueError as error:
         raise OptionError(f"This link cannot be read ({error}). Ask for it again under “Show somebody”.") from error
     words = {name: fields[name][-1] for name in LINK_PARAMETERS if name in fields}
-    shown: tuple[Command, ...] = (*_tool(words.get("tool"), questions), *_pointed(words))
+    shown: tuple[Command, ...] = (*question_commands(words.get("tool"), questions), *_pointed(words))
     if "replay" in words:
         shown = (OpenRecording(words["replay"], _seconds(words.get("at", "0")), shown),)
     return (*shown, *_complaint(words.get("camera")))
@@ -68,11 +68,15 @@ def _complaint(camera: str | None) -> tuple[Command, ...]:
     return ()
 
 
-def _tool(word: str | None, known: Mapping[str, str]) -> tuple[Command, ...]:
-    if word is None:
+def question_commands(word: str | None, known: Mapping[str, str]) -> tuple[Command, ...]:
+    """Return what opens the debugger with the question of a word, nothing for none. Raises OptionError.
+
+    `known` has the names of the questions by their words.
+    """
+    if not word:
         return ()
     if word not in known:
-        raise OptionError(f"This link asks for the tool “{word}”; there are {', '.join(known)}.")
+        raise OptionError(f"This link, or --ask, names the tool “{word}”; there are {', '.join(known)}.")
     return (ChooseQuestion(known[word]),)
 
 

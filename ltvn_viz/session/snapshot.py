@@ -75,6 +75,23 @@ class PlaybackStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class TimelineStatus:
+    """Where in time the page is, and how many marks its timeline has."""
+
+    run: int = 0
+    """Number of the run's marks, see `ltvn_viz.timeline.strip_marks`; 0 for none."""
+    marks: int = 0
+    time_s: float = 0.0
+    """Of the moment on show, seconds since the beginning of the run."""
+    length_s: float = 0.0
+    is_now: bool = True
+    """The robot itself is on show, and not its past or a recording."""
+    is_replay: bool = False
+    is_playing: bool = False
+    speed: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Message:
     """Something the person must read."""
 
@@ -141,6 +158,7 @@ class Snapshot:
     is_making: bool = False
     """Whether a new recording is being made of one of these."""
     replay: PlaybackStatus | None = None
+    timeline: TimelineStatus = TimelineStatus()
     course: NDArray[np.float64] = field(default_factory=lambda: NO_TRAJECTORY, repr=False)
     """(T, 3) all poses of the open recording, thinned; of the live run none, since nobody knows what is to come."""
     lone_camera: CameraModel | None = None

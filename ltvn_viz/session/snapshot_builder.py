@@ -14,7 +14,7 @@ from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.fine_tuning_handlers import drive_name
 from ltvn_viz.session.hints import hint
 from ltvn_viz.session.own_views import refresh_next_own_view
-from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot
+from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
 
 LIST_EVERY_S = 2.0
@@ -34,20 +34,23 @@ class RateMeter:
         """Measure by `clock`, in seconds."""
         self._clock = clock
         self._times: deque[float] = deque()
+        self._began: float | None = None
 
     def count(self) -> None:
         """Note one event, now."""
         now = self._clock()
+        if self._began is None:
+            self._began = now
         self._times.append(now)
         while self._times[0] < now - WINDOW_S:
             self._times.popleft()
 
     @property
     def hz(self) -> float:
-        """Events per second lately; 0 before there are two."""
-        if len(self._times) < 2:
+        """Events per second lately; 0 until a whole window has passed, for a few that come together say nothing."""
+        if self._began is None or self._times[-1] - self._began < WINDOW_S:
             return 0.0
-        return (len(self._times) - 1) / max(self._times[-1] - self._times[0], 1e-9)
+        return len(self._times) / WINDOW_S
 
 
 class SnapshotBuilder:
@@ -83,6 +86,7 @@ class SnapshotBuilder:
             recordings=self._recordings(state),
             sources=self._sources,
             is_making=making is not None,
+            timeline=_time(state, snapshot.moment),
             pause_notice=activity.held_because if isinstance(activity, Navigation) else "",
             keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
             message=state.message,
@@ -102,6 +106,21 @@ class SnapshotBuilder:
         return tuple(name for name in self._names if name != under_way)
 
 
+def _time(state: AppState, moment: RunMoment) -> TimelineStatus:
+    run, replay = state.shown_run, state.activity if isinstance(state.activity, Playback) else None
+    number, marks = state.strips.of(run)
+    return TimelineStatus(
+        run=number,
+        marks=marks,
+        time_s=max(0.0, moment.stamp - run.start_s),
+        length_s=max(0.0, (state.live.now_s if replay is None else run.end_s) - run.start_s),
+        is_now=state.is_now,
+        is_replay=replay is not None,
+        is_playing=state.plays_past if replay is None else replay.playing,
+        speed=state.play_speed,
+    )
+
+
 def _learning(state: AppState) -> FineTuningStatus:
     status = replace(state.fine_tuning.status, is_possible=state.fine_tuning.is_possible)
     return status if status.phase is FineTuningPhase.LEARNING else replace(status, drive=drive_name(state))
@@ -111,7 +130,8 @@ def _live(state: AppState) -> Snapshot:
     robot = state.live.robot
     shown = robot.state().stamp if state.shown_stamp is None else state.shown_stamp
     moment, pose = moment_of(state.live.timeline, shown), robot.drawn_pose
-    moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
+    if state.is_now:
+        moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     state.goals.refresh(moment.graph)
     feed_image = state.feed.latest_image(pose)
     return Snapshot(

@@ -17,6 +17,8 @@ from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.share_links import commands_from_link
 
 SEEK_S = 1.0
+LEAST_SPEED, MOST_SPEED = 25, 800
+"""Of playing, in per cent."""
 
 PLAIN: dict[Action, Callable[[], c.Command]] = {
     Action.RECORD: c.StartRecording,
@@ -34,6 +36,8 @@ PLAIN: dict[Action, Callable[[], c.Command]] = {
     Action.PUT_BOX: c.PutBox,
     Action.UNDO_CHANGE: c.UndoWorldChange,
     Action.WATCH_IT_LEARN: c.WatchItLearn,
+    Action.PLAY: c.PlayTime,
+    Action.SHOW_NOW: c.ShowNow,
     Action.EVENT_BEFORE: lambda: c.SeekMark(None, forwards=False),
     Action.EVENT_AFTER: lambda: c.SeekMark(None, forwards=True),
     Action.QUERY_BEFORE: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),
@@ -49,6 +53,8 @@ ABOUT: dict[Action, Callable[[int], c.Command]] = {
     Action.AIM_BOX: c.AimBox,
     Action.TAKE_BOX: c.TakeBox,
     Action.LIGHT: c.SetLight,
+    Action.SEEK: lambda time_ms: c.Seek(time_ms / 1000),
+    Action.SPEED: lambda percent: c.SetPlaySpeed(min(max(percent, LEAST_SPEED), MOST_SPEED) / 100),
 }
 """Actions that carry what they are about."""
 

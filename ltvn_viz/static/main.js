@@ -1,12 +1,16 @@
 // Begin. The script stands in the head, before viser's own, so that its listeners come first.
 
 nameViserSocket();
+keepViserNarrow();
 listenToKeys();
 listenToGamepads();
 listenToClicks();
+listenToToggles();
 dropAllWhenOutOfSight();
 document.addEventListener("DOMContentLoaded", () => {
   showPad();
+  layOut();
+  showTimeline();
   showRights();
-  connect();
+  appIsThere.then(connect);
 });

@@ -3,6 +3,8 @@
 
 const CAPS = { forward: "▲", left: "◀", stop: "■", right: "▶", backward: "▼" };
 
+const BY_TOUCH = matchMedia("(hover: none) and (pointer: coarse)");
+
 const pad = {};
 
 function element(tag, className, text = "") {
@@ -50,6 +52,7 @@ function stopKey() {
 function helpCard() {
   const card = element("dl", "ltvn-help");
   card.hidden = true;
+  card.addEventListener("click", toggleHelp);
   for (const [caps, text] of KEYMAP.help) {
     card.append(element("dt", "", caps), element("dd", "", text));
   }
@@ -62,12 +65,14 @@ function toggleHelp() {
 
 function takeOverButton() {
   const made = button("ltvn-text-button", "Take over", "take over driving");
+  made.tabIndex = 0;
   made.addEventListener("click", () => ask("take_over"));
   return made;
 }
 
 function helpButton() {
-  const made = button("ltvn-text-button", "Keys", "show or hide the keys");
+  const made = button("ltvn-text-button ltvn-keys-help", "Keys", "show or hide the keys");
+  made.tabIndex = 0;
   made.addEventListener("click", toggleHelp);
   return made;
 }
@@ -87,10 +92,10 @@ function whyLatched() {
 function status() {
   if (!seat.isOpen) return ["lost", "No connection to the robot"];
   if (isWatching()) return ["other", `${nameOfDriver(seat.driver)} drives${isHolding() || refusedBy ? ": take over first" : ""}`];
-  if (!seat.armed && isHolding()) return ["lost", `${whyLatched()}: release the keys to go on`];
+  if (!seat.armed && isHolding()) return ["lost", `${whyLatched()}: ${BY_TOUCH.matches ? "let go" : "release the keys"} to go on`];
   if (isTyping(document.activeElement)) return ["free", "Typing: click the scene to drive"];
   if (seat.driver === seat.you) return ["you", "You drive"];
-  return ["free", "Hold W A S D or an arrow to drive"];
+  return ["free", BY_TOUCH.matches ? "Hold an arrow to drive" : "Hold W A S D or an arrow to drive"];
 }
 
 function showStatus() {
@@ -120,7 +125,7 @@ function showPad() {
   const buttons = element("div", "ltvn-line");
   buttons.append(pad.takeOver, helpButton());
   pad.root.append(pad.help, keys, line, buttons);
-  document.body.append(pad.root);
+  byId("ltvn-cockpit").append(pad.root);
   watchers.push(showStatus);
   for (const name of ["focusin", "focusout"]) addEventListener(name, () => setTimeout(showStatus));
   showStatus();

@@ -7,11 +7,30 @@ function socketAddress(path) {
   return `${location.origin.replace(/^http/, "ws")}${path}?page=${PAGE_KEY}`;
 }
 
+const ASK_WHETHER_THERE_MS = 200;
+const ASK_IN_VAIN = 25;
+
+// The page is served before the app is loaded, so that the browser unpacks viser meanwhile.
+const appIsThere = new Promise((resolve) => askWhetherThere(resolve, ASK_IN_VAIN));
+
+async function askWhetherThere(resolve, tries) {
+  let isThere = false;
+  try {
+    isThere = await (await fetch("/ready/0.json")).json();
+    tries = ASK_IN_VAIN;
+  } catch {
+    tries -= 1;
+    if (tries === 0) byId("ltvn-loading-text").textContent = "The app has ended. Its terminal says why.";
+  }
+  if (isThere) resolve();
+  else setTimeout(askWhetherThere, ASK_WHETHER_THERE_MS, resolve, tries);
+}
+
 // viser's socket lives in a worker, which is told where to connect by this one message.
 function nameViserSocket() {
   const post = Worker.prototype.postMessage;
   Worker.prototype.postMessage = function (message, ...rest) {
-    const isAddress = message?.type === "set_server";
-    return post.call(this, isAddress ? { ...message, server: socketAddress("/") } : message, ...rest);
+    if (message?.type !== "set_server") return post.call(this, message, ...rest);
+    appIsThere.then(() => post.call(this, { ...message, server: socketAddress("/") }, ...rest));
   };
 }

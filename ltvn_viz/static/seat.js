@@ -21,7 +21,8 @@ function ask(action, id = null) {
 function connect() {
   socket = new Worker(URL.createObjectURL(new Blob([SOCKET_WORKER], { type: "text/javascript" })));
   socket.onmessage = ({ data }) => {
-    if (data.type === "heard") hear(JSON.parse(data.text));
+    if (data.type === "picture") drawPictures(data.jpeg);
+    else if (data.type === "heard") hear(JSON.parse(data.text));
     else if (data.type === "lost") lose();
     else socket.postMessage({ type: "answer" });
   };
@@ -47,6 +48,8 @@ function hear({ type, ...fields }) {
     // Tell the truth about what is held; only "nothing" arms this page in the new epoch.
     if (isNewEpoch) report();
     openLink();
+  } else if (type === "moment") {
+    return hearMoment(fields);
   } else if (type === "refused") {
     refusedBy = fields.driver;
   }

@@ -13,7 +13,11 @@ let answered = performance.now();
 
 function connect(address) {
   socket = new WebSocket(address);
-  socket.onmessage = (event) => postMessage({ type: "heard", text: event.data });
+  socket.binaryType = "arraybuffer";
+  socket.onmessage = ({ data }) => {
+    if (data instanceof ArrayBuffer) postMessage({ type: "picture", jpeg: data }, [data]);
+    else postMessage({ type: "heard", text: data });
+  };
   socket.onclose = () => {
     postMessage({ type: "lost" });
     setTimeout(connect, RECONNECT_MS, address);

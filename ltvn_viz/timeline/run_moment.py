@@ -48,7 +48,8 @@ class RunMoment:
 
 def moment_of(timeline: Timeline, stamp: float | None = None) -> RunMoment:
     """Return what is drawn of a run at `stamp` seconds, or at its end."""
-    known = len(timeline.events) if stamp is None else timeline.count_at(stamp)
+    # All events of the newest step count, as in every answer about this moment.
+    known = len(timeline.events) if stamp is None else timeline.count_until(timeline.instant_at(stamp))
     stamp = timeline.end_s if stamp is None else stamp
     frames = timeline.frames.count_at(stamp)
     version, progress = timeline.change_count_before(known), timeline.progress_before(known)

@@ -38,7 +38,8 @@ class AppVerb(Verb):
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder; by default the
     demo apartment. With --robot: what recordings call the place, by default the robot's name."""
     robot: str | None = None
-    """Drive a robot of your own instead of the simulated one: an installed robot's name, or path/to/file.py:factory."""
+    """Drive a robot of your own instead of the simulated one: an installed robot's name, path/to/file.py:factory, or
+    PROFILE@ADDRESS (ROS 2), as in turtlebot4@tcp/192.168.0.7:7447."""
     map: Path | None = None
     """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
     recordings: Path = Path("recordings")
@@ -77,6 +78,9 @@ class ReplayVerb(Verb):
     """The .rrd file."""
     at: float = 0.0
     """Seconds after its beginning at which to show it first."""
+    ask: str = ""
+    """A question for the debugger to open with, by its word: blame (why is it so?), failures (what failed?), where,
+    edge, what-if, time, presence, truth, or any other that a link of the page names."""
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
 
@@ -87,7 +91,7 @@ class ReplayVerb(Verb):
         recording = self._find()
         scene = read_info(recording).scene
         app = AppVerb(port=self.port, scene=scene, recordings=recording.parent)
-        return _serve(app, replay=recording.name, at_s=self.at)
+        return _serve(app, replay=recording.name, at_s=self.at, ask=self.ask)
 
     def _find(self) -> Path:
         """Return the recording; a demo file that is meant by its name alone is copied into `recordings` first."""
@@ -106,7 +110,8 @@ class ReplayVerb(Verb):
         return copy
 
 
-def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummary:
+def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0, ask: str = "") -> AppSummary:
+    _LOG.info("Starting the app…")
     import viser  # noqa: F401  (first, so that an error names the extra of the page)
 
     from ltvn_viz.app import AppOptions, run_app
@@ -129,6 +134,7 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0) -> AppSummar
             stream=announce_stream(options.stream),
             replay=replay,
             replay_at_s=at_s,
+            replay_question=ask,
         ),
         say=_LOG.info,
     )

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.activities.playback import Playback
-from ltvn_viz.session.commands import ChooseQuestion, Command, OpenRecording, PointAt
+from ltvn_viz.session.commands import ChooseQuestion, CloseRecording, Command, OpenRecording, PointAt
 from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.viewpoint import Point
@@ -63,7 +63,7 @@ class DebuggerPage:
     def questions(self) -> list[QuestionName]:
         """Return the questions on offer, without the one that asks nothing."""
         self.page.get_by_label("Question", exact=True).locator("visible=true").click()
-        self.page.get_by_role("option").first.wait_for()
+        self.page.get_by_role("option").locator("visible=true").first.wait_for()
         offered = self.page.get_by_role("option").all_inner_texts()
         self.page.keyboard.press("Escape")
         return [
@@ -93,10 +93,9 @@ class DebuggerPage:
         return self.answer.locator("a", has_text=whole).first
 
     def go_to_the_robot(self) -> None:
-        """Leave the recording, if one is open, by the link of what only helps live, and wait until the map is whole."""
+        """Leave the recording, if one is open, and wait until the map is whole."""
         if self.is_replay:
-            self.ask(QuestionName.COACH)
-            self.follow("go back to the robot")
+            self.app.session.send(CloseRecording())
             self.until(lambda: not self.is_replay)
         wait_for_rest(self.app)
 
@@ -130,7 +129,7 @@ class DebuggerPage:
         before = self.shown
         field = self.page.locator("input:not([readonly]):visible, textarea:visible").last
         field.fill(text)
-        self.page.get_by_role("button", name="Ask", exact=True).click()
+        self.page.get_by_role("button", name=before.verb, exact=True).click()
         self.until(lambda: self.shown is not before)
         self.settled()
 

@@ -34,7 +34,7 @@ _COLOURS = 2000
 def failure(debugger: DebuggerPage, query: int) -> None:
     """Show a failed query."""
     debugger.ask(QuestionName.FAILURES)
-    debugger.says("queries failed")
+    debugger.says("queries fail")
     debugger.answer.locator("tbody tr").nth(query).locator("a").first.click()
     debugger.says(f"Now in <b>query {query}</b>")
 

@@ -14,6 +14,7 @@ import viser
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from ltvn_core.types import Twist
+from ltvn_viz.panels.status_panel import PANEL_MARK
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.driver_seat import StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
@@ -95,6 +96,7 @@ def open_drive_page(server: GuardedServer, chromium: Browser) -> Iterator[DriveP
     told = ReceivedInput()
     server.listen(told.listener())
     server.scene.add_box("/thing", dimensions=(1.0, 1.0, 1.0), cast_shadow=False)
+    server.gui.add_html(PANEL_MARK)
     field = server.gui.add_text("Name", initial_value="here")
     window = chromium.new_context()
     yield DrivePage(server, told, window, field)

@@ -50,6 +50,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=executor, fine_tuning=fine_tuning)
     with GuardedServer(seat=None if lease_s is None else DriverSeat(lease_s=lease_s, idle_s=idle_s)) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
+        server.add_route("/marks/", harness.state.strips.rows_from, ending="json")
         set_initial_camera(server.viser, (0, 0), (6, 4))
         painters: list[Painter] = []
         session = Session(

@@ -67,7 +67,7 @@ def on_screen(server: viser.ViserServer, page: Page, point: np.ndarray) -> tuple
     pose = vt.SE3.from_rotation_and_translation(vt.SO3(np.asarray(camera.wxyz)), np.asarray(camera.position))
     seen = pose.inverse().apply(point)
     focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-    box = page.locator("canvas").first.bounding_box()
+    box = page.locator("canvas[data-engine]").bounding_box()
     assert box is not None
     return (
         float(box["x"] + camera.image_width / 2 + focal * seen[0] / seen[2]),

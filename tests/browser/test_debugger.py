@@ -58,7 +58,7 @@ def edges_in(text: str) -> list[tuple[int, int]]:
 def go_to_failure(debugger: DebuggerPage, query: int) -> str:
     """Ask what failed, click the moment of a query, and return what is said of it."""
     debugger.ask(QuestionName.FAILURES)
-    debugger.says("queries failed")
+    debugger.says("queries fail")
     row = debugger.answer.locator("tbody tr").nth(query)
     row.locator("a").first.click()
     return debugger.says(f"Now in <b>query {query}</b>")
@@ -66,8 +66,8 @@ def go_to_failure(debugger: DebuggerPage, query: int) -> str:
 
 def test_a_failed_query_leads_to_the_edge_through_the_wall(fault: DebuggerPage, planted: Faults) -> None:
     told = go_to_failure(fault, 0)
-    assert "4 of 4 queries failed" in told
-    assert "collision" in told
+    assert "4 of 4 queries fail" in told
+    assert "way blocked" in told
     fault.follow(re.compile("^edge "))
     edge = fault.shown.selection.edge
     assert edge in planted["spurious-edge"]
@@ -76,7 +76,7 @@ def test_a_failed_query_leads_to_the_edge_through_the_wall(fault: DebuggerPage, 
     attempts = fault.ask(QuestionName.EDGE)
     fault.says("Predicted: ")
     assert attempts.locator("figure img").count() == 2
-    assert attempts.get_by_text("failed (blocked)").count() >= 3
+    assert attempts.get_by_text("under way").count() == 1  # How it ends is not known at this moment.
     fault.ask(QuestionName.TRUTH)
     fault.says("precision")
     spurious = fault.answer.locator("table").first.inner_text()
@@ -140,7 +140,7 @@ def test_a_replay_stops_at_a_breakpoint_that_was_typed(fault: DebuggerPage) -> N
     assert "once" in fault.says("Met <b>once</b>")
     fault.page.keyboard.press("Escape")
     fault.page.get_by_role("tab", name="Replay").click()
-    fault.page.get_by_role("button", name="Play").click()
+    fault.page.get_by_role("button", name="Play", exact=True).click()
     fault.until(lambda: fault.seconds > 9.0 and not fault.is_playing)
     assert fault.seconds == pytest.approx(9.6, abs=0.2)
     fault.page.get_by_role("tab", name="Why").click()
@@ -192,11 +192,12 @@ def test_a_link_with_a_broken_camera_says_so_and_shows_the_rest(fault: DebuggerP
     assert fault.seconds == pytest.approx(3.0, abs=0.01)
 
 
-def test_what_only_helps_live_says_so_and_leads_back_to_the_robot(fault: DebuggerPage) -> None:
+def test_what_only_helps_live_is_offered_at_the_robot_alone(fault: DebuggerPage) -> None:
+    assert {QuestionName.COACH, QuestionName.HAND}.isdisjoint(fault.questions())
+    fault.ask(QuestionName.TIME)  # The question on show stays on offer.
+    fault.go_to_the_robot()
+    fault.until(lambda: QuestionName.SHARE not in fault.questions())
     fault.ask(QuestionName.COACH)
-    assert "The coach helps while one drives" in fault.answer.inner_text()
-    fault.follow("go back to the robot")
-    fault.until(lambda: not fault.is_replay)
     assert "pieces" in fault.says("Loops not closed") or "one piece" in fault.answer.inner_text()
 
 
@@ -204,7 +205,7 @@ def test_the_coach_goes_along_while_somebody_drives(fault: DebuggerPage) -> None
     """The keys drive although the list of questions was used last."""
     fault.go_to_the_robot()
     robot = fault.app.session.state.live.robot
-    fault.ask(QuestionName.FAILURES)
+    fault.ask(QuestionName.BREAK)
     fault.ask(QuestionName.COACH)
     before, start = advice(fault.says("% new")), robot.drawn_pose[:2].copy()
 

@@ -69,10 +69,13 @@ def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched
     page.get_by_role("tab", name="Replay").click()
     page.get_by_role("button", name="Open", exact=True).click()
     until(lambda: app.session.mode is Mode.REPLAY)
-    slider = page.get_by_role("slider").locator("visible=true").first
-    slider.focus()
-    slider.press("End")
-    expect(page.get_by_text(re.compile(r"\d\d images, \d+ nodes"))).to_be_visible()
+    timeline, whole = page.get_by_label("moment on show"), page.get_by_text(re.compile(r"\d\d images, \d+ nodes"))
+
+    def to_the_end() -> None:
+        timeline.press("End")
+        page.wait_for_timeout(300)
+
+    until(whole.is_visible, meanwhile=to_the_end)
     page.get_by_role("button", name="Back to the robot").click()
     until(lambda: app.session.mode is Mode.TELEOP)
 
@@ -84,8 +87,10 @@ def test_a_polite_kill_ends_the_app_in_order(tmp_path: Path) -> None:
         [*command, "--recordings", str(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
     )
     assert process.stderr is not None
-    said = next(line for line in process.stderr if "http://127.0.0.1" in line)
+    lines = iter(process.stderr)
+    said = next(line for line in lines if "http://127.0.0.1" in line)
     assert "token=" in said
+    assert any("Ready." in line for line in lines)
     process.send_signal(signal.SIGTERM)
     assert process.wait(timeout=PATIENCE_S) == 0
     process.stderr.close()

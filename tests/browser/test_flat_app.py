@@ -70,30 +70,6 @@ def set_out(app: FlatApp, page: Page) -> NodeId:
     return goal
 
 
-@pytest.fixture
-def narrow(page: Page) -> Iterator[Page]:
-    """A window like that of a phone, which was wide when the page was opened."""
-    page.set_viewport_size({"width": 390, "height": 844})
-    yield page
-    page.set_viewport_size({"width": 1000, "height": 640})
-    page.wait_for_function("innerWidth === 1000")
-
-
-def test_in_a_window_that_became_narrow_the_pad_covers_nothing_of_the_panel(narrow: Page) -> None:
-    panel = narrow.locator(".mantine-Paper-root").filter(has=narrow.get_by_role("tab"))
-    narrow.get_by_role("button", name="show or hide the keys").click()
-
-    def lies_above() -> bool:
-        over, under = narrow.locator(".ltvn-pad").bounding_box(), panel.bounding_box()
-        assert over is not None
-        assert under is not None
-        is_at_bottom = under["y"] + under["height"] == 844
-        return is_at_bottom and over["y"] >= 0 and over["y"] + over["height"] <= under["y"]
-
-    until(lies_above)  # The page lays itself out anew some time after its window became narrow.
-    narrow.get_by_role("button", name="show or hide the keys").click()
-
-
 def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path) -> None:
     with serving(tmp_path) as app, open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         expect(page).to_have_title("Lifelong Topological Visual Navigation")
@@ -102,10 +78,16 @@ def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path)
         expect(page.get_by_role("button", name=re.compile("^Keep"))).to_be_disabled()
 
 
-def test_the_status_line_shows_mode_and_rate(page: Page) -> None:
+def test_the_status_line_shows_mode_and_health_and_the_numbers_behind_it_on_request(page: Page) -> None:
     status = page.locator(".lt-line")
     expect(status).to_contain_text("driving")
-    expect(status).to_contain_text(re.compile(r"loop \d+ Hz"))
+    health = status.locator(".lt-health")
+    expect(health).to_have_text(re.compile("Good|Slow|Trouble"))
+    expect(page.locator(".lt-numbers")).to_be_hidden()
+    health.click()
+    expect(page.locator(".lt-numbers")).to_contain_text(re.compile(r"\d+ times a second"))
+    health.click()
+    expect(page.locator(".lt-numbers")).to_be_hidden()
 
 
 def test_a_gallery_image_sends_the_robot_there(app: FlatApp, page: Page) -> None:
@@ -167,7 +149,7 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     assert now.moment.frames > 1
     slider.press("Home")
     until_shown(app, lambda now: now.replay is not None and now.replay.time_s == 0)
-    page.get_by_role("button", name="Play").click()
+    page.get_by_role("button", name="Play", exact=True).click()
     until_shown(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
     page.get_by_role("button", name="Back to the robot").click()
     until_shown(app, lambda now: now.mode is Mode.TELEOP)

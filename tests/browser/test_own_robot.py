@@ -70,7 +70,7 @@ def farthest(app: RunningApp, goals: Sequence[NodeId]) -> NodeId:
 
 def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: Page, tmp_path: Path) -> None:
     live, live_map = app.session.state.live, app.session.state.live_map
-    expect(page.get_by_text("What the method sees: 96 x 72 pixels")).to_be_visible()
+    expect(page.locator("#ltvn-caption")).to_contain_text("What the method sees: 96 x 72 pixels")
 
     page.get_by_role("button", name=re.compile("^Record")).click()
     until(lambda: live.recorder.is_on)

@@ -49,7 +49,7 @@ def page(chromium: Browser, file: Path, sent: list[Request]) -> Iterator[Page]:
 
 def canvas(page: Page) -> Image.Image:
     """Return what the scene's canvas shows."""
-    return Image.open(io.BytesIO(page.locator("canvas").last.screenshot(timeout=PATIENCE_MS))).convert("RGB")
+    return Image.open(io.BytesIO(page.locator("canvas[data-engine]").screenshot(timeout=PATIENCE_MS))).convert("RGB")
 
 
 def drawn(page: Page, holds: Callable[[Image.Image], bool]) -> Image.Image:

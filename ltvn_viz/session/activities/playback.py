@@ -74,6 +74,8 @@ class Playback:
         self.length_s = max(0.0, timeline.end_s - self._start_s)
         self.time_s = 0.0
         self.playing = False
+        self.speed = 1.0
+        """Plays so many times as fast as it happened."""
         self.found: NodeId | None = None
         """Where an uploaded image was taken; shown with a pin."""
         self.breakpoint_monitor = BreakpointMonitor()
@@ -110,7 +112,7 @@ class Playback:
         """Let a tick of recorded time pass."""
         if not self.playing:
             return
-        before, until = self.time_s, self.time_s + TICK_S
+        before, until = self.time_s, self.time_s + TICK_S * self.speed
         stop = self.breakpoint_monitor.first_between(self.timeline, before, until)
         self.seek(until if stop is None else stop.time_s)
         self.playing = stop is None and self.time_s < self.length_s

@@ -242,8 +242,8 @@ def faulty() -> Playback:
 def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(past: Past, faulty: Playback) -> None:
     past.state.open_replay = lambda _: faulty
     listed = words(past.do(c.OpenRecording("demo-fault.rrd"), c.ChooseQuestion(QuestionName.FAILURES), ticks=3))
-    assert "4 of 4 queries failed" in listed
-    assert all(trouble in listed for trouble in ("collision 1", "wrong arrival 1", "no path 1"))
+    assert "In the whole run 4 of 4 queries fail" in listed
+    assert all(trouble in listed for trouble in ("way blocked 1", "wrong arrival 1", "no path 1"))
 
     pruned = past.state.shown_run.marks_until(None, MarkKind.PRUNE)[0]
     told = words(

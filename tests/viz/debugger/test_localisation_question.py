@@ -31,14 +31,14 @@ def harness(tmp_path: Path) -> SessionHarness:
     return harness
 
 
-def test_the_node_at_the_robot_is_the_best_and_the_bluest(harness: SessionHarness) -> None:
+def test_the_node_at_the_robot_is_the_best_and_the_lightest(harness: SessionHarness) -> None:
     shown = harness.wait(3)
 
     colours = shown.inspection.answer.overlay.nodes
-    blue = {node: colour.blue - colour.red for node, colour in colours.items()}
+    light = {node: sum(colour) for node, colour in colours.items()}
     here = next(node for node in colours if f"node {node}</a>" in shown.inspection.html)
     assert len(colours) == len(harness.state.live_map.graph.nodes)
-    assert blue[here] == max(blue.values())
+    assert light[here] == max(light.values())
     assert "Margin <b>" in shown.inspection.html
 
 

@@ -149,7 +149,8 @@ def test_a_big_map_is_redrawn_at_most_every_so_often(server: viser.ViserServer, 
     for seed in range(60):
         clock.now += 0.1
         layer.show(Snapshot(moment=RunMoment(graph=big_graph(100, 300, seed))))
-    redrawn = sum("points" in getattr(message, "updates", {}) for message in wire.taken())
+    lines = [message for message in wire.taken() if getattr(message, "name", "") == "/graph/edges"]
+    redrawn = sum("points" in getattr(message, "updates", {}) for message in lines)
     assert redrawn <= 60 * 0.1 / REDRAW_EVERY_S + 1
 
 
@@ -264,3 +265,18 @@ def test_the_node_marker_points_ahead_and_is_closed() -> None:
 def test_colours_of_p_are_told_apart_at_the_ends() -> None:
     low, high = palette.probability_colours([0.0, 1.0]).astype(int)
     assert np.abs(low - high).sum() > 250
+
+
+def test_nodes_and_edges_have_a_dark_outline_right_below(server: viser.ViserServer) -> None:
+    nodes, edges, graph = NodesLayer(server.scene, lambda *_: None), EdgesLayer(server.scene), big_graph(5, 7)
+    nodes.show(Snapshot(moment=RunMoment(graph=graph)))
+    edges.show(Snapshot(moment=RunMoment(graph=graph)))
+
+    lines, outline = edges.lines.handle, edges.lines.outline
+    assert outline is not None
+    np.testing.assert_allclose(outline.points[..., :2], lines.points[..., :2])
+    assert np.all(outline.points[..., 2] < lines.points[..., 2])
+    assert outline.colors.max() < 40
+    assert nodes.markers.outline is not None
+    np.testing.assert_array_equal(nodes.markers.outline.batched_positions, nodes.markers.handle.batched_positions)
+    assert nodes.markers.outline.visible

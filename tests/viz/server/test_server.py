@@ -15,6 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 from ltvn_core.errors import ServerError
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.viser_client import mended
 from tests.waiting import PATIENCE_S
 
 THUMB = b"\xff\xd8 a picture"
@@ -174,3 +175,30 @@ def test_only_this_machine_can_reach_the_port(server: GuardedServer) -> None:
     for address in others - {"127.0.0.1", "127.0.1.1"}:
         with pytest.raises(OSError, match=r"refused|timed out|unreachable"):
             socket.create_connection((str(address), server.port), timeout=2)
+
+
+def test_a_page_that_comes_while_the_app_is_loading_is_shown_and_told_to_wait() -> None:
+    with GuardedServer(is_loading=True) as server:
+        key = cookie(server)
+        page = get(server, "/", Cookie=key)
+        before = get(server, "/ready/0.json", Cookie=key)
+        server.end_loading()
+        after = get(server, "/ready/0.json", Cookie=key)
+    assert b"Loading scene" in page.body  # type: ignore[attr-defined]
+    assert [json.loads(each.body) for each in (before, after)] == [False, True]  # type: ignore[attr-defined]
+
+
+def test_pictures_reach_pages_that_are_there_and_the_newest_one_those_that_come(server: GuardedServer) -> None:
+    here = f"http://127.0.0.1:{server.port}"
+    with open_socket(server, "/drive", origin=here, with_cookie=True) as early:
+        early.recv(timeout=PATIENCE_S)
+        server.show_picture(b"a jpeg")
+        assert next(said for said in iter(lambda: early.recv(timeout=PATIENCE_S), None) if isinstance(said, bytes))
+    with open_socket(server, "/drive", origin=here, with_cookie=True) as late:
+        said = [late.recv(timeout=PATIENCE_S) for _ in range(2)]
+    assert b"a jpeg" in said
+
+
+def test_a_page_of_another_viser_is_refused_rather_than_served_unmended() -> None:
+    with pytest.raises(RuntimeError, match="another page"):
+        mended("<html><body>a viser to come</body></html>")

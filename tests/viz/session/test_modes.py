@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.navigation.events import Outcome, Severity
 from ltvn_core.types import ZERO_TWIST, Twist
 from ltvn_viz.session import commands as c
@@ -187,6 +188,28 @@ def test_a_flood_of_commands_is_bounded(harness: SessionHarness, caplog: pytest.
     assert "too many commands" in caplog.text
     harness.wait()
     assert harness.session.mode is Mode.TELEOP
+
+
+def test_a_picture_that_is_like_no_node_is_told_of_and_only_suggested(harness: SessionHarness) -> None:
+    noise = np.random.default_rng(1).integers(0, 255, (72, 96, 3), np.uint8)
+    shown = harness.do(c.NavigateToImage(noise), ticks=3)
+    assert shown.mode is Mode.TELEOP
+    assert shown.message is not None
+    assert "may not hold your image" in shown.message.text
+    assert shown.selected == shown.similar_nodes[0]
+    harness.do(c.NavigateTo(None), ticks=1)
+    assert harness.session.mode is Mode.NAVIGATING
+
+
+def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: SessionHarness) -> None:
+    goal = a_far_node(harness)
+    graph = harness.session.state.live_map.graph
+    edges = [key for key in graph.edges if goal in key]
+    harness.session.state.live_map.change([EdgePruned(*key, Cause.HAND) for key in edges])
+    shown = harness.do(c.NavigateTo(goal), ticks=1)
+    assert shown.message is not None
+    assert f"does not hold goal {goal}" in shown.message.text
+    assert "Nearest to it is node" in shown.message.text
 
 
 def test_the_refusal_of_a_command_names_its_modes() -> None:

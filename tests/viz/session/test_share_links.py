@@ -8,7 +8,7 @@ from ltvn_core.errors import OptionError
 from ltvn_viz.server.drive_messages import LinkMessage, parse_message
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.session.share_links import commands_from_link, link
+from ltvn_viz.session.share_links import QUESTION_WORDS, commands_from_link, link, question_commands
 from ltvn_viz.session.viewpoint import Viewpoint, parse_viewpoint
 
 VIEW = Viewpoint((1.0, -2.5, 3.125), (0.0, 0.5, 0.0), (0.0, 0.0, 1.0))
@@ -94,3 +94,12 @@ def test_a_link_that_makes_no_sense_is_refused_in_words(query: str) -> None:
 
 def test_a_link_travels_to_the_server_unread() -> None:
     assert parse_message('{"type": "link", "query": "replay=a.rrd"}') == LinkMessage("replay=a.rrd")
+
+
+def test_a_question_is_asked_by_its_word_and_a_wrong_word_names_the_right_ones() -> None:
+    (asked,) = question_commands("blame", QUESTION_WORDS)
+    assert isinstance(asked, c.ChooseQuestion)
+    assert asked.name == QuestionName.BLAME.value
+    assert question_commands("", QUESTION_WORDS) == ()
+    with pytest.raises(OptionError, match=r"--ask, names the tool “why”.*blame"):
+        question_commands("why", QUESTION_WORDS)

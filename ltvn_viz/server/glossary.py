@@ -1,0 +1,65 @@
+"""The words and symbols of the page, each explained in a sentence or two: on hover where it stands, and as one list.
+
+Owns the explanations for a person who sees the page. The glossary of code and paper is `docs/architecture.md`.
+"""
+
+from html import escape
+from typing import NamedTuple
+
+
+class Term(NamedTuple):
+    """A word or symbol."""
+
+    symbol: str
+    """As it stands in the page; empty for a word without one."""
+    name: str
+    text: str
+
+
+TERMS = (
+    Term(
+        "p",
+        "existence",
+        "How probable it is that the robot can drive this edge at all, from 0 to 1. Each attempt moves it.",
+    ),
+    Term(
+        "p open", "presence", "How probable it is that the way is open now: a door may be closed and open again later."
+    ),
+    Term(
+        "mu",
+        "length",
+        "How far the edge is to drive, in the units of d; the planner adds these up. ± is how sure that is.",
+    ),
+    Term(
+        "d",
+        "distance",
+        "How far an image looks from another one, position and turning together: 0 is the same view, 1 about a metre.",
+    ),
+    Term("r", "reachability", "How sure the network is that one image can be reached from another, from 0 to 1."),
+    Term("R_p", "pruning threshold", "An edge that fails and whose p falls below this leaves the map."),
+    Term("R_c", "threshold of r", "To join two images by an edge, r must be above this."),
+    Term("D_c", "threshold of d", "To join two images by an edge, d must be below this."),
+    Term("D_l", "localisation threshold", "The robot takes itself to be at a node only where d is below this."),
+    Term(
+        "margin",
+        "margin",
+        "How much better the best node fits than the second best: 0 is a coin toss, above 0.3 is clear.",
+    ),
+    Term("doubt", "doubt", "What p adds to the price of an edge in a plan, -ln p: nothing for a sure edge."),
+    Term("", "node", "An image that stands for a place."),
+    Term("", "edge", "A way from one node to another that the robot believes it can drive by itself."),
+    Term("", "query", "One task: drive to a goal. A bar in the timeline."),
+    Term("", "attempt", "Driving one edge, or several to a subgoal farther ahead, within a query."),
+    Term("", "pruned", "An edge that was taken out of the map because it failed."),
+    Term("", "collision", "The bumper touched something. A way that was seen to be blocked is none."),
+    Term("", "piece", "Nodes that all have a way to each other. A good map is in one piece."),
+    Term("", "perceptual alias", "Another place that looks the same."),
+)
+_BY_SYMBOL = {term.symbol: term for term in TERMS if term.symbol} | {term.name: term for term in TERMS}
+
+
+def explained(word: str, words: str = "") -> str:
+    """Return a word, or `words` in its place, as markup that explains itself on hover; plain if nobody explains it."""
+    term = _BY_SYMBOL.get(word)
+    shown = escape(words or word)
+    return shown if term is None else f'<abbr class="lt-term" title="{escape(term.text)}">{shown}</abbr>'

@@ -1,0 +1,120 @@
+"""Carries out what a person asked for about goals: going to a node, or to what looks like a picture.
+
+What the map does not hold is said before the robot drives. Runs in the session's thread alone.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.graph.goal_standing import GoalReport
+from ltvn_core.graph.image_similarity import LIKELY_HELD
+from ltvn_core.navigation.events import Severity
+from ltvn_core.types import FrameId, NodeId, Rgb
+from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.activities.playback import Playback
+from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
+from ltvn_viz.session.place_lookup import FoundPlace
+from ltvn_viz.session.snapshot import JobProgress
+
+
+class _Resembling(NamedTuple):
+    """Nodes that look like an uploaded picture."""
+
+    nodes: Sequence[NodeId]
+    """Best first."""
+    likeness: float
+    """Of the best, in [-1, 1]."""
+    images: Sequence[tuple[FrameId, Rgb]]
+
+
+def pick(state: AppState, node: NodeId) -> None:
+    """Take a click on a node: the debugger's question, or the goal."""
+    if state.debugger.is_on:
+        state.debugger.point_at(node)
+    elif not isinstance(state.activity, Playback):
+        choose_goal(state, node)
+
+
+def choose_goal(state: AppState, node: NodeId) -> None:
+    """Go to a node; while a query runs it is the next goal."""
+    if state.activity is state.teleop:
+        navigate(state, node)
+    else:
+        state.goals.selected = node
+
+
+def navigate(state: AppState, node: NodeId | None) -> None:
+    """Drive to a node, or to the goal that was chosen. Raises OptionError where none was."""
+    goal = state.goals.selected if node is None else node
+    if goal is None:
+        raise OptionError("Choose a goal first: click a node in the scene or an image under “Go”.")
+    state.live.robot.stop()
+    state.goals.selected = goal
+    _tell_goal(state, goal)
+    state.queries += 1
+    query = state.live_map.query(state.live.robot, goal, state.queries)
+    state.activity = Navigation(state.live, state.worker, goal, query, state.live_map.cancel)
+
+
+def _tell_goal(state: AppState, goal: NodeId) -> None:
+    """Say so, before the robot drives, where the map does not hold a goal; the worker comes to the query after it."""
+
+    def tell(report: GoalReport) -> None:
+        if report.text:
+            state.say(report.text, Severity.WARN)
+
+    state.worker.submit(lambda: state.live_map.goal_report(goal), tell)
+
+
+def find_and_go(state: AppState, rgb: Rgb) -> None:
+    """Go to the node that looks most like a picture (H, W, 3), where one surely does."""
+
+    def find() -> _Resembling:
+        found = state.live_map.similar_nodes(rgb, SIMILAR_NODE_COUNT)
+        nodes = [node for node, _ in found]
+        return _Resembling(nodes, found[0][1], state.live_map.node_images(nodes))
+
+    def go(found: _Resembling) -> None:
+        state.goals.offer_similar_nodes(found.nodes, found.images)
+        if state.activity is not state.teleop:
+            return
+        if found.likeness < LIKELY_HELD:
+            state.goals.selected = found.nodes[0]
+            state.say(_hardly_held(found), Severity.WARN)
+            return
+        state.say("Going to the place that looks most like your image. Others that look like it are shown below.")
+        navigate(state, found.nodes[0])
+
+    state.worker.submit(find, go)
+
+
+def _hardly_held(found: _Resembling) -> str:
+    return (
+        f"The map may not hold your image: node {found.nodes[0]} looks most like it, with a likeness of "
+        f"{found.likeness:.2f}, where 1 is the same image and places elsewhere hardly reach {LIKELY_HELD:g}. The robot "
+        "stays. Press Navigate (G) to go there all the same, or choose another below."
+    )
+
+
+def find_place(state: AppState, replay: Playback, rgb: Rgb) -> None:
+    """Say where in the map of a replay a picture (H, W, 3) was taken."""
+    path, predictor = state.library.path(replay.name), state.live_map.predictor
+
+    def find() -> FoundPlace | str:
+        try:
+            return state.places.find(path, rgb, predictor)
+        except LtvnError as error:
+            return str(error)
+
+    def show(found: FoundPlace | str) -> None:
+        state.work = None
+        if isinstance(found, str):
+            state.say(found, Severity.ERROR)
+            return
+        replay.found = found.node
+        state.say(found.text, Severity.INFO if found.node is not None else Severity.WARN)
+
+    state.work = JobProgress("Looking for the image in this map")
+    state.worker.submit(find, show)

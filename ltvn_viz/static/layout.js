@@ -1,0 +1,133 @@
+// The page's frame: what of viser's panel stands elsewhere, the sheet of a narrow window, and the loading screen.
+// Where everything stands is `layout.css`.
+
+const NARROW = "(max-width: 699.98px), (max-width: 1099.98px) and (max-height: 479.98px)";
+const VISER_NARROW = "(max-width: 36em)";
+const SHOW_ANYWAY_MS = 10000;
+const PANEL = "[data-ltvn-panel]";
+const COPIED = "[data-ltvn-copy]";
+
+// viser asks the window once whether it is narrow. Its panel for narrow windows is one plain element, with tabs that
+// screen readers know, at whatever width; the one for wide windows floats.
+function keepViserNarrow() {
+  const ask = window.matchMedia;
+  window.matchMedia = function (query) {
+    return ask.call(this, query === VISER_NARROW ? "all" : query);
+  };
+}
+
+function byId(id) {
+  return document.getElementById(id);
+}
+
+// A piece of a panel that belongs elsewhere on the page is copied there whenever it changes, if that place is shown.
+function copyPieces() {
+  for (const piece of document.querySelectorAll(`#root ${COPIED}`)) {
+    const place = byId(`ltvn-${piece.dataset.ltvnCopy}`);
+    const content = place.checkVisibility() ? piece.innerHTML : "";
+    if (place.innerHTML !== content) place.innerHTML = content;
+  }
+}
+
+function viserPanel() {
+  return document.querySelector(`#root .mantine-Paper-root:has(${PANEL})`);
+}
+
+// What has no name of its own in viser's panel gets one of ours: the column that it fixes, and its handle.
+function nameViserParts() {
+  const handle = viserPanel()?.querySelector("div:has(> .tabler-icon-cloud-check), div:has(> .mantine-ActionIcon-root)");
+  if (handle === null || handle === undefined) return;
+  handle.dataset.ltvnViser = "handle";
+  handle.parentElement.dataset.ltvnViser = "inner";
+}
+
+function tabs() {
+  return [...(viserPanel()?.querySelectorAll("[role=tab]") ?? [])];
+}
+
+function openSheet(tab) {
+  tab?.click();
+  document.documentElement.dataset.ltvnSheet = "";
+  showSheet();
+}
+
+function closeSheet() {
+  delete document.documentElement.dataset.ltvnSheet;
+  showSheet();
+}
+
+function isSheetOpen() {
+  return "ltvnSheet" in document.documentElement.dataset;
+}
+
+function onNav(tab) {
+  if (isSheetOpen() && tab.getAttribute("aria-selected") === "true") closeSheet();
+  else openSheet(tab);
+}
+
+function showSheet() {
+  const known = byId("ltvn-nav").children;
+  const wanted = tabs();
+  if (known.length !== wanted.length) {
+    byId("ltvn-nav").replaceChildren(...wanted.map((tab, index) => navButton(tab.textContent, index)));
+  }
+  wanted.forEach((tab, index) => {
+    const isShown = isSheetOpen() && tab.getAttribute("aria-selected") === "true";
+    known[index].setAttribute("aria-expanded", String(isShown));
+  });
+  const top = matchMedia(NARROW).matches && innerHeight >= 480 ? byId("ltvn-pictures") : byId("ltvn-bar");
+  const style = document.documentElement.style;
+  style.setProperty("--ltvn-sheet-top", `${top.getBoundingClientRect().bottom}px`);
+  style.setProperty("--ltvn-sheet-bottom", `${innerHeight - byId("ltvn-nav").getBoundingClientRect().top}px`);
+}
+
+function navButton(text, index) {
+  const made = element("button", "", text);
+  made.type = "button";
+  made.addEventListener("click", () => onNav(tabs()[index]));
+  return made;
+}
+
+function toggleViserSettings() {
+  const toggle = document.querySelector("[data-ltvn-viser=handle] button");
+  toggle?.click();
+  const button = byId("ltvn-settings");
+  button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
+}
+
+function showPage() {
+  document.documentElement.dataset.ltvnReady = "";
+}
+
+function endLoading() {
+  if (viserPanel() !== null) showPage();
+  // Whatever keeps the panel away, nobody shall look at a loading screen for ever.
+  else if (seat.isOpen) endLoading.due ??= setTimeout(showPage, SHOW_ANYWAY_MS);
+}
+
+function arrange() {
+  nameViserParts();
+  nameControls();
+  copyPieces();
+  showSheet();
+  endLoading();
+}
+
+function arrangeSoon() {
+  arrangeSoon.due ??= setTimeout(() => {
+    arrangeSoon.due = null;
+    arrange();
+  }, 30);
+}
+
+function layOut() {
+  byId("root").setAttribute("role", "main");
+  byId("ltvn-close").addEventListener("click", closeSheet);
+  byId("ltvn-settings").addEventListener("click", toggleViserSettings);
+  const all = { childList: true, subtree: true, characterData: true, attributes: true, attributeFilter: ["aria-selected"] };
+  new MutationObserver(arrangeSoon).observe(byId("root"), all);
+  addEventListener("resize", arrangeSoon);
+  new ResizeObserver(arrangeSoon).observe(byId("ltvn-pictures"));
+  watchers.push(endLoading);
+  arrange();
+}

@@ -1,0 +1,105 @@
+// The marks of the run on show, and the moment: what the server says of them, and finding marks by their time.
+// All times are whole milliseconds after the beginning of the run. Rows come in order of time.
+
+const strip = { run: 0, times: [], kinds: [], firsts: [], seconds: [], queries: [], isFetching: false };
+const moment = { run: 0, marks: 0, at: 0, length: 0, now: true, replay: false, playing: false, speed: 1 };
+const STRIP_NUMBERS = 1e8; // As in `strip_marks.py`.
+
+function hearMoment(fields) {
+  const isOther = fields.run !== moment.run;
+  Object.assign(moment, fields);
+  if (isOther) forgetMarks();
+  fetchMarks();
+  showMoment(isOther);
+}
+
+function forgetMarks() {
+  Object.assign(strip, { run: moment.run, times: [], kinds: [], firsts: [], seconds: [], queries: [] });
+}
+
+async function fetchMarks() {
+  if (strip.isFetching || moment.run === 0 || strip.times.length >= moment.marks) return;
+  strip.isFetching = true;
+  try {
+    const answer = await fetch(`/marks/${moment.run * STRIP_NUMBERS + strip.times.length}.json`);
+    if (answer.ok) takeMarks(await answer.json());
+  } catch {
+    // No connection: the next moment that comes asks again.
+  } finally {
+    strip.isFetching = false;
+  }
+}
+
+function takeMarks({ run, first, rows }) {
+  if (run !== strip.run || first !== strip.times.length) return;
+  for (const [time, kind, one, other] of rows) {
+    strip.times.push(time);
+    strip.kinds.push(kind);
+    strip.firsts.push(one);
+    strip.seconds.push(other);
+    if (kind === TIMELINE.began) strip.queries.push({ id: one, goal: other, from: time, to: null, end: null });
+    else if (kind === TIMELINE.ended) endQuery(one, time, other);
+  }
+  drawSoon();
+}
+
+function endQuery(id, time, end) {
+  const query = strip.queries.findLast((each) => each.id === id);
+  if (query !== undefined) Object.assign(query, { to: query.to ?? time, end });
+}
+
+// The first row at or after a time.
+function rowAt(time) {
+  let low = 0;
+  let high = strip.times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (strip.times[middle] < time) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+function marksBetween(from, to) {
+  const rows = [];
+  for (let row = rowAt(from); row < strip.times.length && strip.times[row] <= to; row++) {
+    if (strip.kinds[row] in TIMELINE.kinds) rows.push(row);
+  }
+  return rows;
+}
+
+function nearestMark(time, within) {
+  const near = marksBetween(time - within, time + within).map((row) => strip.times[row]);
+  return near.reduce((best, each) => (best === null || Math.abs(each - time) < Math.abs(best - time) ? each : best), null);
+}
+
+function queryAt(time, within) {
+  const isAt = (each) => each.from - within <= time && time <= (each.to ?? moment.length) + within;
+  return strip.queries.findLast(isAt) ?? null;
+}
+
+function wordsOfMark(row) {
+  const { words, about, sign } = TIMELINE.kinds[strip.kinds[row]];
+  const [one, other] = [strip.firsts[row], strip.seconds[row]];
+  if (about === "edge" && one >= 0) return `${sign} ${words}: ${other >= 0 ? `edge ${one} → ${other}` : `node ${one}`}`;
+  return about === "number" ? `${sign} ${words}: ${one}` : `${sign} ${words}`;
+}
+
+function styleOfQuery(query) {
+  return TIMELINE.bars[query.end] ?? TIMELINE.underWay;
+}
+
+function wordsOfQuery(query) {
+  const { sign, words } = styleOfQuery(query);
+  return `${sign} query ${query.id} to node ${query.goal}: ${words}`;
+}
+
+// 83.4 s is 1:23.4; with `parts` 0 whole seconds alone.
+function clockText(time, parts = 1) {
+  const tenths = Math.round(time / 100);
+  const seconds = parts === 0 ? Math.round(time / 1000) : Math.floor(tenths / 10);
+  const [hours, minutes] = [Math.floor(seconds / 3600), Math.floor(seconds / 60) % 60];
+  const two = (number) => String(number).padStart(2, "0");
+  const fraction = parts === 0 ? "" : `.${tenths % 10}`;
+  return `${hours > 0 ? `${hours}:${two(minutes)}` : minutes}:${two(seconds % 60)}${fraction}`;
+}

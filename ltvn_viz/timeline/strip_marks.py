@@ -1,0 +1,154 @@
+"""The marks of one run as rows of whole numbers for the page's timeline, and where the page fetches them.
+
+Owns which events get a mark there and the numbers in a row. A run's rows only grow, so that a page that has some of
+them asks for the rest. Rows are made in the session's thread; other threads may read them.
+"""
+
+import json
+import math
+from collections import OrderedDict
+from collections.abc import Sequence
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_marks import is_other_plan
+from ltvn_core.graph import deltas as d
+from ltvn_core.navigation import events as e
+from ltvn_core.types import NodeId
+from ltvn_core.worlds.world_change import DoorMoved, PersonLeft, PersonMoved
+from ltvn_viz.server.strip_kinds import QueryEnd, StripKind
+
+STRIP_NUMBERS = 10**8
+"""A page asks for the rows of a run from one on by a single number: the run's, times this, plus the row's."""
+_KEPT = 4
+"""The rows of so many runs can be asked for; a page that is late asks again for the run on show."""
+_NOBODY = -1
+
+
+class StripRow(NamedTuple):
+    """A mark."""
+
+    time_ms: int
+    """After the beginning of the run; rounded up, so that whoever goes there sees it."""
+    kind: StripKind
+    first: int = _NOBODY
+    """What it is about: source and target of an edge, a node, a door, a query and its goal; -1 for nothing."""
+    second: int = _NOBODY
+
+
+class StripMarks:
+    """The rows of one run."""
+
+    def __init__(self, run: Timeline) -> None:
+        """Begin with no row."""
+        self.rows: list[StripRow] = []
+        self.start_s = run.start_s
+        self._events: Sequence[e.StampedEvent] = run.events
+        self._taken = 0
+        self._plan: tuple[NodeId, ...] | None = None
+        self._arrived = False
+        """The last query said that it had arrived."""
+
+    def is_of(self, run: Timeline) -> bool:
+        """Tell whether the rows still hold: no event was put in before others, and the run began when it did."""
+        return self._events is run.events and self.start_s == run.start_s
+
+    def take_in(self, run: Timeline) -> None:
+        """Make rows of what happened since the last time; constant time for each event."""
+        for number in range(self._taken, len(run.events)):
+            event = run.events[number].event
+            if (found := self._mark(event)) is not None:
+                after_s = max(0.0, run.instant(number).stamp - self.start_s)
+                self.rows.append(StripRow(math.ceil(1000 * after_s - 1e-6), *found))
+        self._taken = len(run.events)
+
+    def _mark(self, event: e.Event) -> tuple[StripKind, int, int] | None:
+        match event:
+            case e.QueryStarted(query=query, goal=goal):
+                self._plan = None
+                return StripKind.QUERY_BEGAN, query, goal
+            case e.QueryEnded(query=query, outcome=outcome):
+                self._arrived = outcome is e.Outcome.ARRIVED
+                return StripKind.QUERY_ENDED, query, _end(outcome)
+            case e.Judged(query=query, reached=False) if self._arrived:
+                return StripKind.QUERY_ENDED, query, QueryEnd.WRONG
+            case e.Planned(nodes=nodes):
+                before, self._plan = self._plan, nodes
+                is_new = before is not None and is_other_plan(nodes, before)
+                return (StripKind.REPLANNED, *_ends(nodes)) if is_new else None
+            case e.AttemptEnded(source=source, target=target, succeeded=False):
+                return (StripKind.FAILED, target, _NOBODY) if source is None else (StripKind.FAILED, source, target)
+            case e.Collided():
+                return StripKind.COLLISION, _NOBODY, _NOBODY
+            case e.GraphChanged(delta=delta):
+                return _change_of_map(delta)
+            case e.WorldChanged(change=DoorMoved(door=door, is_open=is_open)):
+                return StripKind.DOOR_OPENED if is_open else StripKind.DOOR_CLOSED, door, _NOBODY
+            case e.WorldChanged(change=change) if not isinstance(change, PersonMoved | PersonLeft):
+                return StripKind.WORLD_CHANGED, _NOBODY, _NOBODY
+            case _:
+                return None
+
+
+def _end(outcome: e.Outcome) -> QueryEnd:
+    if outcome is e.Outcome.CANCELLED:
+        return QueryEnd.CANCELLED
+    return QueryEnd.REACHED if outcome is e.Outcome.ARRIVED else QueryEnd.FAILED
+
+
+def _ends(nodes: Sequence[NodeId]) -> tuple[int, int]:
+    return (nodes[0], nodes[-1]) if nodes else (_NOBODY, _NOBODY)
+
+
+def _change_of_map(delta: d.GraphDelta) -> tuple[StripKind, int, int] | None:
+    if delta.cause in d.BULK_CAUSES:
+        return None
+    match delta:
+        case d.EdgeAdded(edge=edge):
+            return StripKind.ADDED, edge.source, edge.target
+        case d.NodeAdded(node=node):
+            return StripKind.ADDED, node.id, _NOBODY
+        case d.EdgePruned(source=source, target=target):
+            return StripKind.PRUNED, source, target
+        case d.NodeDropped(node=node):
+            return StripKind.PRUNED, node, _NOBODY
+        case d.PresenceObserved(source=source, target=target, present=present):
+            return StripKind.SEEN_OPEN if present else StripKind.SEEN_BLOCKED, source, target
+        case _:
+            return None
+
+
+class StripLibrary:
+    """The rows of the runs that were on show lately, by numbers that are never used twice."""
+
+    def __init__(self) -> None:
+        """Begin with no run."""
+        self._numbers: WeakKeyDictionary[Timeline, int] = WeakKeyDictionary()
+        self._strips: OrderedDict[int, StripMarks] = OrderedDict()
+        self._next = 1
+
+    def of(self, run: Timeline) -> tuple[int, int]:
+        """Return a run's number and how many rows it has now; only for the session's thread."""
+        number = self._numbers.get(run, 0)
+        strip = self._strips.get(number)
+        if strip is None or not strip.is_of(run):
+            number, strip = self._next, StripMarks(run)
+            self._next += 1
+            self._numbers[run] = number
+            self._strips[number] = strip
+            if len(self._strips) > _KEPT:
+                self._strips.popitem(last=False)
+        strip.take_in(run)
+        return number, len(strip.rows)
+
+    def rows_from(self, number: int) -> bytes | None:
+        """Return as JSON the rows of a run from one on, see `STRIP_NUMBERS`; None for a run that is unknown by now.
+
+        May be called in any thread.
+        """
+        run, first = divmod(number, STRIP_NUMBERS)
+        strip = self._strips.get(run)
+        if strip is None:
+            return None
+        return json.dumps({"run": run, "first": first, "rows": strip.rows[first:]}, separators=(",", ":")).encode()

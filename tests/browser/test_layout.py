@@ -1,0 +1,204 @@
+"""Where everything stands on the page, from a telephone to a wall of pixels: nothing covers anything."""
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, FloatRect, Page, expect
+
+from tests.browser.flat_app import FlatApp, serving
+from tests.browser.pages import draw_nothing, open_page
+from tests.waiting import PATIENCE_S, until
+
+pytestmark = pytest.mark.browser
+
+WINDOWS = ((360, 640), (390, 844), (844, 390), (820, 1180), (1100, 700), (1400, 900), (1920, 1080), (3840, 2160))
+TABS = ("Drive", "Go", "World", "Replay", "Why")
+PARTS = {
+    "scene": "canvas[data-engine]",
+    "pictures": "#ltvn-pictures",
+    "pad": ".ltvn-pad",
+    "panel": "#root .mantine-Paper-root:has([data-ltvn-panel])",
+    "head of the panel": "#ltvn-panel-head",
+    "legend": "#ltvn-legend",
+    "timeline": "#timeline-dock",
+    "bar": "#ltvn-bar",
+    "tabs of a narrow window": "#ltvn-nav",
+}
+LEAST_SCENE_PX = 120
+_SMALL_PRINT = """() => [...document.querySelectorAll("body *")].filter((shown) =>
+    shown.checkVisibility({ visibilityProperty: true }) &&
+    [...shown.childNodes].some((child) => child.nodeType === Node.TEXT_NODE && child.data.trim() !== "") &&
+    !["STYLE", "SCRIPT", "NOSCRIPT"].includes(shown.tagName) &&
+    parseFloat(getComputedStyle(shown).fontSize) < 12.99
+).map((shown) => shown.textContent.trim().slice(0, 60))"""
+_NAME_IN_FOCUS = """() => {
+    const shown = document.activeElement;
+    return (shown.getAttribute("aria-label") ?? shown.textContent).trim();
+}"""
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
+    with serving(tmp_path_factory.mktemp("recordings")) as app:
+        yield app
+
+
+@pytest.fixture(scope="module")
+def trouble() -> list[str]:
+    """What the page complained about in its console."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def page(app: FlatApp, chromium: Browser, trouble: list[str]) -> Iterator[Page]:
+    with open_page(chromium, app.server.url, width=1400, height=900, draws=False) as page:
+        page.get_by_text("Next:").wait_for()
+        page.on("pageerror", lambda error: trouble.append(f"{error.name}: {error.message}"))
+        page.on("console", lambda said: trouble.extend([said.text] if said.type == "error" else []))
+        page.reload()
+        page.get_by_text("Next:").wait_for()
+        yield page
+
+
+def rectangles(page: Page) -> dict[str, FloatRect]:
+    """Return where the parts that are there stand."""
+    shown = {name: page.locator(f"{selector} >> visible=true") for name, selector in PARTS.items()}
+    boxes = {name: part.bounding_box() for name, part in shown.items() if part.count() == 1}
+    return {name: box for name, box in boxes.items() if box is not None and box["width"] and box["height"]}
+
+
+def overlap(one: FloatRect, other: FloatRect) -> bool:
+    """Tell whether two rectangles share more than a border of half a pixel."""
+    across = min(one["x"] + one["width"], other["x"] + other["width"]) - max(one["x"], other["x"])
+    down = min(one["y"] + one["height"], other["y"] + other["height"]) - max(one["y"], other["y"])
+    return across > 0.5 and down > 0.5
+
+
+def overlapping(page: Page) -> list[tuple[str, str]]:
+    boxes = rectangles(page)
+    return [(one, other) for one, other in combinations(boxes, 2) if overlap(boxes[one], boxes[other])]
+
+
+def fits(page: Page, width: int, height: int) -> bool:
+    """Tell whether nothing overlaps, nothing is cut off, and the scene is of use."""
+    boxes = rectangles(page)
+    inside = all(
+        box["x"] >= -0.5
+        and box["y"] >= -0.5
+        and box["x"] + box["width"] <= width + 0.5
+        and box["y"] + box["height"] <= height + 0.5
+        for box in boxes.values()
+    )
+    scene = boxes["scene"]
+    return not overlapping(page) and inside and min(scene["width"], scene["height"]) >= LEAST_SCENE_PX
+
+
+@pytest.mark.parametrize(("width", "height"), WINDOWS)
+def test_nothing_covers_anything_and_nothing_is_cut_off(page: Page, width: int, height: int) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    until(
+        lambda: fits(page, width, height),
+        patience_s=PATIENCE_S / 8,
+        explain=lambda: (overlapping(page), rectangles(page)),
+    )
+    assert {"scene", "pictures", "pad", "timeline"} <= rectangles(page).keys()
+
+
+def resize(page: Page, width: int, height: int) -> None:
+    """Make the window so large, and wait until the page is laid out anew."""
+    page.set_viewport_size({"width": width, "height": height})
+    expect(page.locator("#ltvn-nav")).to_be_visible(visible=width < 700)
+
+
+def is_narrow(page: Page) -> bool:
+    return page.locator("#ltvn-nav").is_visible()
+
+
+def open_tab(page: Page, tab: str) -> None:
+    if is_narrow(page):
+        page.locator("#ltvn-nav").get_by_role("button", name=tab).click()
+    else:
+        page.get_by_role("tab", name=tab).click()
+
+
+def serious(page: Page) -> list[str]:
+    """Return what axe-core finds that keeps somebody out: names, roles, contrast."""
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    bad = [each for each in found if each["impact"] in ("serious", "critical")]
+    return [f"{each['id']}: {each['nodes'][0]['html'][:200]}" for each in bad]
+
+
+def small_print(page: Page) -> list[str]:
+    """Return the words in view that are smaller than 13 px."""
+    return page.evaluate(_SMALL_PRINT)
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (1400, 900)])
+def test_every_tab_can_be_reached_and_a_sheet_be_closed_again(page: Page, width: int, height: int) -> None:
+    resize(page, width, height)
+    for tab in TABS:
+        open_tab(page, tab)
+        expect(page.get_by_role("tabpanel").locator("visible=true")).to_have_count(1)
+        assert serious(page) == []
+        assert small_print(page) == []
+    if is_narrow(page):
+        expect(page.locator("#ltvn-pictures")).to_be_visible()
+        page.get_by_role("button", name="close the panel").click()
+        expect(page.get_by_role("tabpanel").locator("visible=true")).to_have_count(0)
+
+
+def test_the_settings_of_the_view_open_and_close_without_a_serious_finding(page: Page) -> None:
+    resize(page, 1400, 900)
+    settings = page.get_by_role("button", name="settings of the view")
+    settings.click()
+    expect(page.get_by_role("button", name="Reset View")).to_be_visible()
+    assert serious(page) == []
+    settings.click()
+    expect(page.get_by_role("tab", name="Drive")).to_be_visible()
+
+
+def test_the_keyboard_reaches_every_control(page: Page) -> None:
+    resize(page, 1400, 900)
+    open_tab(page, "Drive")
+    page.locator("body").evaluate("body => { body.tabIndex = -1; body.focus(); }")
+    reached = []
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        reached.append(page.evaluate(_NAME_IN_FOCUS))
+    names = " | ".join(reached)
+    wanted = ("show or hide the keys", "settings of the view", "Drive", "Record", "Build the map anew")
+    assert [name for name in wanted if name not in names] == []
+
+
+def test_what_the_layout_knows_of_viser_is_there_once(page: Page) -> None:
+    """A viser that builds its page otherwise must not go unnoticed."""
+    known = (PARTS["scene"], PARTS["panel"], "[data-ltvn-viser=handle]", "[data-ltvn-viser=inner]")
+    assert [page.locator(selector).count() for selector in known] == [1] * len(known)
+    assert page.locator("[data-ltvn-viser=handle] button").count() == 1
+
+
+def test_a_finger_drives_and_is_told_of_no_keys(app: FlatApp, chromium: Browser) -> None:
+    telephone = chromium.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    draw_nothing(telephone)
+    page = telephone.new_page()
+    page.goto(app.server.url)
+    forward = page.get_by_role("button", name="drive forward")
+    expect(page.locator("#ltvn-hint")).to_contain_text("Pick a goal")
+    box = forward.bounding_box()
+    assert "W A S D" not in page.locator("body").inner_text()
+    assert box is not None
+    assert min(box["width"], box["height"]) >= 44
+    before, touch = app.harness.robot.pose[:2].copy(), telephone.new_cdp_session(page)
+    finger = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [finger]})
+    until(lambda: float(np.hypot(*(app.harness.robot.pose[:2] - before))) > 0.1)
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    telephone.close()
+
+
+def test_the_console_is_clean(page: Page, trouble: list[str]) -> None:
+    page.locator("#ltvn-pictures").wait_for()
+    assert trouble == []

@@ -1,0 +1,84 @@
+"""One word says how well the app keeps up; the numbers behind it and the meaning of symbols are for whoever asks."""
+
+from dataclasses import replace
+
+import pytest
+
+from ltvn_core.navigation.events import Severity
+from ltvn_core.palette import Rgb8
+from ltvn_viz.debugger.charts import Axis, step_chart_svg
+from ltvn_viz.panels.health import Health, health_button, health_numbers, health_of
+from ltvn_viz.server.glossary import TERMS, explained
+from ltvn_viz.session.snapshot import LoopRates, Message, Snapshot
+from ltvn_viz.session.snapshot_builder import RateMeter
+
+
+@pytest.mark.parametrize(
+    ("rates", "health"),
+    [
+        (LoopRates(), Health.GOOD),
+        (LoopRates(loop_hz=30.0, frame_age_ms=40.0, dropped=1512), Health.GOOD),
+        (LoopRates(loop_hz=12.0), Health.SLOW),
+        (LoopRates(loop_hz=30.0, frame_age_ms=800.0), Health.SLOW),
+        (LoopRates(loop_hz=2.0), Health.TROUBLE),
+        (LoopRates(loop_hz=30.0, frame_age_ms=9000.0), Health.TROUBLE),
+    ],
+)
+def test_what_a_person_would_notice_is_slow_and_nothing_else(rates: LoopRates, health: Health) -> None:
+    report = health_of(Snapshot(rates=rates))
+    assert report.health is health
+    assert report.reason in health_button(Snapshot(rates=rates))
+
+
+def test_an_error_is_trouble_and_its_words_are_the_reason() -> None:
+    snapshot = Snapshot(message=Message("the disk is <full>", Severity.ERROR, 1))
+    assert health_of(snapshot).health is Health.TROUBLE
+    assert "the disk is &lt;full&gt;" in health_button(snapshot)
+
+
+def test_the_numbers_are_there_for_whoever_asks() -> None:
+    shown = health_numbers(replace(Snapshot(), rates=LoopRates(29.7, 41.0, 1512), weights="abc<"))
+    assert "30 times a second" in shown
+    assert "1,512" in shown
+    assert "abc&lt;" in shown
+
+
+def test_a_few_ticks_that_come_together_are_no_rate() -> None:
+    now = [0.0]
+    meter = RateMeter(lambda: now[0])
+    for tick in range(4):
+        now[0] = 0.001 * tick
+        meter.count()
+    assert meter.hz == 0.0
+    for tick in range(60):
+        now[0] = 5.0 + tick / 30
+        meter.count()
+    assert meter.hz == pytest.approx(30.0, abs=1.5)
+
+
+def test_every_symbol_of_the_answers_explains_itself() -> None:
+    symbols = {term.symbol for term in TERMS}
+    assert {"d", "r", "mu", "p", "R_p"} <= symbols
+    assert 'title="' in explained("R_p")
+    assert explained("no <such> word") == "no &lt;such&gt; word"
+
+
+def test_a_chart_has_axes_with_units_and_a_line_at_the_moment() -> None:
+    chart = step_chart_svg(
+        [(0.0, 0.9), (4.0, 0.2)], Axis("time, s", 0.0, 10.0), Axis("p", 0.0, 1.0), colour=Rgb8(1, 2, 3), now=6.0
+    )
+    assert all(words in chart for words in (">time, s<", ">p<", ">now<", ">0.2<", ">10<"))
+    assert chart.count("<circle") == 2
+    assert "nan" not in chart
+
+
+@pytest.mark.parametrize("span", [1e-6, 0.3, 1.0, 7.0, 95.0, 3600.0])
+def test_an_axis_has_a_few_round_ticks(span: float) -> None:
+    ticks = Axis("time, s", 3.0, 3.0 + span).ticks
+    assert len(ticks) <= 7
+    assert all(3.0 - 1e-9 <= tick <= 3.0 + span + 1e-9 for tick in ticks)
+    assert len(ticks) >= 2 or span < 0.3
+
+
+def test_the_axis_of_a_probability_ends_at_one() -> None:
+    assert Axis("p", 0.0, 1.0).ticks == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])

@@ -1,0 +1,159 @@
+"""The page's timeline: every notable event is marked once and in order, and time goes back, on, and back to now."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.navigation.events import GraphChanged, Outcome, StampedEvent, WorldChanged
+from ltvn_core.recording.reader import Recording
+from ltvn_core.types import CONTROL_STEP_S, Twist
+from ltvn_core.worlds.world_change import DoorMoved
+from ltvn_viz.panels.timeline_panel import TELL_EVERY_S, TimelinePanel
+from ltvn_viz.server.keymap import Action
+from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, StripKind, strip_tables
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
+from ltvn_viz.session.socket_handlers import command_for
+from ltvn_viz.timeline.adjacent_moments import adjacent_instant
+from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks
+from tests.core.analysis import example_runs
+from tests.repository import DEMO_FAULT
+from tests.viz.session_harness import SessionHarness
+
+
+def rows_of(run: Timeline) -> list[tuple[int, ...]]:
+    strip = StripMarks(run)
+    strip.take_in(run)
+    return [tuple(row) for row in strip.rows]
+
+
+def test_of_a_recording_with_faults_queries_failures_and_the_prune_are_marked_in_order() -> None:
+    run = Timeline.of(Recording.open(DEMO_FAULT).events)
+    rows = rows_of(run)
+
+    kinds = [kind for _, kind, *_ in rows]
+    assert kinds.count(StripKind.QUERY_BEGAN) == 4
+    assert [row[3] for row in rows if row[1] == StripKind.QUERY_ENDED] == [
+        QueryEnd.FAILED,
+        QueryEnd.FAILED,
+        QueryEnd.REACHED,
+        QueryEnd.WRONG,  # The verdict on the query before it.
+        QueryEnd.FAILED,
+    ]
+    assert [row[2:] for row in rows if row[1] == StripKind.PRUNED] == [(1489, 2621)]
+    assert kinds.count(StripKind.FAILED) == 7
+    assert StripKind.ADDED not in kinds  # The whole map that came in at first is no news.
+    assert all(before[0] <= after[0] for before, after in pairwise(rows))
+
+
+def test_doors_and_what_was_learned_by_hand_are_marked() -> None:
+    run = Timeline.of(
+        [
+            *example_runs.square(),
+            *example_runs.at(20, WorldChanged(DoorMoved(3, is_open=False))),
+            *example_runs.at(30, WorldChanged(DoorMoved(3, is_open=True))),
+        ]
+    )
+    assert [row[1:3] for row in rows_of(run)[-2:]] == [(StripKind.DOOR_CLOSED, 3), (StripKind.DOOR_OPENED, 3)]
+
+
+def test_a_page_that_has_some_rows_is_given_the_others_and_a_run_in_another_order_is_another_run() -> None:
+    library, run = StripLibrary(), example_runs.timeline()
+    number, count = library.of(run)
+    whole = json.loads(library.rows_from(number * STRIP_NUMBERS) or b"")
+    rest = json.loads(library.rows_from(number * STRIP_NUMBERS + 3) or b"")
+    assert (len(whole["rows"]), rest["first"], rest["rows"]) == (count, 3, whole["rows"][3:])
+
+    run.append_event(StampedEvent(1, CONTROL_STEP_S, example_runs.ended(0, 1, Outcome.CANCELLED)))
+    other, _ = library.of(run)
+    assert other != number
+    assert library.rows_from(99 * STRIP_NUMBERS) is None
+
+
+def test_every_kind_of_mark_has_a_sign_of_its_own_and_the_page_knows_it() -> None:
+    marks = set(StripKind) - {StripKind.QUERY_BEGAN, StripKind.QUERY_ENDED}
+    assert set(STRIP_STYLES) == marks
+    assert set(BAR_STYLES) == set(QueryEnd)
+    assert len({style.sign for style in STRIP_STYLES.values()}) == len(marks)
+    json.dumps(strip_tables())
+
+
+def test_a_moment_is_told_once_and_time_that_only_goes_on_ten_times_a_second() -> None:
+    told: list[str] = []
+    now = [0.0]
+    panel = TimelinePanel(told.append, lambda: now[0])
+    for tick in range(31):
+        now[0] = tick / 30
+        panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=now[0], length_s=9.0)))
+    assert 9 <= len(told) <= 11
+
+    panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=now[0] + 0.01, length_s=9.0, is_playing=True)))
+    assert json.loads(told[-1])["playing"] is True
+    before = len(told)
+    now[0] += 2 * TELL_EVERY_S
+    panel.show(Snapshot(timeline=TimelineStatus(run=1, time_s=1.01, length_s=9.0, is_playing=True)))
+    assert len(told) == before
+
+
+def do(harness: SessionHarness, action: Action, target: int | None = None) -> TimelineStatus:
+    command = command_for(action, target)
+    assert command is not None
+    return harness.do(command).timeline
+
+
+def test_a_look_back_at_the_live_run_plays_on_until_it_is_now(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    harness.wait(90)
+    length_s = harness.now.timeline.length_s
+    assert harness.now.timeline.is_now
+
+    back = do(harness, Action.SEEK, round(1000 * (length_s - 1.0)))
+    assert (back.is_now, back.is_playing) == (False, False)
+    assert "shows the past" in harness.now.hint
+    assert back.time_s == pytest.approx(length_s - 1.0, abs=0.002)
+    assert do(harness, Action.SPEED, 800).speed == 8.0
+    assert do(harness, Action.PLAY).is_playing
+    assert harness.wait(30).timeline.is_now
+    assert not harness.now.timeline.is_playing
+
+
+def test_looking_back_ends_with_one_press_and_whenever_somebody_drives(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    harness.wait(60)
+    assert not do(harness, Action.SEEK, 500).is_now
+    assert do(harness, Action.SHOW_NOW).is_now
+    assert not do(harness, Action.SEEK, 500).is_now
+    harness.driver.twist = Twist(0.3, 0.0)
+    assert harness.wait(2).timeline.is_now
+
+
+def test_a_person_is_told_that_now_cannot_be_played(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    harness.wait(5)
+    shown = harness.do(c.PlayTime())
+    assert shown.message is not None
+    assert "look back" in shown.message.text
+
+
+def test_new_edges_of_a_drive_come_in_one_by_one_and_are_marked(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    events = [stamped.event for stamped in harness.state.live.timeline.events]
+    assert any(isinstance(event, GraphChanged) for event in events)
+    number, count = harness.state.strips.of(harness.state.live.timeline)
+    assert number == 1
+    assert count == len(rows_of(harness.state.live.timeline))
+
+
+def test_back_from_a_robot_that_stands_the_last_thing_that_happened_comes_first() -> None:
+    run = example_runs.timeline()
+    last = run.instant(len(run.events) - 1)
+    later = Instant(last.step, last.stamp + 60.0)
+
+    assert adjacent_instant(run, later, forwards=False) == last
+    before = adjacent_instant(run, last, forwards=False)
+    assert before is not None
+    assert before.stamp < last.stamp

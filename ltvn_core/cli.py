@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."
 
 FAILED = 1
+WRONG_USAGE = 2
 INTERRUPTED = 130
 """As shells say it: 128 and the number of SIGINT."""
 CLOSED_PIPE = 141
@@ -98,8 +99,16 @@ def _main(given: Sequence[str]) -> int:
     if given and given[0] in verbs:
         name, *options = given
         return _run(f"ltvn {name}", load_verb(verbs[name]), options)
+    if given and not given[0].startswith("-"):
+        from ltvn_core.close_names import which_name
+
+        print(
+            f"ltvn: there is no verb {given[0]!r}. {which_name(given[0], verbs)}; ltvn --help says what each does.",
+            file=sys.stderr,
+        )
+        return WRONG_USAGE
     _show_all(verbs, given)
-    return 2
+    return WRONG_USAGE
 
 
 def _show_all(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> None:

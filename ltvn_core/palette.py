@@ -1,8 +1,9 @@
 """The colours of map and run, and what each means: one set for the page, the Rerun viewer, reports and exported maps.
 
-Owns every colour that stands for something. The probability of an edge runs from orange over pale to blue, which keeps
-apart for every common kind of colour blindness; green is what is new and red is what is gone, and wherever an edge came
-or went its width or height says so too. Plain numpy, so that any package can read it.
+Owns every colour that stands for something. The probability of an edge runs from orange over pale to blue, green is
+what is new or open, magenta what is gone, blocked or wrong: all keep apart for every common kind of colour blindness,
+and wherever an edge came or went its width or height says so too. Nothing is told from a floor by its colour alone:
+nodes and edges have a dark outline. Plain numpy, so that any package can read it.
 """
 
 from typing import NamedTuple
@@ -17,6 +18,9 @@ PROBABILITY_RAMP = np.array(
 
 PROBABILITY_RAMP_ON_WHITE = np.stack([PROBABILITY_RAMP[0], np.array([153, 153, 158.0]), PROBABILITY_RAMP[-1]])
 """Colours (3, 3) of p = 0, 0.5 and 1 on paper: the same ends, and grey between them, where pale would not be seen."""
+
+SCORE_RAMP = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], np.float64)
+"""Colours (5, 3) of scores from far to near in equal steps (viridis): how alike two images are is no probability."""
 
 _INK = 0.82
 """Colours are made for a dark page; on white they need this share of their light."""
@@ -48,7 +52,7 @@ PREDICTED_POSE = Rgb8(250, 215, 60)
 TRAJECTORY = Rgb8(255, 252, 240)
 COURSE = Rgb8(150, 160, 176)
 EDGE_ADDED = Rgb8(0, 200, 120)
-EDGE_REMOVED = Rgb8(230, 40, 60)
+EDGE_REMOVED = Rgb8(180, 20, 150)
 SOURCE = Rgb8(70, 150, 255)
 TARGET = Rgb8(240, 110, 30)
 BACKGROUND = Rgb8(24, 27, 34)
@@ -59,9 +63,18 @@ ACCENT = Rgb8(56, 139, 253)
 
 def probability_colours(p: ArrayLike) -> NDArray[np.uint8]:
     """Colour probabilities (N,) in [0, 1] as (N, 3)."""
-    steps = np.linspace(0, 1, len(PROBABILITY_RAMP))
+    return _along(PROBABILITY_RAMP, p)
+
+
+def score_colours(nearness: ArrayLike) -> NDArray[np.uint8]:
+    """Colour how near nodes look (N,), from 0 for not at all to 1 for the same image, as (N, 3)."""
+    return _along(SCORE_RAMP, nearness)
+
+
+def _along(ramp: NDArray[np.float64], shares: ArrayLike) -> NDArray[np.uint8]:
+    steps = np.linspace(0, 1, len(ramp))
     return (
-        np.stack([np.interp(np.asarray(p, np.float64), steps, channel) for channel in PROBABILITY_RAMP.T], axis=-1)
+        np.stack([np.interp(np.asarray(shares, np.float64), steps, channel) for channel in ramp.T], axis=-1)
         .round()
         .astype(np.uint8)
     )

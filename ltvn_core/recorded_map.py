@@ -16,7 +16,7 @@ from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
 from ltvn_core.recording.reader import Recording
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.topological_map import TopologicalMap, build_map
-from ltvn_core.types import Observation
+from ltvn_core.types import FrameId, Observation
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +33,8 @@ class BuildOptions:
     """What compares images, by name."""
     weights: Path | None = None
     """Weights instead of those that come with the system."""
+    goals: tuple[FrameId, ...] = ()
+    """Images that must be nodes because somebody will want to go there."""
     seed: int = 0
     """Draws the order in which images are sampled."""
 
@@ -73,6 +75,7 @@ def build_recorded_map(
         camera=meta.camera,
         is_lens_known=meta.config.get("import", {}).get("is_lens_known", True),
         seed=options.seed,
+        goals=options.goals,
         drives=joined.drives,
         progress=progress,
     )

@@ -19,6 +19,7 @@ from ltvn_core.drives.drive_report import DriveReport, drive_doubts
 from ltvn_core.drives.joined_drives import JoinedDrive
 from ltvn_core.drives.joined_map import join_map
 from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.goal_standing import GoalReport, goal_reports
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_coverage import MapCoverage, map_coverage
 from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
@@ -60,6 +61,8 @@ class TopologicalMap:
     """What the map knew of its drive when it was built; None for one that was loaded."""
     drives: tuple[DriveReport, ...] = ()
     """What became of each drive when the map was built from several; empty for a map of one, or one that was loaded."""
+    goals: tuple[GoalReport, ...] = ()
+    """How each of the goals that were named stood to the map when it was built."""
     doubts: tuple[str, ...] = ()
     """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
 
@@ -210,7 +213,9 @@ def build_map(
         predictor_name=predictor_name,
         least_width_px=predictor_card(predictor).least_width_px,
     )
-    doubts = (*drive_doubts(reports), *_sequence_doubts(in_order, drives), *diagnose(drive, coverage))
+    standing = goal_reports(graph, [*goals], keyframes, predictor, system)
+    told = [report.text for report in standing if report.text]
+    doubts = (*drive_doubts(reports), *_sequence_doubts(in_order, drives), *diagnose(drive, coverage), *told)
     for doubt in doubts:
         log.warning(doubt)
     return TopologicalMap(
@@ -223,6 +228,7 @@ def build_map(
         predictor_name=predictor_name,
         coverage=coverage,
         drives=reports,
+        goals=standing,
         doubts=doubts,
     )
 

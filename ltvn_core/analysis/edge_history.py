@@ -5,7 +5,7 @@ Owns putting this together. Says nothing in words (`analysis.edge_explanation`) 
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, MapChange
@@ -30,7 +30,7 @@ from ltvn_core.graph.deltas import (
     ViewUsed,
 )
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import AttemptEnd, Localised
+from ltvn_core.navigation.events import AttemptEnd, Collided, Localised
 from ltvn_core.types import FrameId, NodeId
 
 
@@ -98,7 +98,7 @@ class EdgeAttempt:
     """The target as seen from there."""
     departure_reachability: float
     arrival: FrameId | None
-    """The image at arrival; None, like all below, if the recording is cut before."""
+    """The image at arrival; None, like all below, while it is under way, or if the recording is cut before."""
     end: AttemptEnd | None
     ended: Instant | None
     succeeded: bool | None
@@ -126,7 +126,7 @@ class EdgeHistory:
 
     @property
     def alive(self) -> bool:
-        """It is in the map at the end of the timeline."""
+        """It is in the map at the instant that was asked about, or at the end of the timeline."""
         return bool(self.lifetimes) and self.lifetimes[-1].end is None
 
     @property
@@ -141,9 +141,10 @@ def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Inst
     An edge that never was has an empty history.
     """
     count = timeline.count_until(until)
-    changes = timeline.changes_of_edge(source, target)
+    changes = [change for change in timeline.changes_of_edge(source, target) if change.event < count]
     belief_changes = {(change.query, change.attempt) for change in changes if isinstance(change.delta, BeliefUpdated)}
-    attempts = [attempt for attempt in timeline.attempts_of_edge(source, target) if attempt.event < count]
+    begun = (attempt for attempt in timeline.attempts_of_edge(source, target) if attempt.event < count)
+    attempts = [attempt if until is None else _known_at(timeline, attempt, until) for attempt in begun]
     rows = tuple(_row(attempt, (source, target), belief_changes) for attempt in attempts)
     plans = [plan for plan in timeline.plans if plan.event < count and (source, target) in plan.edges]
     lifetimes = _lifetimes(timeline, source, target, count)
@@ -154,6 +155,15 @@ def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Inst
         attempts=rows,
         planned_at=tuple(plan.instant for plan in plans),
     )
+
+
+def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> AttemptRecord:
+    """Return an attempt as it stood after a step: without its verdict while it was under way."""
+    if attempt.end is not None and attempt.end.step <= instant.step:
+        return attempt
+    so_far = timeline.events[attempt.event : timeline.count_until(instant)]
+    collisions = sum(isinstance(stamped.event, Collided) for stamped in so_far)
+    return replace(attempt, end=None, ended=None, collisions=min(collisions, attempt.collisions))
 
 
 @dataclass(slots=True)
@@ -257,7 +267,7 @@ def _row(
         end=ended.end if ended else None,
         ended=attempt.end,
         succeeded=ended.succeeded if ended else None,
-        reason=ended.reason if ended else "the recording ends before the attempt does",
+        reason=ended.reason if ended else "it has not ended",
         distance=ended.distance if ended else None,
         reachability=ended.reachability if ended else None,
         collisions=attempt.collisions,

@@ -15,7 +15,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import OBSTRUCTED_ENDS, Localised, Outcome, Planned
+from ltvn_core.navigation.events import AttemptEnd, Localised, Outcome, Planned
 from ltvn_core.types import NodeId
 
 WASTED_SHARE = 1 / 3
@@ -34,15 +34,24 @@ class FailureMode(StrEnum):
     """It did not recognise where it was."""
     NO_PATH = "no path"
     COLLISION = "collision"
-    """It touched things, or they stood in its way."""
+    """It touched things."""
+    BLOCKED = "way blocked"
+    """It saw things in its way and did not get past."""
     FAILED_EDGE = "failed edge"
     """It drove edges that did not lead to their target."""
     TOO_SLOW = "too slow"
     """Little went wrong, but the steps were used up."""
 
 
-_WASTING_MODES = (FailureMode.FAILED_EDGE, FailureMode.COLLISION, FailureMode.LOST, FailureMode.NO_PATH)
+_WASTING_MODES = (
+    FailureMode.FAILED_EDGE,
+    FailureMode.COLLISION,
+    FailureMode.BLOCKED,
+    FailureMode.LOST,
+    FailureMode.NO_PATH,
+)
 """What a robot may spend its steps on in vain."""
+_OBSTRUCTED_MODES = {AttemptEnd.COLLISION: FailureMode.COLLISION, AttemptEnd.BLOCKED: FailureMode.BLOCKED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,10 +172,8 @@ def _wasted(timeline: Timeline, query: QueryRecord) -> dict[FailureMode, int]:
     wasted: dict[FailureMode, int] = {failure_mode: 0 for failure_mode in _WASTING_MODES}
     for attempt in query.attempts:
         if attempt.failed and attempt.end and attempt.ended:
-            jammed = attempt.ended.end in OBSTRUCTED_ENDS
-            wasted[FailureMode.COLLISION if jammed else FailureMode.FAILED_EDGE] += (
-                attempt.end.step - attempt.begin.step
-            )
+            failure_mode = _OBSTRUCTED_MODES.get(attempt.ended.end, FailureMode.FAILED_EDGE)
+            wasted[failure_mode] += attempt.end.step - attempt.begin.step
     since: tuple[FailureMode, int] | None = None
     for step, _, event in timeline.events[query.first : query.last + 1]:
         if isinstance(event, Localised):

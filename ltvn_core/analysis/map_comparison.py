@@ -13,7 +13,7 @@ from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.events import Judged, Outcome, QueryEnded, StampedEvent
+from ltvn_core.navigation.events import Collided, Judged, Outcome, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId, Pose
 
 
@@ -76,6 +76,7 @@ class MapMetrics:
     reached: int | None
     """By the paper's criterion; None where nobody judged."""
     collisions: int
+    """Touches so far, those too of a query that is not over."""
 
 
 def compare_maps(
@@ -126,7 +127,7 @@ def map_metrics(graph: TopologicalGraph, events: Sequence[StampedEvent] = ()) ->
         queries=len(ended),
         arrived=sum(end.outcome is Outcome.ARRIVED for end in ended),
         reached=sum(verdicts) if verdicts else None,
-        collisions=sum(end.collisions for end in ended),
+        collisions=sum(isinstance(stamped.event, Collided) for stamped in events),
     )
 
 

@@ -121,7 +121,7 @@ class MapHistory:
         Of a recording whose beginning is cut off, beliefs count from their first update. Logarithmic.
         """
         self._file()
-        last = _last_before(self._by_edge.get(edge, ()), event)
+        last = _last_before(self._by_edge.get(edge, ()), event, passed_over=PresenceObserved)
         place = self.count_before(event)
         if last is None or last.epoch != self.changes[place - 1].epoch:
             return None
@@ -170,9 +170,11 @@ class MapHistory:
         self._kept = kept
 
 
-def _last_before(changes: Sequence[MapChange], event: int) -> MapChange | None:
-    place = bisect_left(changes, event, key=_number)
-    return changes[place - 1] if place else None
+def _last_before(changes: Sequence[MapChange], event: int, *, passed_over: type | tuple[()] = ()) -> MapChange | None:
+    place = bisect_left(changes, event, key=_number) - 1
+    while place >= 0 and isinstance(changes[place].delta, passed_over):
+        place -= 1
+    return changes[place] if place >= 0 else None
 
 
 def _number(change: MapChange) -> int:

@@ -42,7 +42,7 @@ class NavigationProgress(NamedTuple):
     collisions: int = 0
     pruned: int = 0
     added: int = 0
-    """Edges that navigation added."""
+    """Edges that came in one by one, while driving or navigating or by hand; those of a whole map are no news."""
     blocked: frozenset[EdgeKey] = frozenset()
     """Edges that were seen blocked when they were seen last."""
     seen_blocked: int = 0
@@ -112,9 +112,11 @@ def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationP
 def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> NavigationProgress:
     if isinstance(event.delta, deltas.PresenceObserved):
         return _after_look(progress, event, event.delta)
+    if event.delta.cause in deltas.BULK_CAUSES:
+        return progress
     if isinstance(event.delta, deltas.EdgePruned):
         return progress._replace(pruned=progress.pruned + 1)
-    if isinstance(event.delta, deltas.EdgeAdded) and event.query is not None:
+    if isinstance(event.delta, deltas.EdgeAdded):
         return progress._replace(added=progress.added + 1)
     return progress
 

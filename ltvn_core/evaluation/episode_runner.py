@@ -6,6 +6,7 @@ and can be repeated for its recording.
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,10 @@ from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.map_file import check_fingerprint, load_map
 from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Predictor
 
 EventCallback = Callable[[Event, SimulatedRobot], None]
@@ -61,9 +62,12 @@ class EpisodeRunner:
         protocol: EvaluationProtocol,
         *,
         perturbations: Sequence[str] = (),
+        light: Light = PLAIN_LIGHT,
         world: World | None = None,
     ) -> None:
-        """Load a map; the robot's camera will have these perturbations, and `world` may change around it.
+        """Load a map; the robot's camera will have these perturbations, and see the scene in this light.
+
+        `world` may change around the robot, and has a light of its own.
 
         Raises MapError where other weights made the map.
         """
@@ -76,10 +80,10 @@ class EpisodeRunner:
         self.keyframes.add(list(loaded.observations.values()))
         self.truth = GroundTruth(scene.clearance, self.keyframes.observation)
         self.fingerprint = predictor.fingerprint
-        self._camera = open_renderer(scene)
+        self._camera = open_renderer(scene if light == PLAIN_LIGHT else replace(scene, light=light))
         self.predictor = predictor
         self.system = system
-        self.noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
+        self.noise = protocol.odometry_noise
         self._perturbations = perturbations
         self._world, self._bystanders = world, Bystanders()
         self._next_frame = max(self.keyframes.frames) + 1

@@ -7,12 +7,12 @@ two edges, and driving in reverse counts as driving.
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
-import rustworkx
 
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.evaluation.results import EdgeCalibrationBin, MapDrawing, MapTruthMetrics
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.connectivity import count_strongly_connected_components
+from ltvn_core.graph.goal_standing import Standing, reached_from_most, standings
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.network.metrics.binned_metrics import calibration_table
 from ltvn_core.simulation.clearance_map import ClearanceMap
@@ -116,21 +116,19 @@ def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:
 
 def map_truth_metrics(graph: TopologicalGraph, truth: GroundTruth, goals: Sequence[NodeId]) -> MapTruthMetrics:
     """Return the size of a map and its errors; a goal is connected if at least half of the other nodes lead to it."""
+    spurious = truth.spurious(graph)
+    told = [standing is not Standing.HELD for standing in standings(graph, goals)]
+    reachable = reached_from_most(graph, goals, lambda edge: (edge.source, edge.target) not in spurious)
     return MapTruthMetrics(
         nodes=len(graph.nodes),
         edges=len(graph.edges),
-        spurious_edges=len(truth.spurious(graph)),
+        spurious_edges=len(spurious),
         pieces=count_strongly_connected_components(graph),
-        goals_connected=_count_connected(graph, goals),
+        goals_connected=sum(reached_from_most(graph, goals)),
+        goals_told=sum(told),
+        goals_told_rightly=sum(is_told and not way for is_told, way in zip(told, reachable, strict=True)),
+        goals_untold=sum(not is_told and not way for is_told, way in zip(told, reachable, strict=True)),
     )
-
-
-def _count_connected(graph: TopologicalGraph, goals: Sequence[NodeId]) -> int:
-    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
-    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
-    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in graph.edges])
-    enough = (len(index) - 1) / 2
-    return sum(goal in index and len(rustworkx.ancestors(mirror, index[goal])) >= enough for goal in goals)
 
 
 def calibration_bins(graph: TopologicalGraph, truth: GroundTruth, bins: int = 10) -> tuple[EdgeCalibrationBin, ...]:

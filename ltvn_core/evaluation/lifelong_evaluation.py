@@ -15,6 +15,7 @@ from joblib import delayed
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import calibration_bins
+from ltvn_core.evaluation.gzipped_results import is_stored
 from ltvn_core.evaluation.lifelong_batches import load_queries, run_queries
 from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.results import LifelongPoint, LifelongResult, load_results, save_results
@@ -80,7 +81,7 @@ def run_lifelong(
             progress.work_done(done)
     list(parallel(delayed(_finish)(plan, files, schedule, command) for plan, files in jobs))
     results = (_result_file(TrialFiles.of(plan, folder), schedule) for plan in plans)
-    return [load_results(result, LifelongResult) for result in results if result.exists()]
+    return [load_results(result, LifelongResult) for result in results if is_stored(result)]
 
 
 def _jobs_at(jobs: Sequence[tuple[TrialPlan, TrialFiles]], schedule: Schedule, at: int) -> Iterator[Any]:
@@ -97,7 +98,7 @@ def _jobs_at(jobs: Sequence[tuple[TrialPlan, TrialFiles]], schedule: Schedule, a
 
 def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str) -> None:
     """Combine the batches and save the result."""
-    if _result_file(files, schedule).exists():
+    if is_stored(_result_file(files, schedule)):
         return
     points = tuple(_point(plan, files, at, schedule.episodes, command) for at in schedule.points)
     for at in (schedule.points[0], schedule.points[-1]):  # Figures show the map before and after.

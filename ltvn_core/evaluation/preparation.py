@@ -3,6 +3,7 @@
 Each file is written once, complete or not at all, so that an interrupted evaluation continues where it stopped.
 """
 
+import logging
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -17,6 +18,7 @@ from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episod
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system
 from ltvn_core.graph.deltas import PoseRow
+from ltvn_core.graph.goal_standing import goal_reports
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -27,9 +29,10 @@ from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.scripted_tour import drive_tour
-from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.types import FrameId, Observation, is_usable
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +94,7 @@ def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGrou
         return load_results(files.drive_truth, DriveGroundTruth)
     protocol = plan.protocol
     rng = np.random.default_rng([plan.seed, 0])
-    noise = OdometryNoise(protocol.distance_noise, protocol.angle_noise)
-    simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=noise)
+    simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=protocol.odometry_noise)
     seen = list(
         drive_tour(
             simulation.robot,
@@ -157,6 +159,9 @@ def _build(
         progress=lambda done, total: log.report(PreparationPart.MAP, done / max(total, 1)),
     )
     graph = TopologicalGraph(deltas)
+    for report in goal_reports(graph, goals, keyframes, predictor, system):
+        if report.text:
+            _LOG.warning("%s, seed %d: %s", scene.name, plan.seed, report.text)
     kept = [keyframes.observation(frame) for frame in keyframes.frames]
     config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": asdict(system.method)}
     save_map(files.map(), graph, kept, scene=scene.address, fingerprint=predictor.fingerprint, config=config)

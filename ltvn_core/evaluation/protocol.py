@@ -12,11 +12,13 @@ import numpy as np
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.operators import pose_row
+from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import FrameId, Pose
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.scene import Scene
 
+USUAL_LOOPS = 3
 _SMALL_M2 = 100.0
 _MIN_EPISODE_M = 1.0
 """Smallest straight distance between start and goal."""
@@ -28,7 +30,7 @@ _MIN_GOAL_GAP_M = 1.5
 class EvaluationProtocol:
     """Parameters of the evaluation."""
 
-    loops: int = 3
+    loops: int = USUAL_LOOPS
     """Rounds of the mapping drive (paper: 3 to 4)."""
     goals: int = 10
     """Goal images (paper)."""
@@ -43,6 +45,8 @@ class EvaluationProtocol:
     2,000 above."""
     collision_limit: int = 20
     """An episode with more collisions than this fails (paper)."""
+    slips_per_m: float = 0.0
+    """How often the wheels slip, per metre driven or radian turned."""
 
     def __post_init__(self) -> None:
         if self.loops < 1 or self.goals < 2 or self.episodes < 1 or self.collision_limit < 0:
@@ -50,10 +54,15 @@ class EvaluationProtocol:
                 "An evaluation needs a loop, two goals and an episode at least, and no negative limit, got "
                 f"{self.loops} loops, {self.goals} goals, {self.episodes} episodes, {self.collision_limit} collisions."
             )
-        if not (0 <= self.distance_noise < 1 and 0 <= self.angle_noise < 1):
-            raise OptionError("Odometry noise is a share from 0 to below 1; 0.05 is a bad odometer.")
+        if not all(0 <= share < 1 for share in (self.distance_noise, self.angle_noise, self.slips_per_m)):
+            raise OptionError("Odometry noise and slips are shares from 0 to below 1; 0.05 is a bad odometer.")
         if self.step_limit is not None and self.step_limit < 1:
             raise OptionError(f"The step limit must be 1 or more, got {self.step_limit}.")
+
+    @property
+    def odometry_noise(self) -> OdometryNoise:
+        """Errors of the robot's odometry, in the mapping drive and in the episodes."""
+        return OdometryNoise(self.distance_noise, self.angle_noise, slips=self.slips_per_m)
 
     def steps_in(self, scene: "Scene") -> int:
         """Return K for a scene."""

@@ -13,6 +13,7 @@ import cattrs
 
 from ltvn_core.atomic_files import write_text_atomically
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.gzipped_results import read_result_text
 from ltvn_core.types import FrameId
 
 
@@ -78,6 +79,12 @@ class MapTruthMetrics:
     """Number of strongly connected components; 1 is ideal."""
     goals_connected: int
     """Goals that can be reached from most of the map."""
+    goals_told: int | None = None
+    """Goals of which the map says before any drive that it does not hold them surely; None in older results,"""
+    goals_told_rightly: int | None = None
+    """and those of them to which no drivable way leads from most of the map."""
+    goals_untold: int | None = None
+    """Goals that have no such way either, and the map claims to hold them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +134,8 @@ class TrialResult:
     """Images of the mapping drive that have no depth."""
     perturbations: tuple[str, ...] = ()
     """What was wrong with the robot's camera in the episodes."""
+    conditions: tuple[str, ...] = ()
+    """What was harder than usual, see `evaluation.conditions`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,9 +219,9 @@ def save_results(path: Path, results: Any) -> None:
 
 
 def load_results(path: Path, kind: type) -> Any:
-    """Read results of a kind that `save_results` wrote. Raises OptionError for any other file."""
+    """Read results of a kind that `save_results` wrote, gzipped or not. Raises OptionError for any other file."""
     try:
-        return _CONVERTER.structure(json.loads(path.read_text(encoding="utf-8")), kind)
+        return _CONVERTER.structure(json.loads(read_result_text(path)), kind)
     except OSError as error:
         raise OptionError(f"{path} cannot be read: {error.strerror}.") from error
     except (ValueError, TypeError, AttributeError, cattrs.BaseValidationError) as error:

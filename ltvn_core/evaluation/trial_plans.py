@@ -15,6 +15,7 @@ from ltvn_core.composition import open_method
 from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ablation import PARTS, without_parts
+from ltvn_core.evaluation.conditions import drive_conditions, episode_conditions
 from ltvn_core.evaluation.map_drawings import drawing_path
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
@@ -44,6 +45,8 @@ class TrialPlan:
     """What compares images, by name."""
     perturbations: tuple[str, ...] = ()
     """What is wrong with the robot's camera in the episodes, but not in the mapping drive."""
+    conditions: tuple[str, ...] = ()
+    """What is harder than usual, see `evaluation.conditions`; the protocol is already as it is under them."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones of the system."""
     finetune_steps: int = 40
@@ -78,7 +81,9 @@ class TrialPlan:
         words += [] if self.predictor == NETWORK else [self.predictor]
         words += [self.maintenance] if self.maintenance else []
         words += [f"no-{part}" for part in self.parts_off]
-        return "-".join([*words, *(f"with-{name}" for name in self.perturbations)])
+        return "-".join(
+            [*words, *(f"with-{name}" for name in (*self.perturbations, *episode_conditions(self.conditions)))]
+        )
 
 
 def method_parts() -> tuple[str, ...]:
@@ -100,7 +105,7 @@ class TrialFiles:
     """The paths of a plan's files: all methods share the drive, all variations of a method share its weights."""
 
     folder: Path
-    """Of the scene and the seed."""
+    """Of the scene, the conditions of the mapping drive, and the seed."""
     label: str
     system: str = ""
     """Whose weights they are; empty where only files of the drive and of single episodes are asked for."""
@@ -108,7 +113,8 @@ class TrialFiles:
     @classmethod
     def of(cls, plan: TrialPlan, folder: Path) -> "TrialFiles":
         """Name the files of a plan below a folder."""
-        return cls(folder / f"{Path(plan.scene).stem}-{plan.seed}", plan.label, plan.system)
+        place = "-".join([Path(plan.scene).stem, *drive_conditions(plan.conditions), str(plan.seed)])
+        return cls(folder / place, plan.label, plan.system)
 
     @property
     def drive(self) -> Path:
@@ -183,13 +189,18 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
 
     weights = weights_fingerprint(plan.start_weights)
     steps = plan.finetune_steps if plan.finetuned else 0
-    protocol = asdict(plan.protocol)
+    settings = plan_settings(plan)
+    protocol = settings["protocol"]
     del protocol["episodes"]
     drive = {"scene": plan.scene, "seed": plan.seed}
-    drive |= {name: protocol[name] for name in ("loops", "goals", "distance_noise", "angle_noise")}
+    drive |= {
+        name: protocol[name]
+        for name in ("loops", "goals", "distance_noise", "angle_noise", "slips_per_m")
+        if name in protocol
+    }
     learned = {"weights": weights, "finetune_steps": steps}
-    made_by = {**asdict(plan), **learned, "protocol": protocol, "version": version("ltvn")}
-    if not plan.perturbations:  # Folders that were made before there were any do not name them.
+    made_by = {**settings, **learned, "version": version("ltvn")}
+    if not plan.perturbations:  # As conditions, these came later.
         del made_by["perturbations"]
     if plan.maintenance is None:
         del made_by["maintenance"]
@@ -197,6 +208,16 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     if plan.finetuned:
         claim_settings(files.weights.with_suffix(".plan.json"), learned)
     claim_settings(files.folder / files.label / "plan.json", made_by)
+
+
+def plan_settings(plan: TrialPlan) -> dict[str, Any]:
+    """Return the settings of a plan as they are noted; folders made before there were conditions do not name them."""
+    settings = asdict(plan)
+    if not plan.conditions:
+        del settings["conditions"]
+    if not plan.protocol.slips_per_m:
+        del settings["protocol"]["slips_per_m"]
+    return settings
 
 
 def claim_settings(path: Path, settings: Mapping[str, Any]) -> None:

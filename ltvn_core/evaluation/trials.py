@@ -16,9 +16,11 @@ import numpy as np
 from joblib import delayed
 
 from ltvn_core.composition import open_predictor
+from ltvn_core.evaluation.conditions import light_under, told_conditions
 from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read_episodes
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
+from ltvn_core.evaluation.gzipped_results import is_stored
 from ltvn_core.evaluation.map_drawings import save_drawing
 from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
@@ -66,7 +68,15 @@ def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
     weights = planned_weights(plan, files)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, predictor, scene, maintain=maintain)
-    return EpisodeRunner(scene, files.map(queries), predictor, system, plan.protocol, perturbations=plan.perturbations)
+    return EpisodeRunner(
+        scene,
+        files.map(queries),
+        predictor,
+        system,
+        plan.protocol,
+        perturbations=plan.perturbations,
+        light=light_under(plan.conditions),
+    )
 
 
 def run_episode_batch(
@@ -150,7 +160,7 @@ def _all_files(plans: Sequence[TrialPlan], folder: Path) -> list[tuple[TrialPlan
 def _is_complete(files: TrialFiles, episodes: int) -> bool:
     """Tell whether all episodes of a static test are done, by this command or by others."""
     batches = (files.episodes(0, first, until) for first, until in _batch_ranges(episodes))
-    return files.trial(episodes).exists() or (files.map().exists() and all(batch.exists() for batch in batches))
+    return is_stored(files.trial(episodes)) or (files.map().exists() and all(batch.exists() for batch in batches))
 
 
 def prepare_all(
@@ -198,7 +208,7 @@ def _batch_ranges(episodes: int) -> list[tuple[int, int]]:
 
 def _finish(plan: TrialPlan, files: TrialFiles, episodes: int, command: str) -> None:
     """Save the result of the static test."""
-    if not files.trial(episodes).exists():
+    if not is_stored(files.trial(episodes)):
         keep_drawing(plan, files, 0)
         save_results(files.trial(episodes), finish_trial(plan, files, 0, episodes, command))
 
@@ -234,4 +244,5 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         command=command,
         without_depth=drive_truth.without_depth,
         perturbations=plan.perturbations,
+        conditions=told_conditions(plan.protocol, plan.conditions),
     )

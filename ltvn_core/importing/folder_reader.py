@@ -15,8 +15,8 @@ from pathlib import Path
 from PIL import Image
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.odometry_table import OdometryTable
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact

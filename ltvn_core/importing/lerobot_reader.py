@@ -9,9 +9,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
 from ltvn_core.errors import DriveError
 from ltvn_core.extras import naming_the_extra
-from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.lerobot.dataset import INFO, Episode, Feature, LerobotDataset
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.source_camera import camera_beside, fitted

@@ -9,14 +9,14 @@ from typing import Self
 import numpy as np
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
+from ltvn_core.cameras.rvl_depth import decode_rvl
 from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.camera_mounting import CameraMounting
-from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.moving_frame import Transform
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.rtabmap.calibration import RigCamera, parse_calibration
 from ltvn_core.importing.rtabmap.database import Node, NodeImages, RtabmapDatabase
-from ltvn_core.importing.rvl_depth import decode_rvl
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.types import Depth

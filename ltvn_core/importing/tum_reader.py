@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.encoded_images import decode_colour, decode_depth
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact

@@ -11,8 +11,8 @@ from typing import Self
 
 import numpy as np
 
+from ltvn_core.cameras.encoded_images import decode_colour
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.encoded_images import decode_colour
 from ltvn_core.importing.foreign_files import read_bytes_within, require_within
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.restricted_pickle import load_pickle

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.evaluation.gzipped_results import stored_results
 from ltvn_core.evaluation.map_drawings import drawing_path, load_drawing
 from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles
@@ -44,9 +45,9 @@ def find_results(folder: Path) -> FoundResults:
     """Read all results below a folder. Raises OptionError for an empty one, a broken file, or two of the same trial."""
     if not folder.is_dir():
         raise OptionError(f"{folder} is no folder; name the one that `ltvn evaluate --folder` wrote to.")
-    trials = _longest((path, _trial(path)) for path in sorted(folder.rglob(TRIALS)))
-    lifelong = _longest((path, _lifelong(path)) for path in sorted(folder.rglob(LIFELONG)))
-    worlds = tuple(_world(path) for path in sorted(folder.rglob(WORLDS)))
+    trials = _longest((path, _trial(path)) for path in stored_results(folder, TRIALS))
+    lifelong = _longest((path, _lifelong(path)) for path in stored_results(folder, LIFELONG))
+    worlds = tuple(_world(path) for path in stored_results(folder, WORLDS))
     if not trials and not lifelong and not worlds:
         raise OptionError(f"{folder} holds no {TRIALS}, {LIFELONG} or {WORLDS}; make some with `ltvn evaluate`.")
     return FoundResults(
@@ -121,7 +122,7 @@ def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
 
 def _plan(path: Path) -> tuple[Path, str]:
     """Return folder and label of a result; its file name ends with its length."""
-    return path.parent, re.sub(r"(-(\d+|every))*\.(trial|lifelong)\.json$", "", path.name)
+    return path.parent, re.sub(r"(-(\d+|every))*\.(trial|lifelong)\.json(\.gz)?$", "", path.name)
 
 
 def _key(result: TrialResult | LifelongResult) -> object:

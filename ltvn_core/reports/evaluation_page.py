@@ -69,7 +69,8 @@ def render_page(
 
 def headline(rows: Sequence[ResultRow]) -> str:
     """Return the main result as a sentence: success of each method at its last stage, over all scenes."""
-    first = [row for row in rows if not row.setup.ablated]
+    whole = [row for row in rows if not row.setup.ablated]
+    first = [row for row in whole if not row.trials[0].conditions] or whole
     count = len(scenes_of(first))
     latest = {row.setup.method: row for row in (rows_over_scenes(first) if count > 1 else first)}
     shares = [f"{method} {percent(row.success.mean, 0)}" for method, row in latest.items()]

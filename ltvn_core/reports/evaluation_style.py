@@ -29,6 +29,8 @@ _MORE_COLOURS: tuple[Colour, ...] = (
     (0.55, 0.45, 0.1),
     (0.25, 0.62, 0.75),
     (0.5, 0.5, 0.5),
+    (0.95, 0.62, 0.1),
+    (0.93, 0.5, 0.72),
 )
 
 _CAUSE_COLOURS: dict[FailureCause, Colour] = {

@@ -3,10 +3,13 @@
 Owns their columns and how numbers are written. The numbers come in rows and courses.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from math import isnan
+from typing import TypeVar
+
+import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import Estimate
 from ltvn_core.evaluation.metrics import compare_methods
@@ -18,9 +21,11 @@ from ltvn_core.reports.lifelong_groups import (
     calibration_of,
     maintenance_intervals,
 )
-from ltvn_core.reports.result_rows import ResultRow, rows_over_scenes, scene_name, scenes_of, setup_of
+from ltvn_core.reports.result_rows import ResultRow, rows_over_scenes, scene_name, setup_of
 
 NO_RESULTS = "No results yet."
+
+_Key = TypeVar("_Key", bound=tuple[str, ...])
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +58,14 @@ def main_table(rows: Sequence[ResultRow]) -> ReportTable:
 
 
 def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
-    """Return the difference of the first method to the others at the same stage, over all scenes."""
+    """Return the difference of the first method to the others at the same stage and conditions, over all scenes."""
     head = ("method", "against", "network", "goals reached, more", "SPL, more", "of its nodes", "of its edges")
     whole = [row for row in rows_over_scenes(rows) or _of_one_scene(rows) if not row.setup.ablated]
-    first = {row.setup.stage: row for row in whole if row.setup.method == whole[0].setup.method}
+    first = {_occasion(row): row for row in whole if row.setup.method == whole[0].setup.method}
     body = tuple(
-        _margin(first[row.setup.stage], row)
+        _margin(first[_occasion(row)], row)
         for row in whole
-        if row.setup.stage in first and row is not first[row.setup.stage]
+        if _occasion(row) in first and row is not first[_occasion(row)]
     )
     caption = (
         "Differences with 95 % interval, episode by episode where both methods drove the same ones. "
@@ -72,15 +77,24 @@ def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
 def size_table(rows: Sequence[ResultRow]) -> ReportTable:
     """Return the sizes of the maps, their spurious edges and components."""
     head = ("scene", "method", "network", "images", "nodes", "edges", "spurious edges", "pieces", "goals connected")
+    head = (*head, "goals told as not held (rightly)", "not told")
     body = (
         (
             *_named(row),
             *(_count(row.images), *_size(row), _number(row.metrics.spurious_edges, 1)),
             *(_number(row.metrics.pieces, 1), _number(row.metrics.goals_connected, 1)),
+            *_goals(row),
         )
         for row in rows
     )
-    return ReportTable(caption="Means over the map seeds.", head=head, rows=tuple(body), words=3)
+    return ReportTable(
+        caption="Means over the map seeds. Before any drive a map tells of which goals it knows no way that it trusts; "
+        "rightly, where no drivable way leads there from half of its nodes. Not told: goals without such a way that it "
+        "claims to hold.",
+        head=head,
+        rows=tuple(body),
+        words=3,
+    )
 
 
 def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
@@ -120,11 +134,27 @@ def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
 
 
 def run_table(results: EvaluationResults) -> ReportTable:
-    """Return the command, version and weights behind each result."""
-    head = ("scene", "method", "network", "seed", "weights", "version", "command")
-    body = [(*_stage_of(trial), str(trial.seed), *_origin(trial)) for trial in results.trials]
-    body += [_lifelong_run(result) for result in results.lifelong if result.points]
-    return ReportTable(caption="What makes each result again.", head=head, rows=tuple(body), words=7)
+    """Return the commands and versions behind all results, with the weights of each scene and seed."""
+    head = ("method", "network", "scenes", "seeds", "weights", "version", "command")
+    made = [(*_stage_of(trial), str(trial.seed), *_origin(trial)) for trial in results.trials]
+    made += [_lifelong_run(result) for result in results.lifelong if result.points]
+    rows = (
+        ((method, stage, version, command), (scene, seed, weights))
+        for scene, method, stage, seed, weights, version, command in made
+    )
+    body = tuple(
+        (method, stage, *cells, version, command) for (method, stage, version, command), cells in merged_rows(rows)
+    )
+    return ReportTable(caption="What makes each result again.", head=head, rows=body, words=7)
+
+
+def merged_rows(rows: Iterable[tuple[_Key, tuple[str, ...]]]) -> Iterator[tuple[_Key, tuple[str, ...]]]:
+    """Yield one row for each key, whose cells list what differs in the order in which it came, with commas."""
+    by_key: dict[_Key, list[tuple[str, ...]]] = {}
+    for key, cells in rows:
+        by_key.setdefault(key, []).append(cells)
+    for key, several in by_key.items():
+        yield key, tuple(", ".join(dict.fromkeys(column)) for column in zip(*several, strict=True))
 
 
 def percent(number: float, digits: int = 1) -> str:
@@ -151,7 +181,7 @@ def _margin(row: ResultRow, other: ResultRow) -> tuple[str, ...]:
     spl = found.spl
     sizes = [(row.metrics.nodes, other.metrics.nodes), (row.metrics.edges, other.metrics.edges)]
     return (
-        *(row.setup.method, other.setup.method, row.setup.stage),
+        *(row.setup.method, other.setup.method, _occasion(row)),
         f"{100 * points.mean:+.1f} points ({100 * points.low:+.1f} to {100 * points.high:+.1f})",
         f"{spl.mean:+.2f} ({spl.low:+.2f} to {spl.high:+.2f})",
         *(percent(own / theirs, 1) if theirs else "–" for own, theirs in sizes),
@@ -159,7 +189,12 @@ def _margin(row: ResultRow, other: ResultRow) -> tuple[str, ...]:
 
 
 def _of_one_scene(rows: Sequence[ResultRow]) -> Sequence[ResultRow]:
-    return rows if len(scenes_of(rows)) == 1 else ()
+    return rows if len({trial.scene for row in rows for trial in row.trials}) == 1 else ()
+
+
+def _occasion(row: ResultRow) -> str:
+    """Return the stage, and the conditions that were harder than usual."""
+    return ", ".join([row.setup.stage, *row.trials[0].conditions])
 
 
 def _pruned(change: MaintenanceInterval) -> str:
@@ -193,6 +228,17 @@ def _driving(row: ResultRow) -> tuple[str, str, str]:
 
 def _size(row: ResultRow) -> tuple[str, str]:
     return _count(row.metrics.nodes), _count(row.metrics.edges)
+
+
+def _goals(row: ResultRow) -> tuple[str, str]:
+    """Return the goals told as not held, of these rightly, and those not told; a dash for results without a count."""
+    maps = [trial.map for trial in row.trials]
+    counts = [(each.goals_told, each.goals_told_rightly, each.goals_untold) for each in maps]
+    known = [[number for number in count if number is not None] for count in counts]
+    if not all(len(count) == len(counts[0]) for count in known):
+        return "–", "–"
+    told, rightly, untold = np.mean(known, axis=0)
+    return f"{_number(told, 1)} ({_number(rightly, 1)})", _number(untold, 1)
 
 
 def _spurious(row: ResultRow) -> str:

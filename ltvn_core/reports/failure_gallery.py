@@ -3,6 +3,7 @@
 Owns what a row holds. How it looks is in the page's template.
 """
 
+import re
 import shlex
 from base64 import b64encode
 from collections.abc import Sequence
@@ -13,6 +14,8 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
 from ltvn_core.reports.result_rows import TrialSetup, order_of, scene_name, setup_of
 
+_QUESTION = "blame"
+"""The debugger's “Why is it so?”."""
 _MIME_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
@@ -36,7 +39,7 @@ class FailureRow:
     @property
     def scene(self) -> str:
         """Name of the scene."""
-        return scene_name(self.trial.scene)
+        return scene_name(setup_of(self.trial).scene)
 
     @property
     def heading(self) -> str:
@@ -61,7 +64,16 @@ class FailureRow:
         if self.recording is None:
             return None
         at = "" if self.time_s is None else f" --at {self.time_s:.1f}"
-        return f"ltvn replay {shlex.quote(str(self.recording))}{at}"
+        return f"ltvn replay {shlex.quote(str(self.recording))}{at} --ask {_QUESTION}"
+
+    @property
+    def recording_command(self) -> str | None:
+        """The command that records an episode which is not recorded; None where there is none."""
+        if self.recording is not None or not self.trial.command.startswith("ltvn evaluate "):
+            return None
+        failed = [episode.episode for episode in self.trial.episodes if not episode.reached]
+        made_by = re.sub(r" --record-failures[ =]\d+", "", self.trial.command)
+        return f"{made_by} --record-failures {failed.index(self.episode.episode) + 1}"
 
 
 def data_url(image: bytes) -> str:

@@ -50,9 +50,10 @@ def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ..
     groups: dict[tuple[str, str], list[LifelongResult]] = {}
     for result in results:
         if result.points:
-            method = setup_of(result.points[0].trial).method
+            setup = setup_of(result.points[0].trial)
+            method = setup.method
             method += f", {result.maintenance} maintenance" if result.maintenance else ""
-            groups.setdefault((result.scene, method), []).append(result)
+            groups.setdefault((setup.scene, method), []).append(result)
     return tuple(
         LifelongGroup(scene, method, tuple(sorted(runs, key=lambda run: run.seed)))
         for (scene, method), runs in sorted(groups.items())

@@ -3,6 +3,7 @@
 Owns their drawing. What is free and what is spurious comes with the results.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from ltvn_core.reports.evaluation_style import WIDTH_IN, probability_colour_map
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 
 _SPURIOUS: Colour = (0.85, 0.1, 0.25)
+_TWO_IN_A_ROW = 4
 _FULL_SIZE_NODES = 250
 """Nodes up to which they are drawn in full size."""
 
@@ -30,10 +32,15 @@ class MapPanel(NamedTuple):
 
 
 def map_figure(panels: Sequence[MapPanel], palette: FigurePalette) -> Figure:
-    """Draw maps of one scene side by side, two in a row. Trials without a floor plan are left out."""
+    """Draw maps of one scene side by side, two in a row, or three where there are many.
+
+    Trials without a floor plan are left out.
+    """
     drawable = [(panel, plan) for panel in panels if (plan := panel.trial.floorplan) is not None]
-    rows, columns = max((len(drawable) + 1) // 2, 1), 2 if len(drawable) > 1 else 1
-    size = (columns * WIDTH_IN / 2, 0.9 + rows * _height(drawable[0][1] if drawable else None))
+    columns = 1 if len(drawable) < 2 else 2 if len(drawable) <= _TWO_IN_A_ROW else 3
+    rows = max(math.ceil(len(drawable) / columns), 1)
+    width_in = WIDTH_IN / max(columns, 2)
+    size = (columns * width_in, 0.9 + rows * _height(drawable[0][1] if drawable else None, width_in))
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[len(drawable) :]:
@@ -43,17 +50,17 @@ def map_figure(panels: Sequence[MapPanel], palette: FigurePalette) -> Figure:
         facts = panel.trial.map
         axes.set_title(
             f"{panel.title}\n{facts.nodes:,} nodes, {facts.edges:,} edges, {facts.spurious_edges:,} spurious",
-            fontsize=9.5,
+            fontsize=9.5 if columns < 3 else 7.5,
         )
     _legend(figure, list(grid), palette)
     return figure
 
 
-def _height(plan: MapDrawing | None) -> float:
+def _height(plan: MapDrawing | None, width_in: float) -> float:
     """Return the height of a panel in inches that fits the scene's shape."""
     if plan is None or not plan.free:
         return 3.0
-    return float(np.clip(0.45 + 0.49 * WIDTH_IN * len(plan.free) / len(plan.free[0]), 1.5, 7.0))
+    return float(np.clip(0.45 + 0.98 * width_in * len(plan.free) / len(plan.free[0]), 1.5, 7.0))
 
 
 def _draw(axes: Axes, plan: MapDrawing, palette: FigurePalette) -> None:

@@ -24,6 +24,7 @@ class TrialSetup:
     """What the trials of one row have in common."""
 
     scene: str
+    """The scene, and behind a comma the conditions that were harder than usual."""
     system: str
     """Name of the navigation system in the registry."""
     preset: str
@@ -92,7 +93,7 @@ def setup_of(trial: TrialResult) -> TrialSetup:
     if trial.perturbations:
         name = f"{name}, camera with {', '.join(trial.perturbations)}"
     return TrialSetup(
-        scene=trial.scene,
+        scene=_under(trial.scene, trial),
         system=trial.method,
         preset=trial.preset,
         method=name,
@@ -100,6 +101,11 @@ def setup_of(trial: TrialResult) -> TrialSetup:
         queries=trial.queries,
         ablated=bool(without or trial.perturbations) or asked_the_truth,
     )
+
+
+def _under(place: str, trial: TrialResult) -> str:
+    """Return a scene, or all of them, with the conditions of a trial."""
+    return ", ".join([place, *trial.conditions])
 
 
 def scene_name(scene: str) -> str:
@@ -118,12 +124,14 @@ def rows_of(trials: Iterable[TrialResult]) -> tuple[ResultRow, ...]:
 
 
 def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
-    """Group rows of the same method and stage over the scenes, leaving out those that miss a scene."""
-    scenes = {row.setup.scene for row in rows}
-    whole = _gathered(
-        (trial for row in rows for trial in row.trials), lambda trial: replace(setup_of(trial), scene=ALL_SCENES)
-    )
-    return tuple(row for row in whole if len(scenes) > 1 and {trial.scene for trial in row.trials} == scenes)
+    """Group rows of the same method, stage and conditions over the scenes, leaving out those that miss a scene."""
+    trials = [trial for row in rows for trial in row.trials]
+    scenes: dict[str, set[str]] = {}
+    for trial in trials:
+        scenes.setdefault(_under(ALL_SCENES, trial), set()).add(trial.scene)
+    whole = _gathered(trials, lambda trial: replace(setup_of(trial), scene=_under(ALL_SCENES, trial)))
+    found = [(row, scenes[row.setup.scene]) for row in whole]
+    return tuple(row for row, all_of in found if len(all_of) > 1 and {trial.scene for trial in row.trials} == all_of)
 
 
 def methods_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:

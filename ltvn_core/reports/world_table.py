@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
 from ltvn_core.evaluation.worlds.world_results import WorldResult
-from ltvn_core.reports.evaluation_tables import ReportTable, percent
+from ltvn_core.reports.evaluation_tables import ReportTable, merged_rows, percent
 from ltvn_core.reports.result_rows import scene_name
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 
@@ -37,12 +37,13 @@ def world_table(results: Sequence[WorldResult]) -> ReportTable:
 
 
 def world_run_table(results: Sequence[WorldResult]) -> ReportTable:
-    """Return the command and version behind each result."""
-    head = ("world", "scene", "maintenance", "seed", "version", "command")
-    body = tuple(
-        (_world(result), scene_name(result.scene), result.maintenance, str(result.seed), result.version, result.command)
-        for result in _sorted(results)
+    """Return the commands and versions behind all results."""
+    head = ("world", "scenes", "maintenance", "seeds", "version", "command")
+    rows = (
+        ((_world(each), each.version, each.command), (scene_name(each.scene), each.maintenance, str(each.seed)))
+        for each in _sorted(results)
     )
+    body = tuple((world, *cells, version, command) for (world, version, command), cells in merged_rows(rows))
     return ReportTable(caption="What makes each result again.", head=head, rows=body, words=6)
 
 

@@ -6,6 +6,7 @@ Owns what the names stand for. Any navigation system can have any of them; witho
 from dataclasses import replace
 from typing import TypeVar
 
+from ltvn_core.close_names import which_name
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.ltvn import LifelongMaintenance
@@ -53,7 +54,7 @@ def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:
     if name in _FILTERED:
         return FilteredPresence(edge_filter(name))
     if name != "truth":
-        raise OptionError(f"No maintenance is called {name!r}; choose one of: {', '.join(MAINTENANCE_NAMES)}.")
+        raise OptionError(f"No maintenance is called {name!r}. {which_name(name, MAINTENANCE_NAMES)}.")
     return _known(truth, name, "which edges are open")
 
 

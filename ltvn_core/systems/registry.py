@@ -9,6 +9,7 @@ listing the names costs nothing.
 from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
+from ltvn_core.close_names import which_name
 from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
 from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins, require_own
@@ -41,7 +42,7 @@ def system_entry(name: str) -> SystemEntry:
     found = _systems().get(name)
     if found is None:
         require_own(SYSTEMS, name, OWN_SYSTEMS)
-        raise OptionError(f"No navigation system is called {name!r}; choose one of: {', '.join(system_names())}.")
+        raise OptionError(f"No navigation system is called {name!r}. {which_name(name, system_names())}.")
     return load_system(found)
 
 

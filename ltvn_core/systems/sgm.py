@@ -92,13 +92,14 @@ def _build(
     pairs = AllPairs.predict(features, predictor, progress)
     reachability = pairs.reachability
     # Where a robot may reverse, the way back counts as the way there.
-    surer = np.maximum(reachability, reachability.T) if method.matching.both_directions else reachability
+    may_reverse = method.matching.both_directions
+    surer = np.maximum(reachability, reachability.T) if may_reverse else reachability
     steps = np.minimum(temporal_distances(surer), FAR_STEPS)
     nodes = merge_consistent(steps, {k for k, seen in enumerate(ordered) if seen.step in goals})
     joined = []
     for a, b in nearest_edges(steps[np.ix_(nodes, nodes)]):
         source, target = nodes[a], nodes[b]
-        link = pairs.link(source, target, reachability_of_steps(steps[source, target]))
+        link = pairs.link(source, target, reachability_of_steps(steps[source, target]), may_reverse=may_reverse)
         joined.append(link._replace(source=a, target=b))
     keyframes.keep_only([ordered[k].step for k in nodes])
     return tuple(all_image_deltas([ordered[k] for k in nodes], joined, method.believing))

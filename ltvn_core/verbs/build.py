@@ -14,6 +14,7 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
     from ltvn_core.drives.drive_report import DriveReport
+    from ltvn_core.graph.goal_standing import GoalReport
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class BuildSummary:
     """Share of the images that are nodes of the largest piece or recognised as one; elsewhere a robot is lost."""
     drives: "tuple[DriveReport, ...]" = ()
     """What became of each drive, where there are several: how it is joined, and what changed since those before."""
+    goals: "tuple[GoalReport, ...]" = ()
+    """How each of --goals stands to the map: held, unsure or not held, and which node is most like it instead."""
     doubts: tuple[str, ...] = ()
     """What is doubtful of the drive or of the map, in words; nothing where all is well."""
 
@@ -59,6 +62,9 @@ class BuildVerb(Verb):
     simulator's own geometry; auto is the network for simulated images and geometric for real ones."""
     weights: Path | None = None
     """Weights to use instead of those that come with the system."""
+    goals: tuple[int, ...] = ()
+    """Images, by their frame numbers, that must be nodes because you will want to go there; those that nothing
+    recognises are tied in by odometry, and which the map does not hold all the same is said at once."""
     seed: int = 0
     """Draws the order in which images are sampled."""
 
@@ -78,6 +84,7 @@ class BuildVerb(Verb):
             system=self.system,
             predictor=self.predictor,
             weights=self.weights,
+            goals=self.goals,
             seed=self.seed,
         )
         with tqdm(desc="build", unit="image") as bar:
@@ -102,5 +109,6 @@ class BuildVerb(Verb):
             pieces=count_strongly_connected_components(graph),
             known_share=round(built.coverage.share, 3),
             drives=built.drives,
+            goals=built.goals,
             doubts=built.doubts,
         )

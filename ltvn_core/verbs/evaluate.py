@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.condition_names import ConditionName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.part_summary import PartSummary
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
@@ -82,6 +83,9 @@ class ProtocolOptions(Verb):
     """Goal images."""
     step_limit: int | None = None
     """Control steps after which an episode failed; by default the paper's, 1,000 below 100 m2 and 2,000 above."""
+    conditions: tuple[ConditionName, ...] = ()
+    """What is harder than usual, for all systems alike: slip (the wheels slip, in the mapping drive and the episodes),
+    one-loop (the mapping drive is one round), half-light (the map is made in full light and driven in half of it)."""
     folder: Path = Path("runs/evaluation")
     """Where drives, weights, maps and results are kept, and found again by the next call."""
     workers: int | None = None
@@ -95,9 +99,11 @@ class ProtocolOptions(Verb):
 
     def protocol(self, episodes: int) -> "EvaluationProtocol":
         """Return the numbers of the test. Raises OptionError."""
+        from ltvn_core.evaluation.conditions import protocol_under
         from ltvn_core.evaluation.protocol import EvaluationProtocol
 
-        return EvaluationProtocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
+        protocol = EvaluationProtocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
+        return protocol_under(protocol, self.conditions)
 
     def plans(self, method: str, episodes: int, perturbations: tuple[str, ...] = ()) -> "list[TrialPlan]":
         """Return a plan for each scene and seed. Raises OptionError."""
@@ -122,6 +128,7 @@ class ProtocolOptions(Verb):
                 preset=self.preset,
                 parts_off=tuple(sorted(self.without)),
                 perturbations=perturbations,
+                conditions=tuple(sorted(set(self.conditions))),
                 predictor=predictor,
                 weights=self.weights,
                 finetune_steps=self.finetune_steps,

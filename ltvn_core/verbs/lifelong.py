@@ -71,6 +71,8 @@ class LifelongVerb(ProtocolOptions):
         """
         if len({*self.maintenance}) < len(self.maintenance):
             raise OptionError("--maintenance has a name twice.")
+        if self.world is not None and self.conditions:
+            raise OptionError("A --world has light and doors of its own; leave --conditions out, or name no world.")
         if self.world is not None:
             return self._in_world(self.world)
         if len(self.maintenance) > 1 or {"truth", "brm-rooms"} & {*self.maintenance}:
@@ -87,6 +89,7 @@ class LifelongVerb(ProtocolOptions):
         from ltvn_core.evaluation.workers import workers
         from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
         from ltvn_core.evaluation.worlds.world_plans import WorldPlan
+        from ltvn_core.simulation.scene_registry import load_scene
         from ltvn_core.verbs.evaluation_bar import progress_on_bar
 
         started = time.monotonic()
@@ -96,6 +99,8 @@ class LifelongVerb(ProtocolOptions):
             for name in self.maintenance or (self.preset,)
             for trial in trials
         ]
+        for plan in {plan.trial.scene: plan for plan in plans}.values():
+            plan.script(load_scene(plan.trial.scene))  # What it refuses is said now, not after minutes of mapping.
         part = Part.parse(self.part)
         with (
             workers(self.workers, self.cluster, self.folder) as parallel,

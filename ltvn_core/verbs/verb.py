@@ -14,6 +14,7 @@ _LARGEST = 2**62
 """Counts and numbers beyond this overflow in one library or another."""
 _MOST = {"queries": 1_000_000, "episodes": 1_000_000, "goals": 100_000, "loops": 10_000, "workers": 10_000}
 """Ten years of driving; more would only fill the memory before it begins."""
+_LAST_PORT = 65535
 
 
 class Summary(Protocol):
@@ -49,6 +50,8 @@ class Verb:
 
 
 def _check_number(name: str, number: int) -> None:
+    if name == "port" and not 0 <= number <= _LAST_PORT:
+        raise OptionError(f"--port must be from 1 to {_LAST_PORT}, or 0 for any free one, got {number!s:.40}.")
     most = _MOST.get(name, _LARGEST)
     option = "--" + name.replace("_", "-")
     if name == "seed" and number < 0:

@@ -18,7 +18,8 @@ HOMES = {
     "rerun": ("ltvn_core/recording",),
     "jinja2": ("ltvn_core/reports",),
     "matplotlib": ("ltvn_core/reports",),
-    "rosbags": ("ltvn_core/importing", "ltvn_core/exporting"),
+    "rosbags": ("ltvn_core/importing", "ltvn_core/exporting", "ltvn_core/robots/ros2"),
+    "zenoh": ("ltvn_core/robots/ros2/zenoh_link.py",),
     "av": ("ltvn_core/importing",),
 }
 
@@ -32,6 +33,7 @@ FOUNDATION = (
     "extras",
     "image_validity",
     "atomic_files",
+    "close_names",
     "palette",
     "plugins",
     "preprocessing",
@@ -89,6 +91,7 @@ ROOMS = (
     "debugger",
     "page_layout",
     "app_setup",
+    "app_opening",
     "app",
     "pairs",
     "verbs",

@@ -61,6 +61,21 @@ def test_help_names_every_verb() -> None:
         assert verb in shown
 
 
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        (("navigte",), "Did you mean navigate?"),
+        (("collect", "--scene", "dmo", "--output", "never.rrd"), "Did you mean demo?"),
+        (("lifelong", "--world", "dors"), "Did you mean doors?"),
+        (("app", "--port", "99999"), "--port must be from 1 to 65535"),
+    ],
+)
+def test_a_slip_of_the_fingers_is_said_with_what_was_meant(typed: tuple[str, ...], meant: str) -> None:
+    run = ltvn(*typed)
+    assert run.returncode in {1, 2}
+    assert meant in run.stderr
+
+
 def test_an_unknown_verb_or_option_is_wrong_usage() -> None:
     assert ltvn("fly").returncode == 2
     assert ltvn("demo", "--headles").returncode == 2

@@ -2,8 +2,11 @@
 
 import re
 
+import cv2
+import numpy as np
 import pytest
 import rerun as rr
+from numpy.typing import NDArray
 
 from ltvn_core import palette
 from ltvn_core.evaluation.map_layout import map_layout
@@ -58,3 +61,53 @@ def test_no_other_module_mixes_colours_for_probabilities() -> None:
     assert [path.relative_to(ROOT).as_posix() for path in modules if red_of_ramp.search(path.read_text())] == [
         ONE_PLACE
     ]
+
+
+MACHADO_2009 = {
+    "normal sight": np.eye(3),
+    "protanopia": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+    "deuteranopia": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    ),
+    "tritanopia": np.array(
+        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
+    ),
+}
+"""What is left of linear RGB for each kind of sight: Machado et al. 2009, severity 1."""
+
+EASILY_TOLD_APART = 20.0
+"""A difference in CIE Lab; 2 can be seen side by side, 10 at a glance."""
+
+
+def seen_as_lab(colour: tuple[int, int, int], sight: str) -> NDArray[np.float64]:
+    linear = np.clip(MACHADO_2009[sight] @ (np.array(colour) / 255) ** 2.2, 0, 1).astype(np.float32)
+    return cv2.cvtColor((linear ** (1 / 2.2))[None, None], cv2.COLOR_RGB2LAB)[0, 0].astype(np.float64)
+
+
+@pytest.mark.parametrize("sight", MACHADO_2009)
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("EDGE_ADDED", "EDGE_REMOVED"),
+        ("EDGE_REMOVED", "PROBABILITY_0"),
+        ("EDGE_REMOVED", "PROBABILITY_1"),
+        ("EDGE_ADDED", "PROBABILITY_0"),
+        ("EDGE_ADDED", "PROBABILITY_1"),
+        ("PROBABILITY_0", "PROBABILITY_1"),
+        ("NODE", "LOCALISED"),
+        ("NODE", "GOAL"),
+        ("LOCALISED", "GOAL"),
+        ("EDGE_REMOVED", "GOAL"),
+        ("NODE", "BACKGROUND"),
+        ("EDGE_REMOVED", "BACKGROUND"),
+    ],
+)
+def test_what_means_two_things_is_told_apart_by_every_eye(one: str, other: str, sight: str) -> None:
+    ends = dict(zip(("PROBABILITY_0", "PROBABILITY_1"), map(tuple, palette.probability_colours([0, 1])), strict=True))
+    first, second = (
+        seen_as_lab(ends[name] if name in ends else getattr(palette, name), sight) for name in (one, other)
+    )
+
+    assert np.linalg.norm(first - second) >= EASILY_TOLD_APART

@@ -125,8 +125,9 @@ def _until_the_link(app: "subprocess.Popen[str]") -> tuple[list[str], str]:
     assert app.stderr is not None
     for line in app.stderr:
         said.append(line)
-        if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
-            return said, found[0]
+        if line.startswith("Ready."):
+            links = [found[0] for each in said if (found := re.search(r"http://127\.0\.0\.1:\d+/\S*", each))]
+            return said, links[0]
     raise AssertionError("The app ended without a link:\n" + "".join(said))
 
 

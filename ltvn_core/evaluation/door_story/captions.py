@@ -87,7 +87,9 @@ class Captions:
         if nodes_added < _SEVERAL <= facts.nodes_added:
             self.tell("New nodes appear in the map, in green: places that it did not know.")
         if not absent and facts.absent:
-            self.tell("The robot sees the closed door. The edges through it fade, in red: absent now, not forgotten.")
+            self.tell(
+                "The robot sees the closed door. The edges through it fade, in magenta: absent now, not forgotten."
+            )
         if not returned and facts.returned:
             self.tell("The door is open. The edges through it return.")
 

@@ -12,11 +12,12 @@ from typing import Any
 from joblib import delayed
 
 from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.gzipped_results import is_stored
 from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import told_repeatedly
 from ltvn_core.evaluation.results import load_results, save_results
-from ltvn_core.evaluation.trial_plans import TrialFiles, claim_settings
+from ltvn_core.evaluation.trial_plans import TrialFiles, claim_settings, plan_settings
 from ltvn_core.evaluation.trials import EvaluationProgress, prepare_all
 from ltvn_core.evaluation.workers import Workers
 from ltvn_core.evaluation.worlds.schedule import Schedule, draw_schedule
@@ -54,14 +55,15 @@ def run_world_evaluation(
     for plan, files in jobs:
         _finish(plan, files, command)
     results = (WorldFiles.of(plan, TrialFiles.of(plan.trial, folder)).result for plan in plans)
-    return [load_results(result, WorldResult) for result in results if result.exists()]
+    return [load_results(result, WorldResult) for result in results if is_stored(result)]
 
 
 def _settings(plan: WorldPlan) -> dict[str, Any]:
     """Return what script and queries were made with; all maintenances have the same."""
     file = Path(plan.world)
     script = file.read_text(encoding="utf-8") if file.is_file() else plan.world
-    return asdict(plan) | {"maintenance": "any", "script": script, "version": version("ltvn")}
+    shared = {"trial": plan_settings(plan.trial), "maintenance": "any", "script": script, "version": version("ltvn")}
+    return asdict(plan) | shared
 
 
 def _schedule(plan: WorldPlan, files: WorldFiles) -> None:
@@ -82,7 +84,7 @@ def _queries_done(plan: WorldPlan, files: WorldFiles) -> int:
 
 def _finish(plan: WorldPlan, files: WorldFiles, command: str) -> None:
     """Combine the batches and save the result."""
-    if files.result.exists():
+    if is_stored(files.result):
         return
     schedule: Schedule = load_results(files.schedule, Schedule)
     batches = load_batches(plan, files)

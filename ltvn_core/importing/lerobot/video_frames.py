@@ -11,8 +11,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.encoded_images import MAX_PIXELS
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.encoded_images import MAX_PIXELS
 from ltvn_core.types import Rgb
 
 _MOST_IMAGES = 2_000_000

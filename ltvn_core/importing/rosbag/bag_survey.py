@@ -8,9 +8,9 @@ from typing import Any
 
 from ltvn_core.importing.moving_frame import transform
 from ltvn_core.importing.rosbag.bag_files import BagFiles, RawMessage
-from ltvn_core.importing.rosbag.ros_cameras import CAMERA_INFO
-from ltvn_core.importing.rosbag.ros_images import COMPRESSED_IMAGE, IMAGE
 from ltvn_core.importing.rosbag.transform_tree import TransformTree
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSES = (

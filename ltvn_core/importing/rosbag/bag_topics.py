@@ -12,8 +12,8 @@ from ltvn_core.errors import DriveError
 from ltvn_core.importing.raw_frame import ReadOptions
 from ltvn_core.importing.rosbag.bag_files import BagFiles
 from ltvn_core.importing.rosbag.bag_survey import ODOMETRY, POSES, BagSurvey
-from ltvn_core.importing.rosbag.ros_cameras import CAMERA_INFO
-from ltvn_core.importing.rosbag.ros_images import COMPRESSED_IMAGE, IMAGE, shows_depth
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, shows_depth
 
 FROM_TREE = "tf"
 """What `--odometry` says for the tree of frames."""

@@ -16,10 +16,10 @@ from ltvn_core.importing.rosbag.bag_survey import frame_name
 from ltvn_core.importing.rosbag.bag_topics import ChosenTopics
 from ltvn_core.importing.rosbag.camera_rig import CameraRig
 from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage
-from ltvn_core.importing.rosbag.ros_cameras import is_calibrated, ros_camera
-from ltvn_core.importing.rosbag.ros_images import decode_colours, decode_metres
 from ltvn_core.importing.rosbag.transform_tree import TransformTree
 from ltvn_core.importing.source_camera import fitted
+from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
+from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres
 from ltvn_core.types import Depth, Rgb
 
 _SAME_LENS = 0.015

@@ -8,6 +8,7 @@ import pytest
 from joblib import Parallel
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.conditions import light_under, protocol_under
 from ltvn_core.evaluation.failure_recordings import record_failures
 from ltvn_core.evaluation.map_drawings import load_drawing
 from ltvn_core.evaluation.protocol import EvaluationProtocol
@@ -137,3 +138,36 @@ def test_a_broken_result_is_named(tmp_path: Path) -> None:
 
     with pytest.raises(OptionError, match=r"a\.trial\.json holds no TrialResult"):
         load_results(tmp_path / "a.trial.json", TrialResult)
+
+
+def test_harder_conditions_have_files_of_their_own(folder: Path) -> None:
+    plan = _plan(folder)
+    usual, slip = TrialFiles.of(plan, folder), TrialFiles.of(replace(plan, conditions=("slip",)), folder)
+    dark = TrialFiles.of(replace(plan, conditions=("half-light",)), folder)
+
+    assert slip.drive.parent.name == "house-slip-0"
+    assert (dark.drive, dark.map().parent.name) == (usual.drive, "ltvn-oracle-with-half-light")
+    assert protocol_under(EvaluationProtocol(), ["slip"]).odometry_noise.slips > 0
+    assert protocol_under(EvaluationProtocol(), ["one-loop"]).loops == 1
+    assert max(light_under(["half-light"])) == 0.5
+
+
+def test_an_evaluation_under_harder_conditions_says_so(tmp_path: Path) -> None:
+    plan = _plan(tmp_path)
+    conditions = ("half-light", "slip")
+    plan = replace(plan, conditions=conditions, protocol=protocol_under(plan.protocol, conditions))
+
+    trial = _run(plan, tmp_path, episodes=1)
+
+    assert trial.conditions == ("slip", "half-light", "1 mapping loop")
+    assert setup_of(trial).scene == "house, slip, half-light, 1 mapping loop"
+    noted = json.loads((tmp_path / "house-slip-0" / plan.label / "plan.json").read_text())
+    assert (noted["conditions"], noted["protocol"]["slips_per_m"]) == (["half-light", "slip"], 0.2)
+
+
+def test_a_folder_from_before_there_were_conditions_is_gone_on_with(trial: TrialResult, folder: Path) -> None:
+    noted = json.loads((folder / "house-0" / _plan(folder).label / "plan.json").read_text())
+    drive = json.loads((folder / "house-0" / "drive.plan.json").read_text())
+
+    assert not {"conditions", "perturbations", "maintenance"} & noted.keys()
+    assert "slips_per_m" not in {*noted["protocol"], *drive}

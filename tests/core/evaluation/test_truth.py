@@ -102,6 +102,16 @@ def test_a_map_is_counted_with_the_goals_that_it_leads_to() -> None:
     assert (facts.nodes, facts.edges, facts.spurious_edges) == (7, 6, 2)
     assert facts.pieces == 5
     assert facts.goals_connected == 1  # 4 is reached from 1, 2 and 3; 7 from nowhere, and 99 is not there.
+    # Of 1, 7 and 99 the map says that it does not hold them, and that is so.
+    assert (facts.goals_told, facts.goals_told_rightly, facts.goals_untold) == (3, 3, 0)
+
+
+def test_a_goal_behind_a_spurious_edge_is_one_that_nobody_was_told_of() -> None:
+    edges = [(5, 6), (6, 5)]
+    facts = map_truth_metrics(map_with_edges(*edges, nodes=(5, 6)), truth(), goals=(5, 6))
+    assert (facts.goals_connected, facts.goals_told, facts.goals_untold) == (2, 0, 2)
+    doubted = map_truth_metrics(map_with_edges(*edges, nodes=(5, 6), p=0.3), truth(), goals=(5, 6))
+    assert (doubted.goals_told, doubted.goals_told_rightly, doubted.goals_untold) == (2, 2, 0)
 
 
 def test_calibration_compares_belief_with_truth() -> None:

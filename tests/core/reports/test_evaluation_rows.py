@@ -117,3 +117,28 @@ def test_the_gallery_takes_each_cause_in_turn_and_recorded_ones_first(tmp_path: 
 def test_an_empty_table_says_so() -> None:
     assert ReportTable("", ("a", "b"), (), 1).markdown() == "No results yet."
     assert ReportTable("", ("a", "b"), (("x|y", "1"),), 1).markdown() == "| a | b |\n| --- | ---: |\n| x\\|y | 1 |"
+
+
+def test_harder_conditions_stand_behind_the_scene_and_are_never_averaged_with_others() -> None:
+    trials = [
+        replace(make_trial(scene, method, plan=False), conditions=conditions)
+        for scene in ("tune-1", "tune-2")
+        for method in ("ltvn", "sptm")
+        for conditions in ((), ("slip", "half-light"))
+    ]
+    rows = rows_of(trials)
+
+    assert [row.setup.scene for row in rows][::2] == [
+        "tune-1",
+        "tune-1, slip, half-light",
+        "tune-2",
+        "tune-2, slip, half-light",
+    ]
+    whole = rows_over_scenes(rows)
+    assert [(row.setup.scene, len(row.trials)) for row in whole] == [
+        ("all scenes", 2),
+        ("all scenes", 2),
+        ("all scenes, slip, half-light", 2),
+        ("all scenes, slip, half-light", 2),
+    ]
+    assert [line[2] for line in margin_table(rows).rows] == ["fine-tuned", "fine-tuned, slip, half-light"]

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.gzipped_results import pack
 from ltvn_core.evaluation.map_drawings import drawing_path, save_drawing
 from ltvn_core.evaluation.results import (
     EpisodeResult,
@@ -149,7 +150,8 @@ def test_names_are_never_taken_for_markup(tmp_path: Path) -> None:
     failures = [FailureRow(trial, episode, recording=tmp_path / "<i>.rrd") for episode in trial.episodes]
     read = Reader(render_page(found, failures, INK, folder=tmp_path))
     assert read.open == []
-    assert read.tags.keys().isdisjoint({"b|&amp;", "script", "i"})
+    assert read.tags.keys().isdisjoint({"b|&amp;", "i"})
+    assert read.tags["script"] == 1  # The page's own.
     assert name in read.words
     assert command in read.words
     assert "\\|&amp;amp;" in markdown_tables(found)["main"]
@@ -199,6 +201,35 @@ def test_a_drawing_beside_the_result_is_shown_like_one_inside_it(tmp_path: Path)
     assert "floors" in {figure.kind for figure in figures_of(found.drawn, INK)}
 
 
+def test_results_that_are_kept_gzipped_are_read_like_plain_ones(tmp_path: Path) -> None:
+    plain, packed = tmp_path / "plain", tmp_path / "packed"
+    for runs in (plain, packed):
+        keep(runs, make_trial(), "ltvn-20.trial.json")
+        keep(runs, make_lifelong_result(points=2), "ltvn-200-every-100-20.lifelong.json")
+    files = sorted(packed.rglob("*.json"))
+    bytes_of_both = [pack(file).read_bytes() for file in files]
+
+    assert not any(file.exists() for file in files)
+    assert find_results(packed).results == find_results(plain).results
+    assert load_results(next(file for file in files if "trial" in file.name), TrialResult) == make_trial()
+    assert bytes_of_both == [pack(file).read_bytes() for file in sorted(plain.rglob("*.json"))]
+
+
+def test_a_plain_result_goes_before_its_gzipped_twin(tmp_path: Path) -> None:
+    path = keep(tmp_path, make_trial(), "ltvn-20.trial.json")
+    pack(path)
+    keep(tmp_path, make_trial(method="sptm"), path.name)
+    assert [trial.method for trial in find_results(tmp_path).results.trials] == ["sptm"]
+
+
+def test_what_is_no_gzip_file_is_named(tmp_path: Path) -> None:
+    packed = pack(keep(tmp_path, make_trial(), "ltvn-20.trial.json"))
+    for damaged in (b"plain text", packed.read_bytes()[:100], b"\x1f\x8b"):
+        packed.write_bytes(damaged)
+        with pytest.raises(OptionError, match=re.escape(packed.name)):
+            find_results(tmp_path)
+
+
 def test_a_longer_result_stands_for_a_shorter_one_but_two_of_one_trial_are_an_error(tmp_path: Path) -> None:
     runs, output = tmp_path / "runs", tmp_path / "report.html"
     for episodes in (30, 5, 10):
@@ -230,7 +261,16 @@ def test_a_failed_episode_shows_both_images_and_the_command_for_its_recording(tm
     assert len([address for address in read.asked if address.startswith("data:image/jpeg")]) == 2
     assert "runs/tune-1-0/ltvn/failure-0007.rrd" in read.links
     (command,) = [word for word in read.words if word.startswith("ltvn replay")]
-    assert re.fullmatch(rf"ltvn replay {re.escape(str(recording))} --at \d+\.\d", command)
+    assert re.fullmatch(rf"ltvn replay {re.escape(str(recording))} --at \d+\.\d --ask blame", command)
+
+
+def test_an_episode_that_was_not_recorded_shows_the_command_that_does() -> None:
+    trial = replace(make_trial(episodes=40), command="ltvn evaluate --scene tune-1 --record-failures 2 --episodes 40")
+    failed = [episode for episode in trial.episodes if not episode.reached]
+    row = FailureRow(trial, failed[2])
+    assert row.command is None
+    assert row.recording_command == "ltvn evaluate --scene tune-1 --episodes 40 --record-failures 3"
+    assert FailureRow(replace(trial, command="ltvn lifelong --scene tune-1"), failed[2]).recording_command is None
 
 
 def test_a_damaged_drive_costs_the_images_and_nothing_else(tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ def test_worlds_that_change_have_tables_of_their_own(tmp_path: Path) -> None:
     assert isinstance(made, ReportSummary)
     assert (made.worlds, made.trials) == (2, 0)
     rows = [line.split(" | ") for line in page_file.read_text().splitlines() if line.startswith("| doors")]
-    assert [row[2] for row in rows] == ["static", "persistent"] * 2
+    assert [row[2] for row in rows] == ["static", "persistent", "static, persistent"]
     assert rows[0][3].startswith("50.0 % (")
     assert "What if the world changes?" in made.output.read_text()
 
@@ -107,3 +107,16 @@ def test_people_whom_the_robot_met_have_a_table(tmp_path: Path) -> None:
     ]
     assert row[3:12] == ["3", "1", "0", "0.00", "0.01", "0.06", "0.30", "66.7 %", "2.0"]
     assert "Whom did it meet?" in (tmp_path / "report.html").read_text()
+
+
+def test_results_of_one_command_are_one_row_that_names_their_scenes_and_seeds() -> None:
+    made = [make_trial(scene, seed=seed) for scene in ("tune-1", "tune-2") for seed in (0, 1)]
+    trials = tuple(replace(trial, command="ltvn evaluate --seed 0 1") for trial in made)
+    worlds = [replace(make_world_result(), maintenance=name) for name in ("static", "persistent")]
+
+    tables = markdown_tables(EvaluationResults(trials, ()), worlds)
+
+    (row,) = tables["runs"].splitlines()[2:]
+    assert "| tune-1, tune-2 | 0, 1 |" in row
+    (row,) = tables["world-runs"].splitlines()[2:]
+    assert "| static, persistent |" in row

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from ltvn_core.errors import MapError
+from ltvn_core.graph.goal_standing import GoalReport, Standing
 from ltvn_core.network.weights_file import weights_fingerprint
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.verbs.build import BuildVerb
+from ltvn_core.verbs.build import BuildSummary, BuildVerb
 from ltvn_core.verbs.navigate import NavigateVerb
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore
@@ -49,6 +51,18 @@ def test_a_saved_map_is_driven_by_the_system_that_built_it(drive: Path, tmp_path
     assert load_map(after).meta.config["system"] == "sptm"
     # SPTM does not maintain its map, so no drive leaves a trace in it.
     assert load_map(after).graph == load_map(built).graph
+
+
+def test_a_goal_is_told_of_when_the_map_is_built_and_before_it_is_driven_to(drive: Path, tmp_path: Path) -> None:
+    built, trip = tmp_path / "map.rrd", tmp_path / "trip.rrd"
+    goal = Recording.open(drive).frames[5]
+    summary = BuildVerb(recordings=(drive,), output=built, predictor="oracle", goals=(goal,)).run()
+    assert isinstance(summary, BuildSummary)
+    assert summary.goals == (GoalReport(goal, Standing.HELD),)
+    reserve = min(load_map(built).graph.reserve)
+    with pytest.raises(MapError, match=rf"does not hold goal {reserve}.*Nearest to it is node \d+, r = "):
+        NavigateVerb(map=built, recording=trip, predictor="oracle", goal=reserve).run()
+    assert not trip.exists()
 
 
 def test_the_app_drives_a_map_with_its_own_system_and_weights_and_records_that(drive: Path, tmp_path: Path) -> None:

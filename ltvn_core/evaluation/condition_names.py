@@ -1,0 +1,10 @@
+"""The names of harder conditions for evaluations. Owns the names alone, so that listing them costs nothing."""
+
+from typing import Literal, TypeAlias, get_args
+
+ConditionName: TypeAlias = Literal["slip", "one-loop", "half-light"]
+"""`slip`: the wheels slip, in the mapping drive and in the episodes. `one-loop`: the mapping drive is one round.
+`half-light`: the map is made in full light and the episodes are driven in half of it."""
+
+CONDITION_NAMES: tuple[str, ...] = get_args(ConditionName)
+"""All of them, in the order of tables."""

@@ -60,6 +60,17 @@ def rotation(yaw_rad: float) -> NDArray[np.float64]:
     return np.array([[cos, -sin], [sin, cos]])
 
 
+def lengths_along(path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the length (M,) of a path (M, 2) from its start to each of its points."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+
+
+def points_along(path: NDArray[np.float64], marks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points (N, 2) of a path (M, 2) at these lengths (N,) from its start; those past an end are the end."""
+    lengths_m = lengths_along(path)
+    return np.column_stack([np.interp(marks_m, lengths_m, path[:, axis]) for axis in (0, 1)])
+
+
 def _coordinates(pose: Pose) -> Any:
     """Return x, y and yaw: numbers (...), or plain floats of one pose, with which Python is several times as fast."""
     pose = np.asarray(pose, np.float64)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ltvn_core.evaluation.checkpoints import Checkpoints
 from ltvn_core.evaluation.failure_causes import FailureClassifier
 from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
 from ltvn_core.evaluation.imaged_scene import ImagedScene
@@ -40,8 +41,9 @@ StepCallback = Callable[[SimulatedRobot], None]
 """Called after each control step."""
 
 
-def _advance(robot: SimulatedRobot, on_step: StepCallback | None) -> None:
+def _advance(robot: SimulatedRobot, checkpoints: Checkpoints, on_step: StepCallback | None) -> None:
     robot.advance(CONTROL_STEP_S)
+    checkpoints.see(robot.exact_pose)
     if on_step is not None:
         on_step(robot)
 
@@ -120,6 +122,8 @@ class EpisodeRunner:
                 looking, *parts, system=self.system, bystanders=self._bystanders, world_time=self._world_time
             )
 
+            checkpoints = self._checkpoints(plan)
+
             def consume_event(event: Event) -> None:
                 classifier.consume(event, robot.exact_pose)
                 if on_event is not None:
@@ -129,12 +133,12 @@ class EpisodeRunner:
                 navigator,
                 plan.goal,
                 query,
-                advance=lambda: _advance(robot, on_step),
+                advance=lambda: _advance(robot, checkpoints, on_step),
                 verdict=lambda: judge_goal_reached(query, robot.exact_pose, np.array(plan.goal_pose)),
                 consume=consume_event,
             )
             self._next_frame = max(self._next_frame, robot.step + 1)
-        return self._result(plan, episode, classifier)
+        return self._result(plan, episode, classifier, checkpoints)
 
     def _robot(self, plan: EpisodePlan, rng: np.random.Generator, first_frame: FrameId) -> SimulatedRobot:
         return SimulatedRobot(
@@ -156,9 +160,15 @@ class EpisodeRunner:
         """Return the robot as its camera shows the world."""
         return PerturbedRobot(robot, self._perturbations, seed=query) if self._perturbations else robot
 
-    def _result(self, plan: EpisodePlan, episode: Episode, classifier: FailureClassifier) -> EpisodeResult:
-        ended = episode.ended
-        judged = episode.judged
+    def _checkpoints(self, plan: EpisodePlan) -> Checkpoints:
+        return Checkpoints(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))
+
+    def _result(
+        self, plan: EpisodePlan, episode: Episode, classifier: FailureClassifier, checkpoints: Checkpoints
+    ) -> EpisodeResult:
+        ended, judged = episode.ended, episode.judged
+        cause = classifier.failure(ended, judged)
+        counts = classifier.statistics
         # The criterion asks for the robot's own decision: standing there by chance when time runs out does not count.
         reached = judged.reached and ended.outcome is Outcome.ARRIVED
         return EpisodeResult(
@@ -167,14 +177,18 @@ class EpisodeRunner:
             goal=plan.goal,
             reached=reached,
             outcome=ended.outcome.value,
-            failure=None if reached else classifier.failure(ended, judged),
-            trigger=None if reached else classifier.statistics.trigger,
+            failure=None if reached else cause,
+            trigger=None if reached else counts.trigger,
             steps=ended.steps,
             collisions=ended.collisions,
             path_m=ended.path_m,
             shortest_m=self._shortest(plan),
             position_error_m=judged.position_error_m,
             yaw_error_rad=judged.yaw_error_rad,
+            checkpoints=checkpoints.count,
+            crossed=checkpoints.crossed,
+            localised=counts.localised,
+            mislocalised=counts.mislocalised,
         )
 
     def _without_goal(self, query: int, plan: EpisodePlan) -> EpisodeResult:
@@ -194,6 +208,10 @@ class EpisodeRunner:
             shortest_m=self._shortest(plan),
             position_error_m=judged.position_error_m,
             yaw_error_rad=judged.yaw_error_rad,
+            checkpoints=self._checkpoints(plan).count,
+            crossed=0,
+            localised=0,
+            mislocalised=0,
         )
 
     def _shortest(self, plan: EpisodePlan) -> float:

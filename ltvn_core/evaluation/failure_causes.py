@@ -34,8 +34,10 @@ class EpisodeStatistics:
     """Attempts at edges."""
     spurious_attempts: int = 0
     """Attempts at edges that are not drivable."""
+    localised: int = 0
+    """Localisations that found a node,"""
     mislocalised: int = 0
-    """Localisations at a node where the robot was not (mislocalised)."""
+    """and of those the ones at a node where the robot was not."""
     unrecognised: int = 0
     """Localisations that found no node although the robot was at one."""
     off_the_map: int = 0
@@ -116,6 +118,7 @@ class FailureClassifier:
         """Check a localisation; a failed one away from all nodes is attributed to the segment before it."""
         if event.node is not None:
             self._is_mislocalised = exact_pose is not None and not self._truth.is_at(exact_pose, event.node)
+            self._counts["localised"] += 1
             self._counts["mislocalised"] += self._is_mislocalised
             segment.causes |= {FailureCause.MISLOCALISED} if self._is_mislocalised else set()
         elif exact_pose is not None and self._truth.should_recognise_one(exact_pose, self._graph.nodes):

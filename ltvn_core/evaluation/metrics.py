@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.evaluation.confidence_intervals import Estimate, SampleGroup, estimates
 from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
+from ltvn_core.navigation.events import Outcome
 from ltvn_core.network.metrics.success_rate import SuccessRate
 from ltvn_core.types import CONTROL_STEP_S
 
@@ -98,6 +99,34 @@ def count_failures(trials: Sequence[TrialResult]) -> dict[str, int]:
 
 
 @dataclass(frozen=True, slots=True)
+class RecognitionShares:
+    """How far episodes came, and how often the robot took a place for another; nan where there is nothing to share."""
+
+    crossed: float
+    """Share of the checkpoints that were crossed, each episode counting the same (see `evaluation.checkpoints`)."""
+    mislocalised: float
+    """Share of the localisations that named a node where the robot was not."""
+    wrong_arrivals: float
+    """Share of the arrivals that the robot declared and that were none."""
+
+
+def recognition_of(trials: Sequence[TrialResult]) -> RecognitionShares | None:
+    """Return the shares over all episodes; None for results that were made before they were counted."""
+    episodes = _episodes(trials)
+    if any(each.crossed is None for each in episodes):
+        return None
+    ways = [(each.crossed or 0) / each.checkpoints for each in episodes if each.checkpoints]
+    arrived = [each for each in episodes if each.outcome == Outcome.ARRIVED.value]
+    return RecognitionShares(
+        crossed=float(np.mean(ways)) if ways else np.nan,
+        mislocalised=_share(
+            sum(each.mislocalised or 0 for each in episodes), sum(each.localised or 0 for each in episodes)
+        ),
+        wrong_arrivals=_share(sum(not each.reached for each in arrived), len(arrived)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class MethodDifference:
     """Differences between two methods, first minus second."""
 
@@ -157,6 +186,10 @@ def _episodes(trials: Sequence[TrialResult]) -> list[EpisodeResult]:
 
 def _at_least_as_wide(estimate: Estimate, rate: SuccessRate) -> Estimate:
     return Estimate(estimate.mean, min(estimate.low, rate.low), max(estimate.high, rate.high))
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else np.nan
 
 
 def _mean(numbers: Sequence[float]) -> float:

@@ -59,6 +59,14 @@ class EpisodeResult:
     """Length of the shortest feasible path from start to goal."""
     position_error_m: float
     yaw_error_rad: float
+    checkpoints: int | None = None
+    """Checkpoints on the way from start to goal, see `evaluation.checkpoints`; None in older results, as all below."""
+    crossed: int | None = None
+    """How many of them the robot crossed."""
+    localised: int | None = None
+    """Localisations that found a node."""
+    mislocalised: int | None = None
+    """Those of them at a node where the robot was not, most often one that looks alike."""
 
     @property
     def spl(self) -> float:

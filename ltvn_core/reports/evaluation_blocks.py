@@ -18,6 +18,7 @@ from ltvn_core.reports.evaluation_tables import (
     lifelong_table,
     main_table,
     margin_table,
+    recognition_table,
     run_table,
     size_table,
 )
@@ -70,6 +71,7 @@ def markdown_tables(results: EvaluationResults, worlds: Sequence[WorldResult] = 
         "margins": margin_table(rows),
         "sizes": size_table(rows),
         "causes": cause_table(rows),
+        "recognition": recognition_table(rows),
         "lifelong": lifelong_table(lifelong_groups),
         "runs": run_table(results),
     }

@@ -22,6 +22,7 @@ from ltvn_core.reports.evaluation_tables import (
     main_table,
     margin_table,
     percent,
+    recognition_table,
     run_table,
     size_table,
 )
@@ -56,6 +57,7 @@ def render_page(
         margins=margin_table(rows),
         sizes=size_table(rows),
         causes=cause_table(rows),
+        recognition=recognition_table(rows),
         lifelong=lifelong_table(lifelong_groups),
         worlds=world_table(worlds),
         people=people_table(worlds),

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import Estimate
-from ltvn_core.evaluation.metrics import compare_methods
+from ltvn_core.evaluation.metrics import compare_methods, recognition_of
 from ltvn_core.evaluation.results import EvaluationResults, FailureCause, LifelongResult, TrialResult
 from ltvn_core.reports.lifelong_groups import (
     LifelongGroup,
@@ -109,6 +109,28 @@ def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
         for row in chain(rows_over_scenes(rows), rows)
     )
     return ReportTable(caption="Share of all episodes.", head=head, rows=tuple(body), words=3)
+
+
+def recognition_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return how far each method came, and how often it took a place for another; without rows for older results."""
+    head = (
+        "scene",
+        "method",
+        "network",
+        "checkpoints crossed",
+        "localised at a wrong node",
+        "wrong arrivals",
+    )
+    body = (
+        (*_named(row), *(percent(share) for share in (found.crossed, found.mislocalised, found.wrong_arrivals)))
+        for row in chain(rows_over_scenes(rows), rows)
+        if (found := recognition_of(row.trials)) is not None
+    )
+    caption = (
+        "Checkpoints lie at each metre of the way from start to goal; crossing one is coming nearer than 0.72 m. "
+        "A wrong node is farther than 1.5 m or 60 degrees, or behind a wall. Wrong arrivals: share of those declared."
+    )
+    return ReportTable(caption=caption, head=head, rows=tuple(body), words=3)
 
 
 def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:

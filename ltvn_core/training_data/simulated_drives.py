@@ -10,7 +10,7 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.geometry import lengths_along, points_along, relative, wrap_angle
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.training_data.scene_protocols import FreeSpace
 from ltvn_core.types import Pose
@@ -101,10 +101,8 @@ def _classify_targets(
 
 def _along_path(path: NDArray[np.float64], yaw: float, spec: DriveSpacing) -> Pose:
     """Return poses that turn towards a path (M, 2) and follow it, heading to the point 0.4 m ahead."""
-    lengths = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    marks = np.arange(0, lengths[-1], spec.spacing_m)
-    here = np.column_stack([np.interp(marks, lengths, path[:, axis]) for axis in (0, 1)])
-    ahead = np.column_stack([np.interp(marks + 0.4, lengths, path[:, axis]) for axis in (0, 1)])
+    marks_m = np.arange(0, lengths_along(path)[-1], spec.spacing_m)
+    here, ahead = points_along(path, marks_m), points_along(path, marks_m + 0.4)
     yaws = np.arctan2(*(ahead - here).T[::-1])
     start = np.array([*here[0], yaw])
     return np.concatenate([_turn(start, float(wrap_angle(yaws[0] - yaw)), spec), np.column_stack([here, yaws])])

@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import logm
 
-from ltvn_core.geometry import compose, distance, invert, relative, rotation, wrap_angle
+from ltvn_core.geometry import (
+    compose,
+    distance,
+    invert,
+    lengths_along,
+    points_along,
+    relative,
+    rotation,
+    wrap_angle,
+)
 
 metres = st.floats(-20, 20, allow_subnormal=False)
 angles = st.floats(-3.1, 3.1, allow_subnormal=False)
@@ -103,3 +112,9 @@ def test_one_pose_gives_the_very_numbers_of_many(a: np.ndarray, b: np.ndarray) -
     assert all(np.array_equal(row, relative(a, b)) for row in relative(*many))
     assert all(np.array_equal(row, invert(a)) for row in invert(many[0]))
     assert all(np.array_equal(row, compose(a, b)) for row in (*compose(a, many[1]), *compose(many[0], b)))
+
+
+def test_points_along_a_path_lie_at_their_lengths_and_stay_on_it() -> None:
+    corner = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]])
+    assert lengths_along(corner).tolist() == [0, 2, 3]
+    assert points_along(corner, np.array([0.5, 2.5, 9.0])).tolist() == [[0.5, 0], [2, 0.5], [2, 1]]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.geometry import lengths_along
 from ltvn_core.simulation.boolean_grid import Mask, connected_components
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.changes.moved_furniture import piece_cells
@@ -125,7 +126,7 @@ def _unknown_part(
     away_m = np.hypot(*(loop[:-1, None] - mapped[None]).transpose(2, 0, 1)).min(1)
     to_middle = len(away_m) // 2 - int(away_m.argmax())
     loop, away_m = np.roll(loop[:-1], to_middle, axis=0), np.roll(away_m, to_middle)
-    at_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
+    at_m = lengths_along(loop)
     unknown = np.flatnonzero(away_m > UNKNOWN_M)
     if not len(unknown):
         return None

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from ltvn_core.evaluation.confidence_intervals import Estimate
 from ltvn_core.evaluation.metrics import (
     EvaluationMetrics,
+    RecognitionShares,
     compare_methods,
     compute_metrics,
     count_failures,
     metrics_as_json,
+    recognition_of,
 )
 from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
 from tests.core.evaluation.fake_trials import random_trials, trial
@@ -150,3 +152,18 @@ def test_pairs_are_surer_than_hard_negatives() -> None:
 def _with_one_more_failure(good: TrialResult) -> tuple[EpisodeResult, ...]:
     first = next(k for k, each in enumerate(good.episodes) if each.reached)
     return tuple(replace(each, reached=each.reached and k != first) for k, each in enumerate(good.episodes))
+
+
+def test_confusions_and_checkpoints_are_shares_of_what_was_counted() -> None:
+    whole = trial([True, False])
+    far, near = (
+        replace(each, checkpoints=4, crossed=crossed, localised=10, mislocalised=wrong)
+        for each, crossed, wrong in zip(whole.episodes, (4, 1), (0, 5), strict=True)
+    )
+    shares = recognition_of([replace(whole, episodes=(far, replace(near, outcome="arrived")))])
+
+    assert shares == RecognitionShares(crossed=0.625, mislocalised=0.25, wrong_arrivals=0.5)
+
+
+def test_results_from_before_confusions_were_counted_claim_none() -> None:
+    assert recognition_of([trial([True, False])]) is None

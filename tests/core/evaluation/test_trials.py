@@ -89,11 +89,19 @@ def test_the_oracle_reaches_its_goals_and_its_map_has_no_spurious_edge(trial: Tr
     assert all(0 < episode.spl <= 1 for episode in trial.episodes if episode.reached)
 
 
+def test_a_goal_that_was_reached_had_all_its_way_crossed(trial: TrialResult) -> None:
+    reached = [episode for episode in trial.episodes if episode.reached]
+
+    assert all(episode.checkpoints and episode.crossed == episode.checkpoints for episode in reached)
+    assert all(episode.localised and episode.mislocalised == 0 for episode in reached)
+
+
 def test_a_failed_episode_is_recorded_as_it_went(folder: Path) -> None:
     hasty = _plan(folder, seed=1, step_limit=5)
     files, failed = TrialFiles.of(hasty, folder), _run(hasty, folder, episodes=2)
 
     assert record_failures(hasty, files, failed, 1) == 1
+    assert all((episode.crossed or 0) < (episode.checkpoints or 0) for episode in failed.episodes)
 
     recording = Recording.open(files.failure(0))
     ended = [stamped.event for stamped in recording.events if isinstance(stamped.event, QueryEnded)]

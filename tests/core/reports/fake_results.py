@@ -39,6 +39,10 @@ def make_episode(number: int, odds: float, rng: np.random.Generator) -> EpisodeR
         shortest_m=shortest,
         position_error_m=float(rng.uniform(0, 0.7)) if reached else float(rng.uniform(0.8, 6)),
         yaw_error_rad=float(rng.uniform(0, 0.4)),
+        checkpoints=int(shortest) + 1,
+        crossed=int(shortest) + 1 if reached else int(shortest) // 2,
+        localised=20,
+        mislocalised=0 if reached else 5,
     )
 
 

@@ -81,7 +81,7 @@ def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observat
         plan.start_weights,
         files.weights,
         training.adapt_plan(FineTuningPlan(minutes=None, steps=plan.finetune_steps, judge=False)),
-        provenance=FineTuningProvenance(recording=files.drive.name, system=plan.system),
+        provenance=FineTuningProvenance(recording=files.drive.name, system=files.network_owner),
         work_folder=files.weights.with_suffix(".part"),
         on_progress=lambda share, doing, progress: log.report(PreparationPart.WEIGHTS, share),
     )

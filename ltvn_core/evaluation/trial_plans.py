@@ -22,7 +22,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_entry
 from ltvn_core.types import Predictor
 
 _FINE_TUNING = "fine-tuning"
@@ -102,19 +102,19 @@ def open_planned_system(plan: TrialPlan, predictor: Predictor, scene: Scene, *, 
 
 @dataclass(frozen=True, slots=True)
 class TrialFiles:
-    """The paths of a plan's files: all methods share the drive, all variations of a method share its weights."""
+    """The paths of a plan's files: all methods share the drive, and those whose network learns the same the weights."""
 
     folder: Path
     """Of the scene, the conditions of the mapping drive, and the seed."""
     label: str
-    system: str = ""
-    """Whose weights they are; empty where only files of the drive and of single episodes are asked for."""
+    network_owner: str = ""
+    """System whose weights they are; empty where only files of the drive and of single episodes are asked for."""
 
     @classmethod
     def of(cls, plan: TrialPlan, folder: Path) -> "TrialFiles":
         """Name the files of a plan below a folder."""
         place = "-".join([Path(plan.scene).stem, *drive_conditions(plan.conditions), str(plan.seed)])
-        return cls(folder / place, plan.label, plan.system)
+        return cls(folder / place, plan.label, network_owner(plan.system))
 
     @property
     def drive(self) -> Path:
@@ -129,7 +129,7 @@ class TrialFiles:
     @property
     def weights(self) -> Path:
         """Weights fine-tuned on the drive."""
-        return self.folder / f"{self.system}.safetensors"
+        return self.folder / f"{self.network_owner}.safetensors"
 
     def map(self, queries: int = 0) -> Path:
         """Return the map after so many queries."""

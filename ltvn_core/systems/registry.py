@@ -37,6 +37,13 @@ def baseline_systems() -> Iterator[SystemEntry]:
     return (entry for entry in own_systems() if entry.weights == shipped_weights(entry.name) != SHIPPED_WEIGHTS)
 
 
+def network_owner(name: str) -> str:
+    """Return the first system whose network begins and learns as that of the named one, which may be itself."""
+    entry = system_entry(name)
+    alike = (each.name for each in own_systems() if (each.weights, each.training) == (entry.weights, entry.training))
+    return next(alike, name)
+
+
 def system_entry(name: str) -> SystemEntry:
     """Return the entry of a navigation system; raises OptionError if there is none, PluginError if it is broken."""
     found = _systems().get(name)

@@ -12,6 +12,7 @@ from ltvn_core.systems.registry import (
     DEFAULT_SYSTEM,
     OWN_SYSTEMS,
     known_system,
+    network_owner,
     own_systems,
     recorded_system,
     system_entry,
@@ -47,6 +48,13 @@ def test_each_own_entry_agrees_with_its_system_and_its_weights_are_there(entry: 
     assert system_entry(entry.name) is entry
     assert entry.factory(ROBUST).name == entry.name
     assert entry.weights.is_file()
+
+
+def test_systems_whose_networks_learn_the_same_share_one() -> None:
+    shared = {name: network_owner(name) for name in OWN_SYSTEMS}
+    assert {name for name, owner in shared.items() if owner == "ltvn"} == {"ltvn", "meng", "brm", "placenav"}
+    assert {name for name, owner in shared.items() if owner == "ving"} == {"ving", "sgm"}
+    assert all(shared[name] == name for name in ("sptm", "sorb", "htm"))
 
 
 def test_a_system_of_another_package_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

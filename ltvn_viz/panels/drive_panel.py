@@ -31,7 +31,9 @@ class DrivePanel:
         ready = snapshot.mode is Mode.TELEOP or (recorded and not snapshot.is_making)
         whence = "all images of this recording, into a new file" if recorded else "all images at hand"
         rebuild = f"build the map anew from {whence}"
-        self.map.show(button_row(ActionButton(Action.BUILD, "Build the map anew", "B", rebuild, is_enabled=ready)))
+        build = ActionButton(Action.BUILD, "Build the map anew", "B", rebuild, is_enabled=ready)
+        cancel = ActionButton(Action.CANCEL, "Cancel", "Esc", "stop building; the old map stays")
+        self.map.show(button_row(build, cancel) if snapshot.mode is Mode.BUILDING else button_row(build))
         self.counts.show(_counts(snapshot))
 
 
@@ -39,7 +41,7 @@ def _counts(snapshot: Snapshot) -> str:
     moment = snapshot.moment
     progress = moment.progress
     return number_grid(
-        (f"{moment.frames:,}", "images taken"),
+        (f"{moment.frames:,}", "images of this drive"),
         (f"{len(moment.graph.ids):,}", "nodes"),
         (f"{len(moment.graph.p):,}", "edges"),
         (f"{progress.collisions}", "collisions"),

@@ -5,6 +5,7 @@ import viser
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, lines, note, progress_bar, warning
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.commands import LEAST_MINUTES, MOST_MINUTES
+from ltvn_viz.session.learning_time import besides_words
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, Snapshot
 
@@ -23,7 +24,7 @@ class FineTuningPanel:
             min=LEAST_MINUTES,
             max=MOST_MINUTES,
             step=1,
-            hint="how long to learn, beside a minute or so for judging",
+            hint="how long to learn; preparing and judging come on top",
         )
         self.buttons = HtmlBlock(gui)
 
@@ -46,13 +47,15 @@ def _about(fine_tuning: FineTuningStatus, weights: str) -> str:
         return f"The network learns from {fine_tuning.drive}; drive on meanwhile."
     if fine_tuning.phase is FineTuningPhase.LEARNED:
         return "The network learned. The map still uses the network as it was."
-    return f"The network can learn this place from {fine_tuning.drive}."
+    return f"The network can learn this place from {fine_tuning.drive}. {besides_words(fine_tuning.besides_s)}"
 
 
 def _state(fine_tuning: FineTuningStatus) -> str:
     match fine_tuning.phase:
         case FineTuningPhase.LEARNING:
-            return progress_bar(fine_tuning.share, fine_tuning.doing)
+            return progress_bar(fine_tuning.share, fine_tuning.doing) + (
+                note(fine_tuning.left) if fine_tuning.left else ""
+            )
         case FineTuningPhase.LEARNED:
             return lines(*fine_tuning.lines, f"Saved in {fine_tuning.path}.")
         case FineTuningPhase.WORSE:

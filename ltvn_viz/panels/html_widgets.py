@@ -169,10 +169,15 @@ def warning(*texts: str) -> str:
 
 def progress_bar(share: float, doing: str) -> str:
     """Return a bar that is filled to `share` in [0, 1], below what is being done."""
+    return f'<div class="lt lt-note">{escape(doing)}… {round(100 * share)} %{filled_bar(share, doing)}</div>'
+
+
+def filled_bar(share: float, doing: str) -> str:
+    """Return the bar alone; `doing` is for who cannot see it."""
     percent = round(100 * share)
     return (
-        f'<div class="lt lt-note">{escape(doing)}… {percent} %<div class="lt-bar" role="progressbar" '
-        f'aria-valuenow="{percent}" aria-label="{escape(doing)}"><div style="width:{percent}%"></div></div></div>'
+        f'<div class="lt-bar" role="progressbar" aria-valuenow="{percent}" aria-label="{escape(doing)}">'
+        f'<div style="width:{percent}%"></div></div>'
     )
 
 

@@ -9,7 +9,8 @@ from ltvn_viz.session.snapshot import Snapshot
 
 TITLES = {Severity.INFO: "Note", Severity.WARN: "Not now", Severity.ERROR: "Problem"}
 COLOURS = {Severity.INFO: (34, 139, 230), Severity.WARN: (250, 176, 5), Severity.ERROR: (250, 82, 82)}
-SECONDS = {Severity.INFO: 5.0, Severity.WARN: 7.0, Severity.ERROR: 20.0}
+SECONDS = {Severity.INFO: 8.0, Severity.WARN: 12.0, Severity.ERROR: 20.0}
+"""Long enough to be read, for what is said here alone; a problem is shown in the panel afterwards."""
 
 
 class Notifications:

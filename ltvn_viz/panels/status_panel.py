@@ -1,4 +1,4 @@
-"""The top of the page: what the app is doing, how well it keeps up, what to do next, and the latest message."""
+"""The top of the page: what the app is doing, how well it keeps up, what to do next, and a problem that remains."""
 
 import time
 from collections.abc import Callable
@@ -8,12 +8,11 @@ import viser
 
 from ltvn_core.navigation.events import Severity
 from ltvn_viz.panels.health import health_button, health_numbers
-from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row, with_keys
+from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row, filled_bar, with_keys
+from ltvn_viz.panels.notifications import SECONDS
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
 
-READ_S = 15.0
-"""How long a message stays; a problem stays until the next message."""
 REFRESH_S = 0.5
 """Numbers that flicker faster cannot be read."""
 
@@ -37,7 +36,7 @@ _GO_ON = button_row(
 
 
 class StatusPanel:
-    """Status line, hint and message."""
+    """Status line, hint, and what is under way or went wrong."""
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the lines at the top of the main panel."""
@@ -66,9 +65,10 @@ class StatusPanel:
     def _unread(self, message: Message | None) -> str:
         if message != self._latest:
             self._latest, self._since = message, self._clock()
-        if message is None or (message.severity is not Severity.ERROR and self._clock() > self._since + READ_S):
+        # The notification says it first; what it leaves behind is a problem that nobody has dealt with.
+        if message is None or message.severity is not Severity.ERROR:
             return ""
-        return _message(message)
+        return _message(message) if self._clock() > self._since + SECONDS[Severity.ERROR] else ""
 
 
 def _line(snapshot: Snapshot) -> str:
@@ -90,6 +90,12 @@ def _message(message: Message) -> str:
 
 
 def _work(work: JobProgress) -> str:
-    share = "" if work.share is None else f" {100 * work.share:.0f} %"
-    card = f'<div class="lt-card" data-severity="INFO">{escape(work.label)}…{share}</div>'
+    bar = "" if work.share is None else filled_bar(work.share, work.label)
+    card = f'<div class="lt-card" data-severity="INFO">{escape(work.label)}…{_how_far(work)}{bar}</div>'
     return f'<div class="lt" role="status">{card}</div>'
+
+
+def _how_far(work: JobProgress) -> str:
+    if work.share is not None:
+        return f" {work.images:,} of {work.of_images:,} images, {100 * work.share:.0f} %"
+    return f" {work.images:,} images so far" if work.images else ""

@@ -18,6 +18,7 @@ from ltvn_core.training.drive_source import DriveSource
 from ltvn_core.training.fine_tuning import FineTunedWeights
 from ltvn_core.training.fine_tuning_data import ProgressReporter
 from ltvn_viz.session.fine_tuner import FineTuningRequest
+from ltvn_viz.session.learning_time import LearningTime
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus
 from ltvn_viz.session.worker import Worker
 
@@ -44,15 +45,20 @@ class FineTuning:
         self._cancelled = threading.Event()
         self._status = FineTuningStatus()
         self._told: tuple[float, str] = 0.0, ""
+        self._time = LearningTime(0)
+        self._besides_s: float | None = None
         self._offer: Path | None = None
 
     @property
     def status(self) -> FineTuningStatus:
         """What the page shows of it."""
-        if self._status.phase is not FineTuningPhase.LEARNING:
-            return self._status
+        status = replace(self._status, besides_s=self._besides_s)
+        if status.phase is not FineTuningPhase.LEARNING:
+            return status
         share, doing = self._told
-        return replace(self._status, share=share, doing="stopping" if self._cancelled.is_set() else doing)
+        if self._cancelled.is_set():
+            return replace(status, share=share, doing="stopping")
+        return replace(status, share=share, doing=doing, left=self._time.left)
 
     @property
     def offer(self) -> Path:
@@ -67,7 +73,7 @@ class FineTuning:
         assert self._tune is not None
         tune, request = self._tune, FineTuningRequest(drive, self.weights, output, minutes)
         self._cancelled = cancelled = threading.Event()
-        self._offer, self._told = None, (0.0, "beginning")
+        self._offer, self._told, self._time = None, (0.0, "beginning"), LearningTime(minutes)
         self._status = FineTuningStatus(FineTuningPhase.LEARNING, drive.name)
         self._worker.submit(lambda: self._run(lambda: tune(request, self._tell, cancelled)), self._ended)
 
@@ -106,6 +112,7 @@ class FineTuning:
 
     def _tell(self, share: float, doing: str) -> None:
         self._told = share, doing
+        self._time.hear(doing)
 
     def _run(self, tune: Callable[[], FineTunedWeights | None]) -> FineTunedWeights | str | None:
         """Return a failure as a sentence: the robot and its query have nothing to do with it and go on."""
@@ -119,6 +126,7 @@ class FineTuning:
 
     def _ended(self, result: FineTunedWeights | str | None) -> None:
         name = self._status.drive
+        self._besides_s = self._time.besides_s or self._besides_s
         match result:
             case None:
                 self._status = FineTuningStatus(

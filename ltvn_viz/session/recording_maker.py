@@ -51,7 +51,7 @@ class RecordingMaker:
         self._worker = Worker(executor or ThreadPoolExecutor(1, "new recordings"))
         self._cancelled = threading.Event()
         self._label = ""
-        self._share: float | None = None
+        self._images: tuple[int, int | None] = 0, None
         self._result: MadeRecording | FailedRecording | None = None
 
     @property
@@ -59,13 +59,13 @@ class RecordingMaker:
         """How far it is; None while nothing is made."""
         if not self._worker.pending:
             return None
-        return JobProgress("Stopping" if self._cancelled.is_set() else self._label, self._share)
+        return JobProgress("Stopping" if self._cancelled.is_set() else self._label, *self._images)
 
     def begin(self, label: str, make: Make) -> None:
         """Begin; raises OptionError while another recording is made."""
         if self._worker.pending:
             raise OptionError(f"{self._label} is not done yet; wait for it, or cancel it first.")
-        self._label, self._share = label, None
+        self._label, self._images = label, (0, None)
         self._cancelled = threading.Event()
         self._worker.submit(lambda: self._run(make), self._ended)
 
@@ -87,7 +87,7 @@ class RecordingMaker:
     def _progress(self, done: int, total: int | None) -> None:
         if self._cancelled.is_set():
             raise MakingCancelled
-        self._share = min(1.0, done / total) if total else None
+        self._images = done, total
 
     def _run(self, make: Make) -> MadeRecording | FailedRecording:
         try:

@@ -106,8 +106,15 @@ class JobProgress:
     """A job that takes a while."""
 
     label: str
-    share: float | None = None
-    """How much is done in [0, 1]; None when nobody knows."""
+    images: int = 0
+    """How many are done,"""
+    of_images: int | None = None
+    """and how many there are; None when nobody knows."""
+
+    @property
+    def share(self) -> float | None:
+        """How much is done in [0, 1]; None when nobody knows."""
+        return min(1.0, self.images / self.of_images) if self.of_images else None
 
 
 class FineTuningPhase(StrEnum):
@@ -132,6 +139,10 @@ class FineTuningStatus:
     share: float = 0.0
     """How much is done in [0, 1]."""
     doing: str = ""
+    left: str = ""
+    """How long it still takes, in words."""
+    besides_s: float | None = None
+    """Seconds that the last lesson took on top of the time asked for; None before there was one."""
     lines: tuple[str, ...] = ()
     """What came of the last lesson."""
     path: str = ""

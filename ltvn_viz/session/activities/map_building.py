@@ -50,7 +50,7 @@ class MapBuilding:
         """
         self._live, self._then, self._doubts = live, then, doubts
         self._cancelled = threading.Event()
-        self._share = 0.0
+        self._done, self._total = 0, 0
         self.over = False
         live.robot.stop()
         worker.submit(lambda: self._run(rebuild), self._built)
@@ -58,7 +58,7 @@ class MapBuilding:
     @property
     def work(self) -> JobProgress:
         """How far it is."""
-        return JobProgress("Building the map", self._share)
+        return JobProgress("Building the map", self._done, self._total)
 
     def cancel(self) -> None:
         """Keep the old map; takes effect at the next image."""
@@ -76,7 +76,7 @@ class MapBuilding:
     def _progress(self, done: int, total: int) -> None:
         if self._cancelled.is_set():
             raise MapBuildingCancelled
-        self._share = done / max(total, 1)
+        self._done, self._total = done, total
 
     def _built(self, deltas: Sequence[GraphDelta] | None) -> None:
         for delta in deltas or ():

@@ -17,7 +17,7 @@ from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
 from ltvn_viz.panels.follow_camera import FollowCamera
 from ltvn_viz.panels.html_widgets import HtmlBlock
 from ltvn_viz.panels.navigation_panel import NavigationPanel
-from ltvn_viz.panels.notifications import Notifications
+from ltvn_viz.panels.notifications import SECONDS, Notifications
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import StatusPanel
 from ltvn_viz.server.keymap import Action
@@ -49,7 +49,10 @@ def nothing(_: c.Command | bytes) -> None:
 
 def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) -> None:
     evil = "<img src=x onerror=alert(1)>"
-    status = StatusPanel(server.gui)
+    now = [0.0]
+    status = StatusPanel(server.gui, clock=lambda: now[0])
+    status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
+    now[0] += SECONDS[Severity.ERROR] + 1
     status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
     replay = ReplayPanel(server.gui, nothing)
     replay.show(Snapshot(mode=Mode.REPLAY, replay=PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings=(evil,)))
@@ -81,10 +84,26 @@ def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(
     assert "paused" in status.line.content
 
 
-def test_work_is_shown_with_its_share(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_a_message_is_never_in_the_panel_while_its_notification_says_it(server: viser.ViserServer) -> None:
+    now = [0.0]
+    status = StatusPanel(server.gui, clock=lambda: now[0])
+    for severity in Severity:
+        told = Snapshot(message=Message("a word", severity, 1))
+        status.show(replace(told, message=None))
+        status.show(told)
+        assert status.message.content == ""
+        now[0] += SECONDS[severity] + 1
+        status.show(told)
+        assert ("a word" in status.message.content) == (severity is Severity.ERROR)
+
+
+def test_work_is_shown_with_what_is_done_of_how_much(server: viser.ViserServer, snapshot: Snapshot) -> None:
     status = StatusPanel(server.gui)
-    status.show(replace(snapshot, work=JobProgress("Building the map", 0.42)))
-    assert "Building the map… 42 %" in status.message.content
+    status.show(replace(snapshot, work=JobProgress("Building the map", 840, 2000)))
+    assert "Building the map… 840 of 2,000 images, 42 %" in status.message.content
+    assert 'aria-valuenow="42"' in status.message.content
+    status.show(replace(snapshot, work=JobProgress("Importing a.mp4", 840)))
+    assert "Importing a.mp4… 840 images so far" in status.message.content
 
 
 def is_enabled(html: str, action: Action) -> bool:
@@ -104,6 +123,14 @@ def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, sn
     assert not is_enabled(html, Action.RECORD)
     assert is_enabled(html, Action.KEEP)
     assert is_enabled(html, Action.DISCARD)
+
+
+def test_building_a_map_can_be_cancelled_where_it_was_begun(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    panel = DrivePanel(server.gui)
+    panel.show(replace(snapshot, mode=Mode.BUILDING))
+    assert is_enabled(panel.map.content, Action.CANCEL)
+    panel.show(snapshot)
+    assert Action.CANCEL not in panel.map.content
 
 
 def controls(*panels: object) -> int:
@@ -202,15 +229,12 @@ def test_panels_send_nothing_while_nothing_changes(
     assert sent == []
 
 
-def test_the_slider_spans_the_recording_and_follows_it(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_the_replay_tab_leaves_time_to_the_timeline(server: viser.ViserServer, snapshot: Snapshot) -> None:
     panel = ReplayPanel(server.gui, nothing)
-    panel.show(snapshot)
-    assert not panel.time.visible
-    panel.show(replace(snapshot, mode=Mode.REPLAY, replay=PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)))
-    assert panel.time.visible
-    assert panel.time.max == 42.0
-    assert panel.time.value == pytest.approx(21.0)
-    assert panel.play.label == "Pause"
+    replay = PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)
+    panel.show(replace(snapshot, mode=Mode.REPLAY, replay=replay, recordings=("a.rrd",)))
+    assert controls(panel) == 1  # The list of recordings: no slider.
+    assert "a.rrd: 21.0 of 42.0 s" in panel.about.content
 
 
 def test_each_message_is_notified_once_to_every_page() -> None:

@@ -98,6 +98,7 @@ def test_a_fine_tuning_saves_weights_with_a_card_and_changes_nothing_else(folder
     assert start is not None
     [weights] = folder.glob("*.safetensors")
     assert now.fine_tuning.path == str(weights)
+    assert now.fine_tuning.besides_s is not None  # All parts of the lesson were heard and measured.
     assert weights.name.startswith("images-at-hand-learned-")
     assert read_card(weights)["parent"] == weights_fingerprint(start)
     assert read_card(weights)["fingerprint"] == weights_fingerprint(weights) != weights_fingerprint(start)

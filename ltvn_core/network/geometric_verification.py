@@ -18,81 +18,95 @@ ROBOT_LOW_M = 0.06
 ROBOT_HIGH_M = 0.7
 """Surfaces between these heights above the floor are obstacles for the robot."""
 
+_NEAREST_M = 0.05
+"""What is not at least so far ahead of a camera is not in its image."""
+_FARTHEST_GAP_M = 0.6
+
 
 class GeometricVerification(nn.Module):
-    """Measures the agreement of two coarse depth images under a motion. Has no trainable weights."""
+    """Measures the agreement of two coarse depth images under a motion. Has no trainable weights.
 
-    rays: Tensor
-    """(3, G) on the coarse grid."""
+    Written as few operations on large tensors, because a comparison of a few pairs takes as long as they are many.
+    """
+
+    turned_rays: Tensor
+    """(3, 3 * G): the rays of the coarse grid, as the cosine, the sine and 1 of a rotation make them."""
+    middle: Tensor
+    """(2, 1): column and row of the middle of the coarse grid."""
+    last: Tensor
+    """(2, 1): column and row of its end, inside."""
 
     def __init__(self, size: PairArchitecture) -> None:
         super().__init__()
         self.rows, self.columns = size.depth_grid
         self.camera = NETWORK_CAMERA
+        self.focal = self.camera.fx / DEPTH_STRIDE
         half = DEPTH_STRIDE // 2
-        rays = pixel_rays(self.camera)[:, half::DEPTH_STRIDE, half::DEPTH_STRIDE]
-        self.register_buffer("rays", rays.reshape(3, -1), persistent=False)
+        rays = pixel_rays(self.camera)[:, half::DEPTH_STRIDE, half::DEPTH_STRIDE].reshape(3, -1)
+        zero = torch.zeros_like(rays[0])
+        by_cos, by_sin = [rays[0], rays[1], zero], [-rays[1], rays[0], zero]
+        turned = torch.stack([torch.cat(by_cos), torch.cat(by_sin), torch.cat([zero, zero, rays[2]])])
+        ends = torch.tensor([[self.columns], [self.rows]], dtype=torch.float32)
+        self.register_buffer("turned_rays", turned, persistent=False)
+        self.register_buffer("middle", ends / 2, persistent=False)
+        self.register_buffer("last", torch.nextafter(ends, torch.zeros(())), persistent=False)
 
     @torch.no_grad()
     def forward(self, source_depth: Tensor, target_depth: Tensor, motion: PlanarMotion) -> Tensor:
         """Return the measures (P, MEASURE_COUNT) for depths (P, G) and the motion from source to target."""
-        source, target = source_depth[..., None] * self.rays.T, target_depth[..., None] * self.rays.T
-        there, back = motion.apply(target), motion.inverse().apply(source)
-        # Both images are measured in one pass, because small tensors cost as much as larger ones.
-        valid = torch.stack([target_depth, source_depth]) > 0
-        agreement = self.agreement(torch.stack([there, back]), valid, torch.stack([source_depth, target_depth]))
-        clearance = self.clearance(torch.stack([there, source]), valid, motion)
-        return torch.cat(
-            [
-                agreement[0],
-                agreement[1],
-                self.room_ahead(source_depth, motion),
-                torch.stack([clearance[1], clearance[0], motion.shift[:, 0].clamp(-4, 4)], dim=-1),
-            ],
-            dim=-1,
+        still = PlanarMotion(
+            torch.zeros_like(motion.shift), nn.functional.pad(torch.ones_like(motion.turn[:, :1]), (0, 1))
         )
+        # The target seen from the source, the source seen from the target, and the source as it is.
+        depth = torch.stack([target_depth, source_depth, source_depth])
+        points = self.surfaces(depth, [motion, motion.inverse(), still])
+        valid = depth > 0
+        agreement = self.agreement(points[:2], valid[:2], torch.stack([source_depth, target_depth]))
+        to_targets, to_sources = self.clearance(points[::2], valid[::2], motion.shift)
+        ahead_m = motion.shift[:, 0]
+        single = [self.room_ahead(source_depth, motion.shift), to_sources, to_targets, ahead_m.clamp(-4, 4)]
+        return torch.cat([agreement[0], agreement[1], torch.stack(single, dim=-1)], dim=-1)
+
+    def surfaces(self, depth: Tensor, motions: list[PlanarMotion]) -> Tensor:
+        """Return points (S, P, 3, G) of depths (S, P, G) under S motions: forward, left and up."""
+        turns = torch.stack([motion.turn for motion in motions])
+        directions = nn.functional.pad(turns, (0, 1), value=1.0) @ self.turned_rays
+        shifts = nn.functional.pad(torch.stack([motion.shift for motion in motions]), (0, 1))
+        return torch.addcmul(shifts[..., None], directions.unflatten(-1, (3, -1)), depth[:, :, None])
 
     def agreement(self, points: Tensor, valid: Tensor, depth: Tensor) -> Tensor:
-        """Return the shares (2, P, 4) of points (2, P, G, 3) that fit, are in free space, occluded, or out of view."""
-        pixel, inside = self.project(points)
-        inside = inside & valid
-        observed = torch.gather(depth, -1, pixel)
-        inside = inside & (observed > 0)
+        """Return the shares (2, P, 4) of points (2, P, 3, G) that fit, are in free space, occluded, or out of view."""
+        away = points[:, :, 0]
+        pixel = torch.addcmul(self.middle, points[:, :, 1:], (-self.focal / away.clamp(min=_NEAREST_M))[:, :, None])
+        within = torch.minimum(pixel.clamp(min=0), self.last)
+        column, row = within.long().unbind(2)
+        observed = torch.gather(depth, -1, row * self.columns + column)
+        # What needed no clamping is in the image.
+        inside = (within == pixel).all(2) & valid & (away > _NEAREST_M) & (observed > 0)
         # In units of a tolerance that grows with distance, as the errors of depth and of the motion do.
-        excess = (observed - points[..., 0]) / (0.1 + 0.1 * points[..., 0].clamp(min=0))
-        fits = (excess.abs() <= 1) & inside
-        shares = torch.stack([fits, (excess > 1) & inside, (excess < -1) & inside, ~inside & valid], dim=-2)
-        return shares.sum(-1) / valid.sum(-1, keepdim=True).clamp(min=1)
+        excess = (observed - away) / (0.1 + 0.1 * away.clamp(min=0)) * inside
+        counted = torch.stack([excess > 1, excess < -1, inside, valid]).to(depth.dtype).sum(-1)
+        free, occluded, seen, whole = counted
+        shares = torch.stack([seen - free - occluded, free, occluded, whole - seen], dim=-1)
+        return shares / whole[..., None].clamp(min=1)
 
-    def project(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the coarse pixel (..., G) of each point (..., G, 3), and whether the point is in the image."""
-        ahead = points[..., 0] > 0.05
-        distance = torch.where(ahead, points[..., 0], torch.ones_like(points[..., 0]))
-        focal = self.camera.fx / DEPTH_STRIDE
-        column = torch.floor(self.columns / 2 - focal * points[..., 1] / distance)
-        row = torch.floor(self.rows / 2 - focal * points[..., 2] / distance)
-        inside = ahead & (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
-        pixel = row.clamp(0, self.rows - 1) * self.columns + column.clamp(0, self.columns - 1)
-        return pixel.long(), inside
-
-    def room_ahead(self, depth: Tensor, motion: PlanarMotion) -> Tensor:
-        """Return by how many metres (P, 1) the source sees past the target's position, at the height of the camera."""
-        eye = torch.cat([motion.shift, torch.zeros_like(motion.shift[:, :1])], dim=-1)[:, None]
-        pixel, inside = self.project(eye)
-        column = (pixel[:, 0] % self.columns)[:, None, None].expand(-1, 3, 1)
+    def room_ahead(self, depth: Tensor, shift: Tensor) -> Tensor:
+        """Return by how many metres (P,) the source sees past the target's position, at the height of the camera."""
+        ahead_m, left_m = shift.unbind(-1)
+        pixel = self.columns / 2 - self.focal * left_m / ahead_m.clamp(min=_NEAREST_M)
+        within = pixel.clamp(0, self.columns - 1)
         # Three rows around the horizon, because the camera's own height is where the target's camera would be.
-        middle = depth.reshape(-1, self.rows, self.columns)[:, self.rows // 2 - 1 : self.rows // 2 + 2]
-        nearest = torch.gather(middle, 2, column)[..., 0].amin(-1)
-        room = torch.tanh(nearest - motion.shift[:, 0])
-        return torch.where(inside[:, 0], room, torch.full_like(room, -1))[:, None]
+        middle = depth.unflatten(-1, (self.rows, self.columns))[:, self.rows // 2 - 1 : self.rows // 2 + 2]
+        nearest = torch.gather(middle, 2, within.long()[:, None, None].expand(-1, 3, 1))[..., 0].amin(-1)
+        inside = (ahead_m > _NEAREST_M) & (pixel >= 0) & (pixel < self.columns)
+        return torch.tanh(nearest - ahead_m).where(inside, -1.0)
 
-    def clearance(self, points: Tensor, valid: Tensor, motion: PlanarMotion) -> Tensor:
-        """Return the metres (2, P), at most 0.6, between the line and the nearest obstacle of points (2, P, G, 3)."""
-        height = points[..., 2] + self.camera.height_m
+    def clearance(self, points: Tensor, valid: Tensor, shift: Tensor) -> Tensor:
+        """Return the metres (2, P), at most 0.6, between the line and the nearest obstacle of points (2, P, 3, G)."""
+        floor, height = points[:, :, :2], points[:, :, 2] + self.camera.height_m
         solid = valid & (height > ROBOT_LOW_M) & (height < ROBOT_HIGH_M)
-        line = motion.shift[:, None]
-        along = (points[..., :2] * line).sum(-1) / ((line**2).sum(-1) + 1e-3)
-        gap = points[..., :2] - along.clamp(0, 1)[..., None] * line
+        line = shift / (shift.square().sum(-1, keepdim=True) + 1e-3)
+        along = (line[:, None] @ floor).clamp(0, 1)
         # Squared, so that the root is taken once per pair and not once per point.
-        squares = torch.where(solid, gap.square().sum(-1), torch.full_like(height, 0.36))
-        return squares.amin(-1).clamp(max=0.36).sqrt()
+        squares = torch.addcmul(floor, along, shift[..., None], value=-1).square().sum(2)
+        return squares.where(solid, _FARTHEST_GAP_M**2).amin(-1).clamp(max=_FARTHEST_GAP_M**2).sqrt()

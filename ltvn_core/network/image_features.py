@@ -3,6 +3,7 @@
 Defines the layout of the feature rows of `PairNetwork`, and the functions for the rows of every network.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol, Self, TypeVar
 
@@ -72,10 +73,9 @@ def join(parts: Sequence[FeaturesT]) -> FeaturesT:
 
 def unpack(rows: Tensor, architecture: PairArchitecture) -> ImageFeatures:
     """Return the features held in (B, F) rows, as float32."""
-    parts = torch.split(rows, _lengths(architecture), dim=1)
-    shapes = _shapes(architecture)
+    parts = torch.split(rows.float(), _lengths(architecture), dim=1)
     return ImageFeatures._make(
-        [part.float().reshape(len(rows), *shape) for part, shape in zip(parts, shapes, strict=True)]
+        [part.unflatten(1, shape) for part, shape in zip(parts, _shapes(architecture), strict=True)]
     )
 
 
@@ -107,4 +107,4 @@ def _shapes(architecture: PairArchitecture) -> tuple[tuple[int, ...], ...]:
 
 
 def _lengths(architecture: PairArchitecture) -> list[int]:
-    return [int(torch.Size(shape).numel()) for shape in _shapes(architecture)]
+    return [math.prod(shape) for shape in _shapes(architecture)]

@@ -76,7 +76,7 @@ def true_correspondence(
     Tokens in between (near, but not the nearest) are neither matched nor unmatched.
     """
     cos, sin = torch.cos(waypoints[:, 2]), torch.sin(waypoints[:, 2])
-    there = PlanarMotion(waypoints[:, :2], cos, sin).apply(target.points)
+    there = PlanarMotion(waypoints[:, :2], torch.stack([cos, sin], dim=-1)).apply(target.points)
     apart = torch.cdist(source.points, there)
     no_depth = (source.points[..., 0] <= 0)[..., None] | (target.points[..., 0] <= 0)[:, None]
     no_common_surface = ~same_scene | (cos < _OPPOSITE_COS)

@@ -5,6 +5,7 @@ penalty for the residual of that alignment. The last layers get the matched mass
 depth images.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -33,9 +34,14 @@ class TokenMatching(NamedTuple):
     column_unmatched: Tensor
     """(P, T): strength of "no match" for target tokens."""
 
-    def mutual(self) -> Tensor:
-        """Return (P, T, T): probability that both tokens choose each other."""
-        return (self.strength / self.row_total[..., None]) * (self.strength / self.column_total[:, None])
+    def gather(self, known: Tensor) -> tuple[Tensor, Tensor]:
+        """Return each source token's mean match (P, T, 3 + V) and how much of the match has depth (P, T).
+
+        A match counts by the probability that both tokens choose each other; `known` is of `what_matches_tell`.
+        """
+        # The totals divide the two thin sides of the product, which saves two passes over all pairs of tokens.
+        total = (self.strength * self.strength) @ (known / self.column_total[..., None]) / self.row_total[..., None]
+        return total[..., 1:] / (total[..., :1] + 1e-3), total[..., 0]
 
 
 class PairOutput(NamedTuple):
@@ -88,25 +94,25 @@ class PairHead(nn.Module):
 
     def summarise(self, source: ImageFeatures, target: ImageFeatures) -> PairSummary:
         """Match P sources with P targets and align what matched."""
+        known, trust = what_matches_tell(target), token_trust(source)
         first = self.match(source, target)
-        matched, mass = gather(first.mutual(), target)
-        rough = align(source.points, matched[..., :3], self.weights(source, mass))
+        matched, mass = first.gather(known)
+        rough = align(source.points, matched[..., :3], mass * trust)
         # No gradient through the rough motion: the second matching shall not improve by spoiling the first alignment.
         second = self.match_in_space(first, source, target, rough.detach())
-        matched_again, mass_again = gather(second.mutual(), target)
-        motion = align(source.points, matched_again[..., :3], self.weights(source, mass_again))
-        tokens, residual = self.tokens(source, matched_again, mass, mass_again, motion)
-        fits = self.verify(source.depth, target.depth, motion.detach())
+        matched_again, mass_again = second.gather(known)
+        weights = mass_again * trust
+        motion = align(source.points, matched_again[..., :3], weights)
+        apart = motion.apply(matched_again[..., :3]) - source.points
+        tokens = self.tokens(source, matched_again[..., 3:], apart, [mass, mass_again])
         numbers = torch.cat(
             [
                 self.pool(tokens),
                 rough.numbers(),
                 motion.numbers(),
-                mass.mean(-1, keepdim=True),
-                mass_again.mean(-1, keepdim=True),
-                weighted_mean(residual, self.weights(source, mass_again)),
-                weighted_mean(residual, mass),
-                fits,
+                torch.stack([mass, mass_again], dim=1).mean(-1),
+                weighted_means(torch.tanh(apart.norm(dim=-1)), torch.stack([weights, mass], dim=1)),
+                self.verify(source.depth, target.depth, motion.detach()),
             ],
             dim=-1,
         )
@@ -123,9 +129,10 @@ class PairHead(nn.Module):
     def match(self, source: ImageFeatures, target: ImageFeatures) -> TokenMatching:
         """Match descriptors; a token may also have no match."""
         scores = (source.descriptors * self.sharpness) @ target.descriptors.transpose(1, 2)
-        # Subtracting the largest possible score keeps every exponential at most 1.
-        strength = torch.exp(scores - self.sharpness.abs())
-        declined = (torch.exp(side.unmatched - self.sharpness.abs()) for side in (source, target))
+        # Subtracting the largest possible score keeps every exponential at most 1. In place, because a pass over all
+        # pairs of tokens costs as much as their product.
+        strength = scores.sub_(self.sharpness.abs()).exp_()
+        declined = [torch.exp(side.unmatched - self.sharpness.abs()) for side in (source, target)]
         return normalize_matching(strength, *declined)
 
     def match_in_space(
@@ -136,40 +143,23 @@ class PairHead(nn.Module):
         The tolerance grows with distance, as a token covers more surface there.
         """
         there = motion.apply(target.points)
-        # Squared distances by the binomial formula, without a (P, T, T, 3) tensor of differences.
-        squares = (
-            source.points.square().sum(-1)[..., None]
-            + there.square().sum(-1)[:, None]
-            - 2 * source.points @ there.transpose(1, 2)
-        )
-        strictness = self.closeness.abs() / spread(source)
-        near = torch.exp(-strictness[..., None] * squares.clamp(min=0))
-        return normalize_matching(first.strength * near, first.row_unmatched, first.column_unmatched)
+        # Squared distances by the binomial formula, as one product of five columns.
+        strictness = (self.closeness.abs() / spread(source))[..., None]
+        ones = torch.ones_like(strictness)
+        here = torch.cat([2 * source.points, -source.points.square().sum(-1, keepdim=True), -ones], dim=-1)
+        beyond = torch.cat([there, ones, there.square().sum(-1, keepdim=True)], dim=-1)
+        near = torch.exp_((strictness * here) @ beyond.transpose(1, 2))
+        return normalize_matching(near * first.strength, first.row_unmatched, first.column_unmatched)
 
-    def weights(self, source: ImageFeatures, mass: Tensor) -> Tensor:
-        """Return (P, T): how much each source token counts in the alignment."""
-        has_depth = (source.points[..., 0] > 0).to(mass.dtype)
-        return mass * torch.sigmoid(source.saliency) * has_depth / spread(source)
-
-    def tokens(
-        self, source: ImageFeatures, matched: Tensor, mass: Tensor, mass_again: Tensor, motion: PlanarMotion
-    ) -> tuple[Tensor, Tensor]:
-        """Return per-token hidden values (P, T, H) and the distance that each match is left apart (P, T)."""
-        apart = motion.apply(matched[..., :3]) - source.points
-        known = [
-            source.values.float(),
-            matched[..., 3:],
-            source.points / 5,
-            torch.tanh(apart),
-            mass[..., None],
-            mass_again[..., None],
-        ]
-        return self.token(torch.cat(known, dim=-1)), torch.tanh(apart.norm(dim=-1))
+    def tokens(self, source: ImageFeatures, values: Tensor, apart: Tensor, masses: Sequence[Tensor]) -> Tensor:
+        """Return (P, T, H): what each token is after its match, from values (P, T, V), gaps (P, T, 3) and K masses."""
+        sides = [source.values.float(), values, source.points / 5, torch.tanh(apart)]
+        return self.token(torch.cat([*sides, *(mass[..., None] for mass in masses)], dim=-1))
 
     def pool(self, tokens: Tensor) -> Tensor:
         """Return (P, 2 H): attended and plain mean over tokens."""
         share = self.attend(tokens).float().softmax(1)
-        return torch.cat([(share * tokens).sum(1), tokens.mean(1)], dim=-1)
+        return torch.cat([(share.transpose(1, 2) @ tokens)[:, 0], tokens.mean(1)], dim=-1)
 
 
 def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched: Tensor) -> TokenMatching:
@@ -184,14 +174,17 @@ def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched
     )
 
 
-def gather(mutual: Tensor, target: ImageFeatures) -> tuple[Tensor, Tensor]:
-    """Return each source token's mean match (P, T, 3 + V) and how much of the match has depth (P, T)."""
-    has_depth = (target.points[..., :1] > 0).to(mutual.dtype)
+def what_matches_tell(target: ImageFeatures) -> Tensor:
+    """Return (P, T, 1 + 3 + V) of target tokens: whether they have depth, and if so their points and values."""
+    has_depth = (target.points[..., :1] > 0).to(target.points.dtype)
     # The mask is the first column, so that one product gives the sums and the mass by which they are divided.
-    known = torch.cat([has_depth, target.points, target.values.float() * has_depth], dim=-1)
-    total = mutual @ known
-    mass = total[..., 0]
-    return total[..., 1:] / (total[..., :1] + 1e-3), mass
+    return torch.cat([has_depth, target.points, target.values.float() * has_depth], dim=-1)
+
+
+def token_trust(source: ImageFeatures) -> Tensor:
+    """Return (P, T): how much a match of each source token counts in the alignment."""
+    has_depth = (source.points[..., 0] > 0).to(source.points.dtype)
+    return torch.sigmoid(source.saliency) * has_depth / spread(source)
 
 
 def spread(source: ImageFeatures) -> Tensor:
@@ -199,6 +192,6 @@ def spread(source: ImageFeatures) -> Tensor:
     return (0.2 + 0.1 * source.points[..., 0]).square()
 
 
-def weighted_mean(numbers: Tensor, weights: Tensor) -> Tensor:
-    """Return (P, 1)."""
-    return ((numbers * weights).sum(-1) / (weights.sum(-1) + 1e-3))[:, None]
+def weighted_means(numbers: Tensor, weights: Tensor) -> Tensor:
+    """Return (P, K): means of numbers (P, N) by K weights (P, K, N)."""
+    return (weights @ numbers[..., None])[..., 0] / (weights.sum(-1) + 1e-3)

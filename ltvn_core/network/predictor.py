@@ -126,7 +126,7 @@ class NetworkPredictor:
             there = self._network.unpack(self._tensor(rows))
             here = self._network.unpack(self._tensor(sources if len(sources) == 1 else sources[part]))
             if len(sources) == 1:
-                here = here.take(torch.zeros(len(rows), dtype=torch.long, device=self._device))
+                here = here._make([part.expand(len(rows), *part.shape[1:]) for part in here])
             output = self._network.compare(here, there)
             reachability.append(self._network.reachability(output.logit).double().cpu().numpy())
             waypoints.append(pose_to_waypoints(output.pose))

@@ -18,7 +18,7 @@ def verification() -> GeometricVerification:
 
 def motion(*ahead_m: float) -> PlanarMotion:
     shift = torch.tensor([[metres, 0.0] for metres in ahead_m])
-    return PlanarMotion(shift, torch.ones(len(ahead_m)), torch.zeros(len(ahead_m)))
+    return PlanarMotion(shift, torch.tensor([[1.0, 0.0]] * len(ahead_m)))
 
 
 def wall(verification: GeometricVerification, *away_m: float) -> torch.Tensor:
@@ -43,5 +43,5 @@ def test_both_images_are_measured_by_the_same_rule(verification: GeometricVerifi
 
 def test_the_measures_of_a_pair_do_not_depend_on_the_other_pairs(verification: GeometricVerification) -> None:
     here, there, way = wall(verification, 3.0, 2.0), wall(verification, 2.0, 4.0), motion(1.0, 0.5)
-    alone = verification(here[:1], there[:1], PlanarMotion(way.shift[:1], way.cos[:1], way.sin[:1]))
+    alone = verification(here[:1], there[:1], PlanarMotion(way.shift[:1], way.turn[:1]))
     assert torch.equal(verification(here, there, way)[:1], alone)

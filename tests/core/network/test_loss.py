@@ -55,8 +55,8 @@ def test_alignment_finds_the_motion_that_made_the_points() -> None:
     y = sin * target[..., 0] + cos * target[..., 1] + shift[:, 1:]
     motion = align(torch.stack([x, y, target[..., 2]], -1), target, torch.rand(5, 30, generator=generator))
     torch.testing.assert_close(motion.shift, shift, atol=1e-2, rtol=0)
-    torch.testing.assert_close(motion.cos, torch.cos(angle), atol=1e-3, rtol=0)
-    waypoint = torch.cat([motion.shift, torch.atan2(motion.sin, motion.cos)[:, None]], dim=1)
+    torch.testing.assert_close(motion.turn[:, 0], torch.cos(angle), atol=1e-3, rtol=0)
+    waypoint = torch.cat([motion.shift, torch.atan2(motion.turn[:, 1:], motion.turn[:, :1])], dim=1)
     back = motion.inverse()
     expected = invert(waypoint.double().numpy())
     np.testing.assert_allclose(back.shift.numpy(), expected[:, :2], atol=1e-4)

@@ -72,7 +72,7 @@ class EdgeQuestion(Question[Never]):
             context.observation(target), f"to {target}", context.camera
         )
         builder.add_html(f'<div class="lt-pair">{pair}</div>')
-        foretold = f"{explained('r')} {_number(life.initial_reachability)}"
+        foretold = f"{explained('r')}&nbsp;{_number(life.initial_reachability)}"
         builder.add_html(f"<div>Predicted: {_where(waypoint)}; {foretold}.</div>")
         self._beliefs(context, story, builder)
         self._attempts(context, story, builder)

@@ -3,6 +3,7 @@
 Owns the buttons' and cards' shape and the style sheet they share.
 """
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
@@ -143,17 +144,18 @@ KEY_PHRASES = (
     (" (N)", ""),
     (" (B)", ""),
 )
-"""What texts say of keys, and what is true for fingers."""
+"""What texts say of keys, and what is true for fingers; a longer phrase before one that it begins with."""
+_KEYS = re.compile("|".join(re.escape(keys) for keys, _ in KEY_PHRASES))
 
 
 def with_keys(text: str) -> str:
     """Return a text as HTML that names keys only where there are any."""
-    shown = escape(text)
-    for keys, touch in KEY_PHRASES:
-        if keys in shown:
-            both = f'<span class="ltvn-by-key">{keys}</span><span class="ltvn-by-touch">{touch}</span>'
-            return shown.replace(keys, both)
-    return shown
+    return _KEYS.sub(_by_key_or_touch, escape(text))
+
+
+def _by_key_or_touch(keys: re.Match[str]) -> str:
+    touch = dict(KEY_PHRASES)[keys[0]]
+    return f'<span class="ltvn-by-key">{keys[0]}</span><span class="ltvn-by-touch">{touch}</span>'
 
 
 def lines(*texts: str) -> str:

@@ -4,7 +4,7 @@
 const NOT_TYPED_INTO = new Set(["button", "checkbox", "color", "file", "image", "radio", "range", "reset", "submit"]);
 const REPEATING = new Set(["seek_back", "seek_forward", "event_before", "event_after", "query_before", "query_after"]);
 
-let lastKey = ""; // Shown on the pad, so that a person sees whether keys arrive at all.
+let lastKey = ""; // Shown on the pad until it is let go, so that a person sees whether keys arrive at all.
 
 function isTyping(target) {
   if (!(target instanceof HTMLElement)) return false;
@@ -63,6 +63,10 @@ function pressAction(event, action) {
 
 function onKeyUp(event) {
   setSlow(event.shiftKey);
+  if (event.code === lastKey) {
+    lastKey = "";
+    changed();
+  }
   // Space let go on a button would click it.
   if (KEYMAP.actions[event.code] === "stop" && !isTyping(event.target)) swallow(event);
   if (!held.has(event.code)) return;

@@ -89,7 +89,7 @@ function drawStrip() {
   const brush = view.canvas.getContext("2d");
   brush.setTransform(scale, 0, 0, scale, 0, 0);
   brush.clearRect(0, 0, width, height);
-  brush.font = `${STRIP_FONT}px system-ui, sans-serif`;
+  brush.font = `${STRIP_FONT}px ${getComputedStyle(view.canvas).fontFamily}`;
   drawLanes(brush, width);
   drawAxis(brush, width, height);
   drawQueries(brush, width);

@@ -1,5 +1,6 @@
 """Panels against a real viser server without a browser."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +16,7 @@ from ltvn_viz.panels.camera_panel import CameraPanel, colour_beside_depth, depth
 from ltvn_viz.panels.drive_panel import DrivePanel
 from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
 from ltvn_viz.panels.follow_camera import FollowCamera
-from ltvn_viz.panels.html_widgets import HtmlBlock
+from ltvn_viz.panels.html_widgets import HtmlBlock, with_keys
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import SECONDS, Notifications
 from ltvn_viz.panels.replay_panel import ReplayPanel
@@ -59,6 +60,12 @@ def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) 
     for markup in (status.hint, status.message, replay.about):
         assert "<img" not in markup.content
         assert "&lt;img" in markup.content
+
+
+def test_a_sentence_with_several_keys_names_none_of_them_to_a_finger() -> None:
+    shown = with_keys("Take over with W A S D, stop with Space.")
+    to_a_finger = re.sub(r'<span class="ltvn-by-key">.*?</span>', "", shown)
+    assert re.sub("<.*?>", "", to_a_finger) == "Take over with an arrow, stop with Stop."
 
 
 def test_the_status_line_says_mode_health_and_what_is_recorded_and_has_the_numbers_at_hand(

@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 PROCESSES ?= 2
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
 
-.PHONY: help demo test test-fast campaign coverage format lint type check bench docs clean
+.PHONY: help demo test test-fast campaign coverage format lint type check bench docs pictures clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -52,6 +52,12 @@ bench: $(STAMP)  ## Measure the budgets of docs/architecture.md; prints JSON.
 
 docs: $(STAMP)  ## Build the documentation site into site/; it fetches nothing.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+pictures: $(STAMP) chromium  ## Take all pictures of the page for the documentation anew; long without a graphics card.
+	$(BIN)/python -m tests.browser.tab_screenshots
+	$(BIN)/python -m tests.browser.debugger_screenshots
+	story=$$(mktemp -d) && $(BIN)/ltvn demo --headless --story --recording $$story/story.rrd && \
+	$(BIN)/python -m figures.story_strip $$story/story.rrd && rm -r $$story
 
 clean:  ## Remove the environment.
 	rm -rf $(VENV)

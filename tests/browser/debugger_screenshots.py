@@ -25,8 +25,6 @@ from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
 FOLDER = ROOT / "docs" / "images" / "debugging"
-MOST_BYTES = 150_000
-_CAMERA_PX = 520
 _COLOURS = 2000
 """A viewer that is still loading shows fewer."""
 
@@ -162,7 +160,7 @@ def main(names: list[str]) -> int:
                 if not names or name in names:
                     show(debugger)
                     _drawn(debugger)
-                    save(debugger.page, FOLDER / f"{name}.webp", MOST_BYTES)
+                    save(debugger.page, FOLDER / f"{name}.webp")
             if not names or "rerun" in names:
                 _rerun(browser, debugger)
     return 0
@@ -181,7 +179,7 @@ def _rerun(browser: Browser, debugger: DebuggerPage) -> None:
     viewer = browser.new_page(viewport=WINDOW)
     viewer.goto(address)
     _complete(viewer)
-    save(viewer, FOLDER / "rerun.webp", MOST_BYTES)
+    save(viewer, FOLDER / "rerun.webp")
     viewer.close()
 
 
@@ -198,11 +196,8 @@ def _complete(viewer: Page) -> None:
 
 
 def _clear_the_view(page: Page) -> None:
-    """Put away what has nothing to do with the debugger: the driving pad, notices, the camera's window."""
-    page.add_style_tag(content=".ltvn-pad, .mantine-Notification-root {display: none !important}")
-    box = page.get_by_text("Camera and depth").bounding_box()
-    assert box is not None
-    page.mouse.click(box["x"] + _CAMERA_PX - 40, box["y"] - 12)
+    """Put away what has nothing to do with the debugger: the robot's pictures, the driving pad, notices."""
+    page.add_style_tag(content="#ltvn-cockpit, .mantine-Notification-root {display: none !important}")
 
 
 def _drawn(debugger: DebuggerPage) -> None:

@@ -25,7 +25,7 @@ class Instant(NamedTuple):
 
 
 class MarkKind(StrEnum):
-    """What a mark on the slider stands for."""
+    """What a mark on a timeline stands for."""
 
     MAP = "map"
     """A whole map came in: built, or out of a file."""
@@ -40,10 +40,18 @@ class MarkKind(StrEnum):
     """An attempt did not succeed."""
     REPLAN = "replan"
     """The plan is not the rest of the last one."""
+    ADD = "add"
+    """A node or an edge came in for another reason, not with a whole map."""
+    SEEN_OPEN = "seen open"
+    SEEN_BLOCKED = "seen blocked"
+    DOOR_OPENED = "door opened"
+    DOOR_CLOSED = "door closed"
+    WORLD = "world"
+    """A thing was put down or taken away, the light changed."""
 
 
 class Mark(NamedTuple):
-    """A tick on the slider."""
+    """A moment that one can step to."""
 
     kind: MarkKind
     instant: Instant

@@ -1,22 +1,21 @@
 """The marks of one run as rows of whole numbers for the page's timeline, and where the page fetches them.
 
-Owns which events get a mark there and the numbers in a row. A run's rows only grow, so that a page that has some of
-them asks for the rest. Rows are made in the session's thread; other threads may read them.
+Owns the numbers in a row; which events get a mark is `ltvn_core.analysis.timeline_marks`. A run's rows only grow, so
+that a page that has some of them asks for the rest. Rows are made in the session's thread; others may read them.
 """
 
 import json
 import math
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_marks import is_other_plan
-from ltvn_core.graph import deltas as d
+from ltvn_core.analysis.timeline_marks import event_mark
+from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
-from ltvn_core.worlds.world_change import DoorMoved, PersonLeft, PersonMoved
 from ltvn_viz.server.strip_kinds import QueryEnd, StripKind
 
 STRIP_NUMBERS = 10**8
@@ -24,6 +23,20 @@ STRIP_NUMBERS = 10**8
 _KEPT = 4
 """The rows of so many runs can be asked for; a page that is late asks again for the run on show."""
 _NOBODY = -1
+_KINDS: Mapping[MarkKind, StripKind] = {
+    MarkKind.ADD: StripKind.ADDED,
+    MarkKind.EXPAND: StripKind.ADDED,
+    MarkKind.REPLAN: StripKind.REPLANNED,
+    MarkKind.SEEN_OPEN: StripKind.SEEN_OPEN,
+    MarkKind.SEEN_BLOCKED: StripKind.SEEN_BLOCKED,
+    MarkKind.WORLD: StripKind.WORLD_CHANGED,
+    MarkKind.DOOR_OPENED: StripKind.DOOR_OPENED,
+    MarkKind.DOOR_CLOSED: StripKind.DOOR_CLOSED,
+    MarkKind.PRUNE: StripKind.PRUNED,
+    MarkKind.FAILURE: StripKind.FAILED,
+    MarkKind.COLLISION: StripKind.COLLISION,
+}
+"""All but those of queries, whose rows say more than the mark."""
 
 
 class StripRow(NamedTuple):
@@ -64,6 +77,7 @@ class StripMarks:
         self._taken = len(run.events)
 
     def _mark(self, event: e.Event) -> tuple[StripKind, int, int] | None:
+        found = event_mark(event, self._plan)
         match event:
             case e.QueryStarted(query=query, goal=goal):
                 self._plan = None
@@ -74,49 +88,19 @@ class StripMarks:
             case e.Judged(query=query, reached=False) if self._arrived:
                 return StripKind.QUERY_ENDED, query, QueryEnd.WRONG
             case e.Planned(nodes=nodes):
-                before, self._plan = self._plan, nodes
-                is_new = before is not None and is_other_plan(nodes, before)
-                return (StripKind.REPLANNED, *_ends(nodes)) if is_new else None
-            case e.AttemptEnded(source=source, target=target, succeeded=False):
-                return (StripKind.FAILED, target, _NOBODY) if source is None else (StripKind.FAILED, source, target)
-            case e.Collided():
-                return StripKind.COLLISION, _NOBODY, _NOBODY
-            case e.GraphChanged(delta=delta):
-                return _change_of_map(delta)
-            case e.WorldChanged(change=DoorMoved(door=door, is_open=is_open)):
-                return StripKind.DOOR_OPENED if is_open else StripKind.DOOR_CLOSED, door, _NOBODY
-            case e.WorldChanged(change=change) if not isinstance(change, PersonMoved | PersonLeft):
-                return StripKind.WORLD_CHANGED, _NOBODY, _NOBODY
+                self._plan = nodes
             case _:
-                return None
+                pass
+        if found is None:
+            return None
+        first, second, *_ = (*found.about, _NOBODY, _NOBODY)
+        return _KINDS[found.kind], first, second
 
 
 def _end(outcome: e.Outcome) -> QueryEnd:
     if outcome is e.Outcome.CANCELLED:
         return QueryEnd.CANCELLED
     return QueryEnd.REACHED if outcome is e.Outcome.ARRIVED else QueryEnd.FAILED
-
-
-def _ends(nodes: Sequence[NodeId]) -> tuple[int, int]:
-    return (nodes[0], nodes[-1]) if nodes else (_NOBODY, _NOBODY)
-
-
-def _change_of_map(delta: d.GraphDelta) -> tuple[StripKind, int, int] | None:
-    if delta.cause in d.BULK_CAUSES:
-        return None
-    match delta:
-        case d.EdgeAdded(edge=edge):
-            return StripKind.ADDED, edge.source, edge.target
-        case d.NodeAdded(node=node):
-            return StripKind.ADDED, node.id, _NOBODY
-        case d.EdgePruned(source=source, target=target):
-            return StripKind.PRUNED, source, target
-        case d.NodeDropped(node=node):
-            return StripKind.PRUNED, node, _NOBODY
-        case d.PresenceObserved(source=source, target=target, present=present):
-            return StripKind.SEEN_OPEN if present else StripKind.SEEN_BLOCKED, source, target
-        case _:
-            return None
 
 
 class StripLibrary:

@@ -12,13 +12,16 @@ export OPENBLAS_NUM_THREADS ?= 1
 PROCESSES ?= 2
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loadscope --no-loadscope-reorder
 
-.PHONY: help demo test test-fast campaign coverage format lint type check bench docs pictures clean
+.PHONY: help demo robot-demo test test-fast campaign coverage format lint type check bench docs pictures clean
 
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
 demo: $(STAMP)  ## Open the page on the demo apartment and its ready-made map.
 	$(BIN)/ltvn app
+
+robot-demo: $(STAMP)  ## Open the page on a robot of ROS 2: the simulated one, with router and guard.
+	$(BIN)/ltvn demo --robot
 
 test: $(STAMP) chromium  ## Run every test, the browser's among them.
 	$(PYTEST)

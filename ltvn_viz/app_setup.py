@@ -25,6 +25,7 @@ from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
 from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.link_report import link_of
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -49,6 +50,7 @@ from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.replay_method import ReplayMethods
 from ltvn_viz.session.rerun_viewers import RerunViewers
+from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.worker import PatientWorker, Worker
 
 logger = logging.getLogger(__name__)
@@ -117,6 +119,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
         rerun=RerunViewers(stack).address,
         world=world,
+        link=_link(backend),
         build_options=BuildOptions(
             preset=options.preset,
             system=options.system,
@@ -125,6 +128,11 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
             seed=options.seed,
         ),
     )
+
+
+def _link(backend: Backend) -> RobotLink | None:
+    ask = link_of(backend.robot)
+    return None if ask is None or backend.robot is None else RobotLink(backend.robot.spec.name, ask)
 
 
 def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) -> None:

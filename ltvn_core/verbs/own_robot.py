@@ -10,7 +10,8 @@ import numpy as np
 
 from ltvn_core.composition import open_predictor
 from ltvn_core.errors import OptionError, RobotError
-from ltvn_core.navigation.events import Event, Outcome, QueryEnded, StampedEvent, Tick
+from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded
+from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded, StampedEvent, Tick
 from ltvn_core.navigation.lifelong_run import random_goals
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.choice import ImageSource
@@ -97,12 +98,23 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
             navigator = Navigator(recorded, loaded.graph, keyframes, predictor, system.method, rng, system=system)
             nodes = list(loaded.graph.nodes)
             goals = [options.goal] if options.goal is not None else list(random_goals(nodes, options.queries, rng))
-            outcome = _summary([_drive_to(navigator, robot, writer, goal, n) for n, goal in enumerate(goals)])
+            changes: Counter[type] = Counter()
+            ended = []
+            for query, goal in enumerate(goals):
+                ended.append(_drive_to(navigator, robot, writer, goal, query, changes))
+                state = robot.state()
+                writer.draw_graph(loaded.graph, state.step, state.stamp)
+            outcome = _summary(ended, changes)
     return options.finish(opened, run, outcome, time.monotonic() - started)
 
 
-def _drive_to(navigator: Navigator, robot: Robot, writer: RecordingWriter, goal: NodeId, query: int) -> QueryEnded:
-    """Run a query in real time and record it. Raises RobotError where the robot is lost; it stands then."""
+def _drive_to(
+    navigator: Navigator, robot: Robot, writer: RecordingWriter, goal: NodeId, query: int, changes: Counter[type]
+) -> QueryEnded:
+    """Run a query in real time, record it, and count in `changes` what became of the map.
+
+    Raises RobotError where the robot is lost; it stands then.
+    """
     ended: QueryEnded | None = None
     try:
         with closing(navigator.query(goal, query)) as events:  # type: ignore[type-var]  # A generator.
@@ -111,6 +123,8 @@ def _drive_to(navigator: Navigator, robot: Robot, writer: RecordingWriter, goal:
                     robot.clock.advance(CONTROL_STEP_S)
                     continue
                 _record(robot, writer, event)
+                if isinstance(event, GraphChanged):
+                    changes[type(event.delta)] += 1
                 ended = event if isinstance(event, QueryEnded) else ended
     except RobotError as error:
         raise RobotError(f"{error} The query to node {goal} is over; {writer.path} has what came before.") from error
@@ -124,13 +138,13 @@ def _record(robot: Robot, writer: RecordingWriter, event: Event) -> None:
     writer.write_event(StampedEvent(state.step, state.stamp, event))
 
 
-def _summary(ended: list[QueryEnded]) -> QueriesSummary:
+def _summary(ended: list[QueryEnded], changes: Counter[type]) -> QueriesSummary:
     failures = Counter(str(each.outcome) for each in ended if each.outcome is not Outcome.ARRIVED)
     return QueriesSummary(
         queries=len(ended),
         reached=len(ended) - failures.total(),
         collisions=sum(each.collisions for each in ended),
-        pruned=0,
-        added=0,
+        pruned=changes[EdgePruned],
+        added=changes[EdgeAdded] + changes[NodeAdded],
         failures=dict(failures),
     )

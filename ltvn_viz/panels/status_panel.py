@@ -7,7 +7,7 @@ from html import escape
 import viser
 
 from ltvn_core.navigation.events import Severity
-from ltvn_viz.panels.health import health_button, health_numbers
+from ltvn_viz.panels.health import health_button, health_numbers, link_line
 from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row, filled_bar, with_keys
 from ltvn_viz.panels.notifications import SECONDS
 from ltvn_viz.server.keymap import Action
@@ -77,6 +77,8 @@ def _line(snapshot: Snapshot) -> str:
     mode = f'<span class="lt-mode" data-mode="{snapshot.mode}" data-rec="{is_recording}">{snapshot.mode}</span>'
     parts = [f'<span data-ltvn-copy="mode">{mode}</span>']
     parts.append(health_button(snapshot))
+    if snapshot.link is not None:
+        parts.append(link_line(snapshot.link))
     if recording.name is not None:
         parts.append(f"<span>rec <b>{recording.seconds:.0f}</b> s, <b>{recording.frames:,}</b> images</span>")
     return f'<div class="lt" role="status"><div class="lt-line">{"".join(parts)}</div>{health_numbers(snapshot)}</div>'

@@ -32,6 +32,7 @@ from ltvn_viz.session.place_lookup import PlaceLookup
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.recording_maker import RecordingMaker
 from ltvn_viz.session.rerun_viewers import rerun_unavailable
+from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.session.viewpoint import Viewpoint
@@ -145,6 +146,8 @@ class AppState:
     """From where the person looks at the scene; None where there is no page."""
     world: ChangeableWorld | None = None
     """The simulated world that a person may change; None for a robot in a real one."""
+    link: RobotLink | None = None
+    """The link to a robot in a real world that tells of it; None in simulation."""
     story: StoryTeller | None = None
     """The story that is told, or was told last."""
     shown_stamp: float | None = None
@@ -186,8 +189,12 @@ class AppState:
 
     def fail(self, text: str) -> None:
         """After an error: the robot stands, a query is dropped, the page says why."""
+        self.drop()
+        self.say(text, Severity.ERROR)
+
+    def drop(self) -> None:
+        """Let the robot stand, and leave a query where it is."""
         self.live.robot.stop()
         self.work = None
         if isinstance(self.activity, Navigation | MapBuilding):
             self.activity = self.teleop
-        self.say(text, Severity.ERROR)

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Set
 from typing import Protocol
 
-from ltvn_core.errors import LtvnError
+from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
 from ltvn_viz.server.driver_seat import ClientId
@@ -176,6 +176,7 @@ class Session:
         """Let a tick of robot time pass."""
         state = self._state
         self._serve_watchers()
+        _watch_link(state)
         state.worker.collect()
         self._record()
         state.fine_tuning.collect()
@@ -221,13 +222,27 @@ class Session:
         try:
             part()
         except LtvnError as error:
-            self._state.fail(str(error))
+            link = self._state.link
+            if link is not None and link.news is not None and isinstance(error, RobotError):
+                self._state.drop()  # What there is to say of it was said.
+            else:
+                self._state.fail(str(error))
         except Exception as error:
             logger.exception("the session failed")
             self._state.fail(
                 f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped and what "
                 "was recorded is kept. The log on the console says more; please report it."
             )
+
+
+def _watch_link(state: AppState) -> None:
+    """Say when the link to the robot breaks, which ends a query, and when it is back."""
+    news = None if state.link is None else state.link.look()
+    if news is None:
+        return
+    if news.is_lost:
+        state.cancel(news.text)
+    state.say(news.text, news.severity)
 
 
 def _hold_without_pages(state: AppState, absence: Absence | None) -> None:

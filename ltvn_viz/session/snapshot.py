@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.navigation.events import Severity
+from ltvn_core.robots.link_report import LinkReport
 from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
@@ -191,6 +192,8 @@ class Snapshot:
     """Fingerprint of the weights in use."""
     world: WorldView | None = None
     """What can be changed in the simulated world; None in a replay, and for a robot in a real one."""
+    link: LinkReport | None = None
+    """How well the robot is heard; None in simulation, and in a replay."""
     story: tuple[str, ...] = ()
     """What “Watch it learn” told so far."""
     inspection: Inspection = NO_INSPECTION

@@ -143,6 +143,7 @@ def _live(state: AppState) -> Snapshot:
         gallery=state.goals.gallery,
         similar_nodes=state.goals.similar_nodes,
         world=None if state.world is None else state.world.view,
+        link=None if state.link is None else state.link.report,
         story=() if state.story is None else tuple(state.story.captions),
     )
 

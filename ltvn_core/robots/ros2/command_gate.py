@@ -1,7 +1,7 @@
 """What a guard lets through to the wheels: fresh commands, within the limits, and a zero once when they stop coming.
 
-Runs on a steady clock that is handed in. After silence, or after a pause of its own, a driver must send a zero before
-it may drive again. Sends nothing itself.
+Runs on a steady clock that is handed in. At the beginning, after silence, and after a pause of its own, a driver must
+send a zero before it may drive. Sends nothing itself.
 """
 
 import math
@@ -37,7 +37,7 @@ class CommandGate:
         self._output = ZERO_TWIST
         self._heard_s = -math.inf
         self._asked_s = clock()
-        self._must_stop_first = False
+        self._must_stop_first = True
 
     @property
     def must_stop_first(self) -> bool:

@@ -92,6 +92,8 @@ class CommandSender:
             elif self._moving and not self._is_connected():
                 self._break("the link to the robot broke")
             twist = self.lease.command()
+            if twist != ZERO_TWIST and not self._moving:
+                self._send(ZERO_TWIST)  # A guard that was started since lets nobody drive who did not stop first.
             if twist != ZERO_TWIST or self._moving:
                 self._send(twist)
             self._moving = twist != ZERO_TWIST

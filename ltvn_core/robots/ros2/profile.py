@@ -38,6 +38,8 @@ class Topics:
     """nav_msgs/Odometry."""
     command: str
     """geometry_msgs/Twist or TwistStamped: what moves the robot."""
+    battery: str = ""
+    """sensor_msgs/BatteryState; empty where there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +104,7 @@ class RobotProfile:
         named = {f"topics.{each.name}": getattr(self.topics, each.name) for each in fields(self.topics)}
         named["driving.guard_topic"] = self.driving.guard_topic
         for place, topic in named.items():
-            if not _TOPIC.fullmatch(topic):
+            if not _TOPIC.fullmatch(topic) and (topic or place != "topics.battery"):
                 raise RobotError(f"{place} is {topic!r:.60}; a topic is written as /camera/color/image_raw.")
         if self.driving.guard_topic == self.topics.command:
             raise RobotError("driving.guard_topic is topics.command too, so that the guard would hear itself.")

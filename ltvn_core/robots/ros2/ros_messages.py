@@ -132,6 +132,12 @@ def read_odometry(message: Any, source: str) -> Pose:
     return np.array([place.position.x, place.position.y, yaw])
 
 
+def read_battery(message: Any) -> float | None:
+    """Return how full a BatteryState says that the battery is, in [0, 1]; None where it is not measured."""
+    share = float(message.percentage)
+    return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
+
+
 def _vector(x: float, y: float, z: float) -> Any:
     return _make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
 

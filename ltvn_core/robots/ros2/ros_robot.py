@@ -3,6 +3,7 @@
 Owns what counts as stale. Opened by `open_ros_robot` from PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447.
 """
 
+import math
 import time
 from functools import partial
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.robots.link_report import STALE_S, LinkReport
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.robots.ros2.command_sender import CommandSender
@@ -19,14 +21,13 @@ from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_images import IMAGE, decode_colours, decode_metres
 from ltvn_core.robots.ros2.ros_messages import twist_message
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.ros_types import BATTERY, ODOMETRY, TWIST, TWIST_STAMPED
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, RobotState, Twist
 
-STALE_S = 0.5
-"""An image older than this is no image of now."""
+_CLOCKS_APART_S = 1.0
 _PATIENCE_S = 10.0
 """So long a robot may take to send its first image."""
 
@@ -90,8 +91,6 @@ class RosRobot:
 
         Raises RobotError where it is older than 0.5 s, or where driving broke off and the driver has not let go yet.
         """
-        if (reason := self._sender.break_reason) is not None:
-            raise RobotError(f"{self.profile.name} was stopped: {reason}. Let go for a moment, then drive again.")
         moment = self._newest()
         age_s = time.monotonic() - moment.arrived_s
         if age_s > STALE_S:
@@ -101,6 +100,8 @@ class RosRobot:
                 f"{self.profile.name}: its newest image is {age_s:.1f} s old, so it is not driven: "
                 f"{self.inbox.complaint(time.monotonic())}.{link}"
             )
+        if (reason := self._sender.break_reason) is not None:
+            raise RobotError(f"{self.profile.name} was stopped: {reason}. Let go for a moment, then drive again.")
         if self._seen is None or (self._seen[0] is not moment and self._seen[0].stamp_s != moment.stamp_s):
             self._seen = moment, self._decoded(moment)
         return self._seen[1]
@@ -111,7 +112,7 @@ class RosRobot:
         if not kept:
             raise RobotError(f"{self.profile.name}: {self.inbox.complaint(time.monotonic())}.")
         newest = kept[-1]
-        stamp = newest.stamp_s - self._began_s
+        stamp = self._own_s(newest.stamp_s, newest.arrived_s)
         return RobotState(newest.content, stamp, max(self._step, int(stamp / CONTROL_STEP_S)), False)
 
     def drive(self, twist: Twist) -> None:
@@ -121,6 +122,20 @@ class RosRobot:
     def stop(self) -> None:
         """Send a zero now."""
         self._sender.stop()
+
+    def link_report(self) -> LinkReport:
+        """Say how well the robot is heard now."""
+        now_s, inbox = time.monotonic(), self.inbox
+        moment, odometry_age_s = inbox.newest(), inbox.odometry.age_s(now_s)
+        return LinkReport(
+            is_connected=self.link.is_connected,
+            picture_age_s=math.inf if moment is None else now_s - moment.arrived_s,
+            odometry_age_s=math.inf if odometry_age_s is None else odometry_age_s,
+            pictures_hz=inbox.colour.rate_hz(now_s),
+            lost_share=inbox.colour.lost_share,
+            battery=inbox.battery,
+            stopped_because=self._sender.break_reason,
+        )
 
     def close(self) -> None:
         """Stop, and leave."""
@@ -141,6 +156,8 @@ class RosRobot:
         self.link.subscribe(odometry, inbox.take_odometry, partial(self._refuse, inbox.odometry))
         info = Topic(topics.camera_info, CAMERA_INFO, domain)
         self.link.subscribe(info, inbox.take_camera_info, partial(self._refuse, inbox.colour))
+        if topics.battery:
+            self.link.subscribe(Topic(topics.battery, BATTERY, domain), inbox.take_battery, self._complaints.say)
 
     def _refuse(self, stream: Stream, error: RobotError) -> None:
         stream.refusal = str(error)
@@ -174,9 +191,16 @@ class RosRobot:
                 f"{topics.depth} is {depth.shape[1]} x {depth.shape[0]} but {topics.colour} is {rgb.shape[1]} x "
                 f"{rgb.shape[0]}; name the topic of depth that is aligned with the colours."
             )
-        stamp = moment.stamp_s - self._began_s
+        stamp = self._own_s(moment.stamp_s, moment.arrived_s)
         self._step = max(self._step + 1, int(stamp / CONTROL_STEP_S))
         return Observation(rgb=rgb, depth=depth, odometry=moment.odometry, stamp=stamp, step=self._step)
+
+    def _own_s(self, stamp_s: float, arrived_s: float) -> float:
+        """Return a stamp of the robot on the clock of this one, which goes on where the robot's is set."""
+        expected_s = self.clock.now() - (time.monotonic() - arrived_s)
+        if abs(stamp_s - self._began_s - expected_s) > _CLOCKS_APART_S:
+            self._began_s = stamp_s - expected_s
+        return stamp_s - self._began_s
 
     def _send(self, twist: Twist) -> None:
         self._commands.put(twist_message(twist, time.time() if self._kind == TWIST_STAMPED else None))

@@ -15,6 +15,7 @@ from ltvn_core.errors import RobotError
 TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
+BATTERY = "sensor_msgs/msg/BatteryState"
 
 NO_HASH = "TypeHashNotSupported"
 """What robots with ROS 2 Humble say in place of a hash."""

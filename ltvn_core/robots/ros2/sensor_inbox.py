@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.freshness import Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.ros_messages import read_odometry, read_stamp
+from ltvn_core.robots.ros2.ros_messages import read_battery, read_odometry, read_stamp
 from ltvn_core.robots.ros2.zenoh_link import Received
 from ltvn_core.types import Pose
 
@@ -20,7 +20,10 @@ TOGETHER_S = 0.05
 MOST_LATE_S = 0.5
 """What took so much longer on its way than the quickest is not used."""
 _CLOCK_JUMP_S = 1.0
+_JUMPS = 10
+"""So many stamps in a row from another time are believed."""
 _KEPT = 30
+_LATELY_S = 2.0
 
 
 class Stamped(NamedTuple):
@@ -30,6 +33,8 @@ class Stamped(NamedTuple):
     """On the robot's clock."""
     arrived_s: float
     """On our steady clock."""
+    sequence: int
+    """Counts the messages of its sender."""
     content: Any
 
 
@@ -53,24 +58,32 @@ class Stream:
         self.kept: deque[Stamped] = deque(maxlen=_KEPT)
         self.count = 0
         self.freshness = Freshness(topic, most_late_s=MOST_LATE_S)
+        self._jumps = 0
         self.refusal: str | None = None
         """What was wrong with the last message; None where it was used."""
 
     def add(self, received: Received, content: Any) -> None:
-        """Keep a message. Raises RobotError where it is late, or the robot's clock jumped."""
+        """Keep a message. Raises RobotError where it is late, or of another time."""
         self.freshness.admit(received.attachment, received.arrived_s)
-        item = Stamped(read_stamp(received.message, self.topic), received.arrived_s, content)
-        if self.kept:
-            last = self.kept[-1]
-            jump_s = (item.stamp_s - last.stamp_s) - (item.arrived_s - last.arrived_s)
-            if abs(jump_s) > _CLOCK_JUMP_S:
-                self.kept.clear()
-                raise RobotError(
-                    f"{self.topic}: stamps jumped by {jump_s:+.1f} s; the robot's clock was set. Connect again."
-                )
+        stamp_s, sequence = read_stamp(received.message, self.topic), received.attachment.sequence
+        item = Stamped(stamp_s, received.arrived_s, sequence, content)
+        self._check_clock(item)
         self.kept.append(item)
         self.count += 1
         self.refusal = None
+
+    def _check_clock(self, item: Stamped) -> None:
+        """Forget what was before the robot's clock was set. Raises RobotError until that is sure."""
+        if not self.kept:
+            return
+        last = self.kept[-1]
+        jump_s = (item.stamp_s - last.stamp_s) - (item.arrived_s - last.arrived_s)
+        self._jumps = self._jumps + 1 if abs(jump_s) > _CLOCK_JUMP_S else 0
+        if 0 < self._jumps < _JUMPS:
+            raise RobotError(f"{self.topic}: its stamps jumped by {jump_s:+.1f} s; was the robot's clock set?")
+        if self._jumps:
+            self.kept.clear()
+            self._jumps = 0
 
     def nearest(self, stamp_s: float) -> Stamped | None:
         """Return the message of that moment."""
@@ -80,6 +93,18 @@ class Stream:
     def age_s(self, now_s: float) -> float | None:
         """Return how long ago the last message came; None where none did."""
         return now_s - self.kept[-1].arrived_s if self.kept else None
+
+    def rate_hz(self, now_s: float) -> float:
+        """Return how many messages a second came in the last two seconds."""
+        lately = [each.arrived_s for each in list(self.kept) if each.arrived_s > now_s - _LATELY_S]
+        return len(lately) / (now_s - lately[0] if len(lately) == _KEPT else _LATELY_S)
+
+    @property
+    def lost_share(self) -> float:
+        """Return the share of the newest messages, in [0, 1], that were sent and did not come."""
+        kept = list(self.kept)
+        sent = kept[-1].sequence - kept[0].sequence + 1 if kept else 1
+        return max(0.0, 1 - len(kept) / sent) if kept else 0.0
 
 
 class SensorInbox:
@@ -91,6 +116,8 @@ class SensorInbox:
         self.colour, self.depth, self.odometry = map(Stream, (topics.colour, topics.depth, topics.odometry))
         self.camera_info: Any = None
         """The last CameraInfo."""
+        self.battery: float | None = None
+        """How full it is, in [0, 1]; None where the robot does not say."""
         self._changed = threading.Condition(threading.RLock())
 
     @property
@@ -116,6 +143,10 @@ class SensorInbox:
         with self._changed:
             self.camera_info = received.message
             self._changed.notify_all()
+
+    def take_battery(self, received: Received) -> None:
+        """Keep how full the battery is."""
+        self.battery = read_battery(received.message)
 
     def newest(self) -> Moment | None:
         """Return the newest moment of which colours, depth and odometry have come."""

@@ -6,8 +6,10 @@ stands still, and a robot on the wall's clock is held as soon as a thought takes
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext, suppress
 from queue import SimpleQueue
 
+from ltvn_core.errors import RobotError
 from ltvn_core.navigation.events import Event, Tick
 from ltvn_core.types import CONTROL_STEP_S, NodeId
 from ltvn_viz.session.live_run import LiveRun
@@ -107,7 +109,8 @@ class Navigation:
             self._cancel()
         elif self._steps_left:
             self._steps_left -= 1
-        self._live.capture()  # Events name images by their step, so the image comes first.
+        with suppress(RobotError) if self.is_stopping else nullcontext():  # A query ends also where the robot is lost.
+            self._live.capture()  # Events name images by their step, so the image comes first.
         self._thinking = True
         self._worker.submit(self._pull, self._pulled)
 

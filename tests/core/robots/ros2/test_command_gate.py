@@ -36,7 +36,17 @@ def clock() -> Hand:
 
 @pytest.fixture
 def gate(clock: Hand) -> CommandGate:
-    return CommandGate(clock, speeds=SpeedLimits(), accelerations=SLOW_STARTER)
+    gate = CommandGate(clock, speeds=SpeedLimits(), accelerations=SLOW_STARTER)
+    gate.hear(ZERO_TWIST)
+    return gate
+
+
+def test_a_gate_that_was_just_opened_wants_a_stop_first(clock: Hand) -> None:
+    gate = CommandGate(clock, speeds=SpeedLimits(), accelerations=SLOW_STARTER)
+
+    assert drive(gate, clock, Twist(0.2, 0.0), 0.3) == [None] * 6
+    assert gate.hear(ZERO_TWIST) == ZERO_TWIST
+    assert drive(gate, clock, Twist(0.2, 0.0), 0.3)[-1] == Twist(0.2, 0.0)
 
 
 def drive(gate: CommandGate, clock: Hand, twist: Twist, seconds: float) -> list[Twist | None]:

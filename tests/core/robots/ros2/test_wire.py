@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.typesys import Stores, get_typestore
 from zenoh_ros2_sdk import entity as their_entities
 from zenoh_ros2_sdk import qos as their_qos
 from zenoh_ros2_sdk.attachment import Attachment as TheirAttachment
@@ -80,6 +81,24 @@ def test_an_image_is_its_size_encoding_and_pixels() -> None:
     expected.put("B", *range(12))
 
     assert encode(image_message(pixels, STAMP_S)) == expected.bytes()
+
+
+def test_a_depth_image_is_floats_in_metres_that_another_library_reads() -> None:
+    metres = np.array([[0.5, 1.25, 0.0], [np.nan, 3.0, 9.75]], np.float32)
+    expected = Cdr().header("camera_color_optical_frame").put("I", 2, 3).text("32FC1").put("B", 0).put("I", 12, 24)
+    expected.put("f", *metres.ravel().tolist())
+
+    assert encode(image_message(metres, STAMP_S)) == expected.bytes()
+    theirs: Any = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(expected.bytes(), IMAGE)
+    np.testing.assert_array_equal(theirs.data.view(np.float32).reshape(2, 3), metres)
+
+
+def test_depth_in_millimetres_is_read_from_either_end() -> None:
+    for order, is_big in (("<", 0), (">", 1)):
+        image = Cdr().header("camera").put("I", 1, 2).text("16UC1").put("B", is_big).put("I", 4, 4)
+        image.body += struct.pack(f"{order}2H", 500, 12_000)
+
+        np.testing.assert_allclose(decode_metres(decode(image.bytes(), IMAGE, "/depth"), "/depth"), [[0.5, 12.0]])
 
 
 def test_odometry_is_a_pose_and_speeds_with_their_covariances() -> None:

@@ -1,0 +1,70 @@
+"""Watches the link to a robot that is not simulated, and says in plain words when it breaks and comes back.
+
+Owns these words. Stops nobody: the robot does that by itself.
+"""
+
+from collections.abc import Callable
+from enum import Enum, auto
+from typing import NamedTuple
+
+from ltvn_core.navigation.events import Severity
+from ltvn_core.robots.link_report import LinkQuality, LinkReport
+
+
+class LinkNews(NamedTuple):
+    """What a person must read about the link."""
+
+    text: str
+    severity: Severity
+    is_lost: bool
+
+
+class _Phase(Enum):
+    FINE = auto()
+    LOST = auto()
+    HELD = auto()
+    """It is there again, but whoever drove before has not let go yet."""
+
+
+class RobotLink:
+    """The link of one robot."""
+
+    def __init__(self, name: str, ask: Callable[[], LinkReport]) -> None:
+        """Watch the robot called `name`; `ask` returns what is known of its link now."""
+        self._name, self._ask = name, ask
+        self._phase = _Phase.FINE
+        self.report = ask()
+        """What was known at the last look."""
+        self.news: LinkNews | None = None
+        """What there is to say while the robot is not driven; None while all is well."""
+
+    def look(self) -> LinkNews | None:
+        """Look again, and return what is new."""
+        self.report = self._ask()
+        before, self._phase = self._phase, self._phase_of(self.report)
+        if self._phase is before:
+            return None
+        self.news = self._words()
+        return self.news or LinkNews(
+            f"{self._name} is heard again. It stands; drive it, or choose a goal.", Severity.INFO, is_lost=False
+        )
+
+    def _phase_of(self, report: LinkReport) -> _Phase:
+        if report.quality is LinkQuality.LOST:
+            return _Phase.LOST
+        return _Phase.FINE if report.stopped_because is None else _Phase.HELD
+
+    def _words(self) -> LinkNews | None:
+        match self._phase:
+            case _Phase.FINE:
+                return None
+            case _Phase.LOST:
+                what = "sends no pictures" if self.report.is_connected else "cannot be heard: the link broke"
+                text = (
+                    f"{self._name} {what}. It stands, and what was recorded is kept. The link comes back by itself; "
+                    "driving does not."
+                )
+                return LinkNews(text, Severity.ERROR, is_lost=True)
+            case _Phase.HELD:
+                text = f"{self._name} was stopped: {self.report.stopped_because}. Let go of the keys, then drive again."
+                return LinkNews(text, Severity.WARN, is_lost=False)

@@ -1,6 +1,7 @@
 """`ltvn serve`: the simulated robot as a robot of ROS 2, in real time."""
 
 import logging
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -38,11 +39,15 @@ class ServeVerb(Verb):
     """Columns of its images; three quarters as many rows."""
     world: str | None = None
     """Let the scene change by itself: static, doors, daily, moving, light, people, ..., or a JSON file."""
+    start: tuple[float, float, float] | None = None
+    """Where it stands first: x and y in metres of the scene, and degrees from the x axis; else drawn by --seed."""
     seed: int = 0
     """Draws the start, the odometry noise and what changes in the world."""
 
     def run(self) -> Summary:
         """Serve until interrupted; raises OptionError, RobotError and SceneError."""
+        import numpy as np
+
         from ltvn_core.composition import open_script, open_simulation
         from ltvn_core.robots.robot_spec import LOCOBOT
         from ltvn_core.robots.ros2.profile import open_profile
@@ -58,12 +63,16 @@ class ServeVerb(Verb):
             raise OptionError(
                 f"{profile.name} has its camera on its side, and the simulator draws upright; use another."
             )
+        start = None if self.start is None else np.array([*self.start[:2], math.radians(self.start[2])])
         simulation = open_simulation(
             self.scene,
             seed=self.seed,
+            start=start,
             spec=profile.spec(LOCOBOT.camera.scaled(self.width, max(self.width * 3 // 4, 1))),
             script=None if self.world is None else open_script(self.world, self.scene, seed=self.seed),
         )
+        if start is not None and simulation.scene.clearance.at(start[:2]) < profile.body.radius_m:
+            raise OptionError(f"--start {start[0]:g} {start[1]:g} is in or beside something that stands there.")
         join = ZenohLink.connect if self.connect else ZenohLink.listen
         robot = simulation.robot
         with join(self.connect or self.listen or LOOPBACK, node="ltvn_simulator", domain=profile.domain) as link:

@@ -59,7 +59,7 @@ def robot_processes(scene: str, *options: str) -> Iterator[RobotProcesses]:
         started.append(router)
         robot = _start(ServeVerb, ("--scene", scene, "--connect", address, *options))
         started.append(robot)
-        guard = _start(GuardVerb, (f"{PROFILE}@{address}",))
+        guard = start_guard(f"{PROFILE}@{address}")
         started.append(guard)
         _wait_for_all(address, started)
         yield RobotProcesses(address, router, robot, guard)
@@ -73,6 +73,11 @@ def start_router(address: str) -> BaseProcess:
     _, host, port = check_address(address)
     _until(lambda: _answers(host, port), [router], f"No router came up at {address}.")
     return router
+
+
+def start_guard(place: str) -> BaseProcess:
+    """Start the guard of PROFILE@ADDRESS."""
+    return _start(GuardVerb, (place,))
 
 
 def _start(verb: type[Verb], options: Sequence[str]) -> BaseProcess:

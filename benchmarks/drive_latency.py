@@ -68,7 +68,7 @@ class _Keyboard:
         return 1e3 * (heard - pressed)
 
     def _say(self, *held: str) -> None:
-        message = {"type": "drive", "held": held, "stick": [0, 0], "slow": False, "epoch": self._epoch}
+        message = {"type": "drive", "held": held, "stick": [0, 0], "slow": False, "epoch": self._epoch, "age": 0}
         self._socket.send(json.dumps(message))
 
 

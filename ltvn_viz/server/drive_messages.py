@@ -27,6 +27,8 @@ class DriveMessage:
 
     held: HeldInput
     epoch: int
+    age_s: float
+    """So long ago the page itself, which may be busy drawing, last knew this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +69,10 @@ def parse_message(text: str | bytes) -> PageMessage:
     if not isinstance(fields, dict):
         raise MessageError("not an object")
     match fields:
-        case {"type": "drive", "held": held, "stick": stick, "slow": bool(slow), "epoch": epoch} if len(fields) == 5:
-            return DriveMessage(HeldInput(_directions(held), _stick(stick), slow), _whole(epoch))
+        case {"type": "drive", "held": held, "stick": stick, "slow": bool(slow), "epoch": epoch, "age": age} if (
+            len(fields) == 6
+        ):
+            return DriveMessage(HeldInput(_directions(held), _stick(stick), slow), _whole(epoch), _whole(age) / 1000)
         case {"type": "action", "action": str(action), "id": target} if len(fields) == 3:
             return ActionMessage(_action(action), None if target is None else _whole(target))
         case {"type": "link", "query": str(query)} if len(fields) == 2:
@@ -120,7 +124,7 @@ def _stick(value: Any) -> tuple[float, float]:
 
 def _whole(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_ID:
-        raise MessageError("epoch and id must be whole numbers from 0")
+        raise MessageError("epoch, age (ms) and id must be whole numbers from 0")
     return value
 
 

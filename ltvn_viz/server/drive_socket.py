@@ -221,8 +221,8 @@ class DriveSocket:
             case HereMessage():
                 self.presence.hear(page.client)
                 return
-            case DriveMessage(held, epoch):
-                self.seat.receive(page.client, held, epoch)
+            case DriveMessage(held, epoch, age_s):
+                self.seat.receive(page.client, held, epoch, age_s)
             case ActionMessage(Action.STOP):
                 self.seat.stop(page.client)
             case ActionMessage(Action.TAKE_OVER):

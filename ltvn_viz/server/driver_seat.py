@@ -5,6 +5,8 @@ Pure logic over a clock that is handed in; knows no socket and no robot. Safe to
 * One driver at a time. The seat is taken by the first input while it is free, or by `take_over`.
 * A held input is a lease: it counts for `lease_s` after the last message. `current_twist` is a function of time, so a
   thread that polls it stops the robot even when the thread that receives messages hangs.
+* A page that draws slowly hears of its person's hand late, and says how late. Such an input drives the slower the older
+  it is, and no longer counts at `hand_limit_s`, whoever still repeats it.
 * After every stop that the driver did not ask for by letting go, a new *epoch* begins, in which nobody is *armed*. A
   client is armed by an empty input that names the present epoch. So nothing that was held before the stop, and no
   message that was on its way, can start the robot again.
@@ -25,6 +27,8 @@ ClientId: TypeAlias = int
 
 LEASE_S = 0.25
 """A held input counts for this long after its last heartbeat."""
+HAND_LIMIT_S = 1.0
+"""A held input never counts for longer after the page last knew what the hand does."""
 IDLE_S = 30.0
 """The seat is free again after this long without input."""
 MAX_LINEAR_M_S = 0.5
@@ -103,15 +107,21 @@ class DriverSeat:
     """Decide who drives and how fast, now."""
 
     def __init__(
-        self, *, lease_s: float = LEASE_S, idle_s: float = IDLE_S, clock: Callable[[], float] = time.monotonic
+        self,
+        *,
+        lease_s: float = LEASE_S,
+        hand_limit_s: float = HAND_LIMIT_S,
+        idle_s: float = IDLE_S,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.lease_s = lease_s
+        self._hand_limit_s = max(hand_limit_s, lease_s)
         self._idle_s = idle_s
         self._clock = clock
         self._lock = threading.RLock()
         self._driver: ClientId | None = None
         self._twist: Twist | None = None
-        self._beat = self._active = clock()
+        self._counts_until = self._active = clock()
         self._epoch = 0
         self._armed: set[ClientId] = set()
         self._reason: StopReason | None = None
@@ -132,16 +142,14 @@ class DriverSeat:
             self._expire(now)
             return self._twist
 
-    def receive(self, client: ClientId, held: HeldInput, epoch: int) -> None:
-        """Take one message with everything the client holds and the epoch it knows."""
+    def receive(self, client: ClientId, held: HeldInput, epoch: int, age_s: float = 0.0) -> None:
+        """Take one message with everything the client held `age_s` ago, and the epoch it knows."""
         with self._lock:
             self._expire()
             if held.is_empty:
                 self._let_go(client, epoch)
             elif epoch == self._epoch and client in self._armed and self.try_sit(client):
-                self._beat = self._active = self._clock()
-                self._twist = held.twist()
-                self._events.append(DriveAccepted(client, self._twist))
+                self._drive(client, held.twist(), age_s)
             else:
                 # A watcher's held key must not start the robot when the seat becomes free: it has to be pressed anew.
                 self._armed.discard(client)
@@ -196,7 +204,7 @@ class DriverSeat:
         """Return when something will expire by itself, in seconds of the clock; None for never."""
         with self._lock:
             if self._twist is not None:
-                return self._beat + self.lease_s
+                return self._counts_until
             return None if self._driver is None or self._is_kept else self._active + self._idle_s
 
     def take_events(self) -> list[SeatEvent]:
@@ -209,11 +217,21 @@ class DriverSeat:
     def _expire(self, now: float | None = None) -> None:
         """Let time do what it has done by `now`. Every door into the seat passes here first."""
         now = self._clock() if now is None else now
-        if self._twist is not None and now - self._beat >= self.lease_s:
+        if self._twist is not None and now >= self._counts_until:
             self._begin_epoch(self._driver, StopReason.INPUT_LOST)
         is_idle = self._twist is None and not self._is_kept and now - self._active >= self._idle_s
         if self._driver is not None and is_idle:
             self._driver = None
+
+    def _drive(self, client: ClientId, twist: Twist, age_s: float) -> None:
+        if age_s >= self._hand_limit_s:
+            return  # Repeated by a page that knows nothing of the hand any more; what counted before runs out.
+        now = self._active = self._clock()
+        self._counts_until = now + min(self.lease_s, self._hand_limit_s - age_s)
+        late = max(0.0, age_s - self.lease_s)
+        share = 1.0 - late / (self._hand_limit_s - self.lease_s) if late else 1.0
+        self._twist = Twist(share * twist.linear_m_s, share * twist.angular_rad_s)
+        self._events.append(DriveAccepted(client, self._twist))
 
     def _let_go(self, client: ClientId, epoch: int) -> None:
         if epoch == self._epoch:

@@ -37,6 +37,8 @@ SCRIPTS = (
     "timeline_view.js",
     "timeline.js",
     "details.js",
+    "drawing_speed.js",
+    "drawing.js",
     "main.js",
 )
 STYLES = ("loading.css", "layout.css", "ltvn.css", "timeline.css")

@@ -1,7 +1,8 @@
 // Everything that is held at this moment, on keys, pad and gamepad together.
 //
-// The whole set is sent on each change and, while anything is held, 20 times a second: the server stops the robot when
-// the heartbeat stays away. Nothing here remembers what was held before the page lost sight of its input.
+// The whole set is told to the socket's worker on each change and, while anything is held, 20 times a second. The worker
+// repeats it to the server, which stops the robot when the heartbeat stays away or says that this page knows nothing new.
+// Nothing here remembers what was held before the page lost sight of its input.
 
 const HEARTBEAT_MS = 50;
 
@@ -57,7 +58,7 @@ function heldChanged() {
 }
 
 function report() {
-  send({ type: "drive", held: [...new Set(held.values())], stick, slow: isSlow, epoch: seat.epoch });
+  tellHeld({ type: "drive", held: [...new Set(held.values())], stick, slow: isSlow, epoch: seat.epoch });
 }
 
 function dropAllWhenOutOfSight() {

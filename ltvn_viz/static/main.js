@@ -2,6 +2,7 @@
 
 nameViserSocket();
 keepViserNarrow();
+smoothOnlyWhereQuick();
 listenToKeys();
 listenToGamepads();
 listenToClicks();
@@ -12,5 +13,6 @@ document.addEventListener("DOMContentLoaded", () => {
   layOut();
   showTimeline();
   showRights();
+  watchDrawing();
   appIsThere.then(connect);
 });

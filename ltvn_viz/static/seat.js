@@ -13,6 +13,10 @@ function send(message) {
   if (seat.isOpen) socket.postMessage({ type: "send", text: JSON.stringify(message) });
 }
 
+function tellHeld(message) {
+  if (seat.isOpen) socket.postMessage({ type: "hold", message });
+}
+
 function ask(action, id = null) {
   refusedBy = null;
   send({ type: "action", action, id });

@@ -1,6 +1,9 @@
 // The page's connection to the robot, in a thread of its own. So the server hears that the page is there however long
 // the page draws, and while it is behind another one, where a page's own timers run once a second. A page that was
 // frozen, or does not answer its worker any more, is not there.
+//
+// What is held is repeated here, so that no key is lost while the page draws. Each time it says how long ago the page
+// itself last knew it; the server lets an old hand drive slowly, and soon not at all.
 
 const HERE_MS = 50;
 const RECONNECT_MS = 500;
@@ -10,6 +13,9 @@ const HUNG_MS = 10000;
 let socket = null;
 let isFrozen = false;
 let answered = performance.now();
+let held = null; // What the page holds, as it last said, and when it did.
+let heldAt = 0;
+let heldText = "";
 
 function connect(address) {
   socket = new WebSocket(address);
@@ -19,6 +25,7 @@ function connect(address) {
     else postMessage({ type: "heard", text: data });
   };
   socket.onclose = () => {
+    held = null;
     postMessage({ type: "lost" });
     setTimeout(connect, RECONNECT_MS, address);
   };
@@ -28,6 +35,24 @@ function send(text) {
   if (socket !== null && socket.readyState === WebSocket.OPEN) socket.send(text);
 }
 
+function hold(message) {
+  heldAt = performance.now();
+  const text = JSON.stringify(message);
+  if (held !== null && text === heldText) return; // It goes out with the next beat.
+  heldText = text;
+  held = message.held.length > 0 || message.stick.some((part) => part !== 0) ? message : null;
+  sendHeld(message);
+}
+
+function sendHeld(message) {
+  send(JSON.stringify({ ...message, age: Math.round(performance.now() - heldAt) }));
+}
+
+function beat() {
+  sayHere();
+  if (held !== null && !isFrozen) sendHeld(held);
+}
+
 function sayHere() {
   if (!isFrozen && performance.now() - answered < HUNG_MS) send('{"type":"here"}');
 }
@@ -35,8 +60,9 @@ function sayHere() {
 onmessage = ({ data }) => {
   answered = performance.now();
   if (data.type === "connect") connect(data.address);
+  else if (data.type === "hold") hold(data.message);
   else if (data.type === "send") send(data.text);
   else if (data.type === "freeze") isFrozen = data.frozen;
 };
-setInterval(sayHere, HERE_MS);
+setInterval(beat, HERE_MS);
 setInterval(postMessage, ASK_MS, { type: "ask" });

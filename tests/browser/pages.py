@@ -10,6 +10,9 @@ from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.waiting import PATIENCE_MS, PATIENCE_S
 
+_DRAW_FULLY = """
+try { localStorage.setItem("ltvn-drawing", "full"); } catch { /* A page without an address of its own. */ }
+"""
 _DRAW_SELDOM = """
 requestAnimationFrame = (callback) => setTimeout(() => callback(performance.now()), 200);
 cancelAnimationFrame = clearTimeout;
@@ -21,11 +24,17 @@ for (const call of ["drawElements", "drawArrays", "drawElementsInstanced", "draw
 """
 
 
+def draw_fully(pages: BrowserContext | Page) -> None:
+    """Let pages that are opened from now on draw all there is, however slowly this machine does."""
+    pages.add_init_script(_DRAW_FULLY)
+
+
 def draw_seldom(pages: BrowserContext | Page) -> None:
     """Let pages that are opened from now on draw five times a second.
 
     Without a graphics card the processor draws, which would leave little of it to the tests.
     """
+    draw_fully(pages)
     pages.add_init_script(_DRAW_SELDOM)
 
 

@@ -101,6 +101,22 @@ def test_a_page_that_thaws_with_the_key_still_down_does_not_start_the_robot_agai
     door.hold(page)
 
 
+def test_a_page_that_is_busy_keeps_its_hold_but_never_for_longer_than_the_limit(chromium: Browser) -> None:
+    lease_s, hand_limit_s = 1.2, 3.0
+    be_busy = "(seconds) => { const end = performance.now() + 1000 * seconds; while (performance.now() < end); }"
+    seat = DriverSeat(lease_s=lease_s, hand_limit_s=hand_limit_s)
+    with GuardedServer(seat=seat) as server, open_drive_page(server, chromium) as door:
+        page = door.open()
+        door.hold(page)
+        page.evaluate(be_busy, 1.5 * lease_s)
+        door.told.next_drive()
+        assert door.told.stops.empty()
+        page.evaluate(be_busy, 1.5 * hand_limit_s)
+        free_again = time.monotonic()
+        stopped, reason = door.told.next_stop()
+        assert (reason, stopped < free_again) == (StopReason.INPUT_LOST, True)
+
+
 def test_a_hung_server_thread_cannot_keep_the_robot_moving(door: DrivePage) -> None:
     def drive_and_hang() -> float:
         page = door.open()

@@ -142,14 +142,14 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     page.get_by_role("button", name="Open", exact=True).click()
     now = until_shown(app, lambda now: now.mode is Mode.REPLAY)
     assert now.replay is not None
-    slider = page.get_by_role("slider").locator("visible=true").first
+    slider = page.get_by_role("slider", name="moment on show")
     slider.focus()
     slider.press("End")
     now = until_shown(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
     assert now.moment.frames > 1
     slider.press("Home")
     until_shown(app, lambda now: now.replay is not None and now.replay.time_s == 0)
-    page.get_by_role("button", name="Play", exact=True).click()
+    page.get_by_role("button", name="play", exact=True).click()
     until_shown(app, lambda now: now.replay is not None and now.replay.time_s > 0.2)
     page.get_by_role("button", name="Back to the robot").click()
     until_shown(app, lambda now: now.mode is Mode.TELEOP)

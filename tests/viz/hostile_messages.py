@@ -115,6 +115,7 @@ class HostileMessages:
                             "stick": [self._random.uniform(-1, 1), self._random.uniform(-1, 1)],
                             "slow": self._random.random() < 0.5,
                             "epoch": self._random.randrange(50),
+                            "age": self._random.randrange(2000),
                         },
                         {"type": "link", "query": self._link()},
                         {"type": "here"},

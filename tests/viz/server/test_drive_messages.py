@@ -8,12 +8,12 @@ from ltvn_viz.server.drive_messages import ActionMessage, DriveMessage, MessageE
 from ltvn_viz.server.driver_seat import HeldInput
 from ltvn_viz.server.keymap import Action, Direction
 
-DRIVE = {"type": "drive", "held": ["forward"], "stick": [0, 0], "slow": False, "epoch": 3}
+DRIVE = {"type": "drive", "held": ["forward"], "stick": [0, 0], "slow": False, "epoch": 3, "age": 40}
 ACTION = {"type": "action", "action": "stop", "id": None}
 
 
 def test_a_drive_message_carries_everything_that_is_held() -> None:
-    assert parse_message(json.dumps(DRIVE)) == DriveMessage(HeldInput(frozenset({Direction.FORWARD})), 3)
+    assert parse_message(json.dumps(DRIVE)) == DriveMessage(HeldInput(frozenset({Direction.FORWARD})), 3, 0.04)
 
 
 def test_an_action_may_name_what_was_clicked() -> None:
@@ -34,6 +34,8 @@ def test_an_action_may_name_what_was_clicked() -> None:
         {"epoch": -1},
         {"epoch": 1.5},
         {"epoch": 2**60},
+        {"age": -1},
+        {"age": 0.5},
         {"extra": 1},
         {"type": "fly"},
     ],

@@ -4,6 +4,7 @@ import pytest
 
 from ltvn_core.types import Twist
 from ltvn_viz.server.driver_seat import (
+    HAND_LIMIT_S,
     IDLE_S,
     LEASE_S,
     MAX_ANGULAR_RAD_S,
@@ -70,6 +71,45 @@ def test_a_held_key_drives_until_it_is_let_go(seat: DriverSeat) -> None:
 
 def test_a_page_that_never_said_that_nothing_is_held_cannot_drive(seat: DriverSeat) -> None:
     hold(seat, ANN)
+    assert seat.current_twist() is None
+
+
+def test_a_page_that_draws_slowly_keeps_its_hold_and_drives_the_slower_the_older_it_is(
+    seat: DriverSeat, clock: Clock
+) -> None:
+    arm(seat, ANN)
+    speeds: list[float] = []
+    for age_ms in range(0, 800, 50):
+        seat.receive(ANN, FORWARD, 0, age_ms / 1000)
+        twist = seat.current_twist()
+        assert twist is not None
+        speeds.append(twist.linear_m_s)
+        clock.wait(0.05)
+    assert speeds[0] == speeds[5] == MAX_LINEAR_M_S
+    assert speeds[5:] == sorted(speeds[5:], reverse=True)
+    assert 0 < speeds[-1] < MAX_LINEAR_M_S / 2
+    hold(seat, ANN)
+    assert seat.current_twist() == Twist(MAX_LINEAR_M_S, 0.0)
+
+
+def test_nobody_repeats_a_held_key_for_longer_than_the_limit(seat: DriverSeat, clock: Clock) -> None:
+    drive(seat, ANN)
+    for age_ms in range(50, round(1000 * HAND_LIMIT_S), 50):
+        clock.wait(0.05)
+        seat.receive(ANN, FORWARD, 0, age_ms / 1000)
+    assert seat.current_twist() is not None
+    clock.wait(0.05)
+    seat.receive(ANN, FORWARD, 0, HAND_LIMIT_S)
+    assert seat.current_twist() is None
+    assert seat.take_events()[-1] == MotionStopped(ANN, StopReason.INPUT_LOST)
+
+
+def test_a_worker_that_dies_stops_the_robot_within_the_lease_however_patient_it_was(
+    seat: DriverSeat, clock: Clock
+) -> None:
+    drive(seat, ANN)
+    seat.receive(ANN, FORWARD, 0, 0.5)
+    clock.wait(LEASE_S)
     assert seat.current_twist() is None
 
 

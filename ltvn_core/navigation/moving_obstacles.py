@@ -66,6 +66,8 @@ class MovingObstacles:
         free = np.zeros(len(points), bool)
         asked = np.arange(len(points))
         for scan in reversed(self._scans):
+            if not len(asked):
+                break
             if _YOUNGEST_S <= stamp - scan.stamp <= _OLDEST_S:
                 was_free, was_there = _votes(scan, points[asked])
                 free[asked] |= was_free

@@ -10,7 +10,7 @@ import numpy as np
 
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.loop_closures import ObservationSequence
-from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.observation_trail import ObservationTrail
@@ -50,14 +50,14 @@ class Perception:
         self._at_step = -1
         self._observation: Observation | None = None
         self._features: Features | None = None
-        self._node_matches: dict[NodeId, NodeMatch] = {}
+        self._matches: dict[NodeId, Matches] = {}
 
     @property
     def observation(self) -> Observation:
         """The current observation, a new one if the robot has moved since the last."""
         if self._observation is None or self._at_step != self._motion.steps:
             self._observation, self._at_step = self._motion.observe(), self._motion.steps
-            self._features, self._node_matches = None, {}
+            self._features, self._matches = None, {}
             self._on_look(self._observation)
         return self._observation
 
@@ -93,13 +93,10 @@ class Perception:
         """Compare the current observation with a node; one that is not usable resembles nothing."""
         if not self.is_usable:
             return NodeMatch(reachability=0.0, distance=np.inf, waypoint=np.zeros(3))
-        image = self.features  # First, because a new observation clears what was compared with the last one.
-        if node not in self._node_matches:
-            found = self._matcher.match(image, (node,))
-            self._node_matches[node] = NodeMatch(
-                float(found.reachability[0]), float(found.distances[0]), found.waypoints[0], bool(found.by_view[0])
-            )
-        return self._node_matches[node]
+        found = self._match(node)
+        return NodeMatch(
+            float(found.reachability[0]), float(found.distances[0]), found.waypoints[0], bool(found.by_view[0])
+        )
 
     def observations_around(self, node: NodeId, reach: int) -> Iterator[tuple[Observation, Pose]]:
         """Yield the image of a node and those of the drive before and after it, with the poses (3,) seen from it."""
@@ -111,7 +108,11 @@ class Perception:
 
     def with_node_support(self, node: NodeId) -> NodeMatch:
         """Compare the current observation with a node; r counts only as far as its temporal neighbours agree."""
-        found = self._matcher.match(self.features, (node,))
-        return self.node_match(node)._replace(
-            reachability=float(self._matcher.with_node_support(found, self.features).reachability[0])
-        )
+        supported = self._matcher.with_node_support(self._match(node), self.features)
+        return self.node_match(node)._replace(reachability=float(supported.reachability[0]))
+
+    def _match(self, node: NodeId) -> Matches:
+        image = self.features  # First, because a new observation clears what was compared with the last one.
+        if node not in self._matches:
+            self._matches[node] = self._matcher.match(image, (node,))
+        return self._matches[node]

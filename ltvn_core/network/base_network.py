@@ -39,6 +39,8 @@ class ComparedBatch(NamedTuple, Generic[FeaturesT]):
 class BaseNetwork(nn.Module, Generic[FeaturesT]):
     """f(o_i, o_j) -> (r, dx, dy, dtheta), in an `encode` per image and a `compare` per pair."""
 
+    is_traceable = False
+    """Whether `compare` does the same operations whatever the pairs and however many, so that they can be recorded."""
     calibration: Tensor
     """(2,) scale and offset of the logit, fitted on validation after training (Platt)."""
 

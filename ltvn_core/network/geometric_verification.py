@@ -62,7 +62,7 @@ class GeometricVerification(nn.Module):
         points = self.surfaces(depth, [motion, motion.inverse(), still])
         valid = depth > 0
         agreement = self.agreement(points[:2], valid[:2], torch.stack([source_depth, target_depth]))
-        to_targets, to_sources = self.clearance(points[::2], valid[::2], motion.shift)
+        to_targets, to_sources = self.clearance(points[::2], valid[::2], motion.shift).unbind()
         ahead_m = motion.shift[:, 0]
         single = [self.room_ahead(source_depth, motion.shift), to_sources, to_targets, ahead_m.clamp(-4, 4)]
         return torch.cat([agreement[0], agreement[1], torch.stack(single, dim=-1)], dim=-1)
@@ -86,7 +86,7 @@ class GeometricVerification(nn.Module):
         # In units of a tolerance that grows with distance, as the errors of depth and of the motion do.
         excess = (observed - away) / (0.1 + 0.1 * away.clamp(min=0)) * inside
         counted = torch.stack([excess > 1, excess < -1, inside, valid]).to(depth.dtype).sum(-1)
-        free, occluded, seen, whole = counted
+        free, occluded, seen, whole = counted.unbind()
         shares = torch.stack([seen - free - occluded, free, occluded, whole - seen], dim=-1)
         return shares / whole[..., None].clamp(min=1)
 

@@ -15,6 +15,8 @@ from ltvn_core.network.prefilter import PrefilterScores, coarse_descriptors, sim
 class PairNetwork(BaseNetwork[ImageFeatures]):
     """Encodes each image into tokens in space, matches two images' tokens and aligns what matched."""
 
+    is_traceable = True
+
     def __init__(self, size: PairArchitecture | None = None) -> None:
         super().__init__()
         size = size or PairArchitecture()

@@ -18,6 +18,7 @@ from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.cards.driving_calibration import measured_likelihoods
+from ltvn_core.network.comparison import Comparison
 from ltvn_core.network.device import CPU, device_of, limit_threads, to_tensor
 from ltvn_core.network.image_features import pack as pack_features
 from ltvn_core.network.prefilter import PrefilterScores
@@ -51,6 +52,7 @@ class NetworkPredictor:
         The card beside `weights` tells what was measured of it.
         """
         self._network = network.eval()
+        self._compare = Comparison(network)
         self._device = device_of(network)
         self._fingerprint = fingerprint
         self._prefilter_from = prefilter_from
@@ -122,14 +124,10 @@ class NetworkPredictor:
         waypoints = [np.empty((0, 3))]
         for first in range(0, len(targets), _PAIRS_AT_ONCE):
             part = slice(first, first + _PAIRS_AT_ONCE)
-            rows = targets[part]
-            there = self._network.unpack(self._tensor(rows))
-            here = self._network.unpack(self._tensor(sources if len(sources) == 1 else sources[part]))
-            if len(sources) == 1:
-                here = here._make([part.expand(len(rows), *part.shape[1:]) for part in here])
-            output = self._network.compare(here, there)
-            reachability.append(self._network.reachability(output.logit).double().cpu().numpy())
-            waypoints.append(pose_to_waypoints(output.pose))
+            rows = sources if len(sources) == 1 else sources[part]
+            found, pose = self._compare(self._tensor(rows), self._tensor(targets[part]))
+            reachability.append(found.double().cpu().numpy())
+            waypoints.append(pose_to_waypoints(pose))
         return Prediction(np.concatenate(reachability), np.concatenate(waypoints))
 
     @torch.inference_mode()

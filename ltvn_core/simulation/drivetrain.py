@@ -20,6 +20,8 @@ class Drivetrain:
 
     def follow(self, command: Twist, duration_s: float) -> Twist:
         """Change the speeds towards `command` for `duration_s` seconds and return them."""
+        if command == self.speeds:
+            return self.speeds  # As in most of the 240 ticks of a second.
         limits = self._limits
         linear_m_s = _approach(
             self.speeds.linear_m_s,

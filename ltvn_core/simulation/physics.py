@@ -71,7 +71,7 @@ class PhysicsWorld:
         """Whether the body is in contact with an obstacle now."""
         # Bullet also lists pairs that are merely close, with a positive distance.
         contacts = self._bullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
-        return any(contact[8] < _CONTACT_GAP_M for contact in contacts)
+        return bool(contacts) and any(contact[8] < _CONTACT_GAP_M for contact in contacts)
 
     def set_obstacles(self, group: str, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
         """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); none takes them away."""

@@ -63,6 +63,8 @@ class Odometer:
 
     def move(self, forward_m: float, left_m: float, turn_rad: float) -> None:
         """Add a small true motion, given in the robot's frame at its beginning."""
+        if not (forward_m or left_m or turn_rad):
+            return
         driven = math.hypot(forward_m, left_m)
         scale = 1 + self._distance_error
         turn = turn_rad * (1 + self._angle_error) + driven * self._drift

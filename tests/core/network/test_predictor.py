@@ -1,13 +1,15 @@
 """The predictor answers the same however pairs are batched, and refuses what it cannot read."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 import torch
 
 from ltvn_core.errors import ImageError
+from ltvn_core.network.architecture import EnsembleArchitecture, PairArchitecture
 from ltvn_core.network.image_features import pack, row_length, unpack
+from ltvn_core.network.network_families import build_network
 from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.types import Predictor
@@ -55,6 +57,24 @@ def test_batching_changes_neither_features_nor_predictions(predictor: NetworkPre
     whole = predictor.predict(together, together[::-1])
     parts = [predictor.predict(together[k : k + 1], together[5 - k : 6 - k]) for k in range(6)]
     np.testing.assert_allclose(whole.reachability, np.concatenate([p.reachability for p in parts]), atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [SMALL, EnsembleArchitecture(**{**asdict(SMALL), "name": "ensemble"})])
+def test_answers_are_the_same_to_the_last_bit_before_and_after_the_operations_are_recorded(
+    size: PairArchitecture,
+) -> None:
+    torch.manual_seed(3)
+    asked = NetworkPredictor(build_network(size), "")
+    features = asked.encode(tiny_observations(9))
+    pairs = [(features[:count], features[-count:]) for count in (1, 2, 9)] + [(features[:1], features)]
+    first = [asked.predict(*each) for each in pairs]
+    for _ in range(30):
+        asked.predict(*pairs[1])
+    assert asked._compare._recorded is not None
+    for pair, before in zip(pairs, first, strict=True):
+        after = asked.predict(*pair)
+        np.testing.assert_array_equal(after.reachability, before.reachability)
+        np.testing.assert_array_equal(after.waypoints, before.waypoints)
 
 
 def test_cached_features_give_what_the_network_gives_directly(predictor: NetworkPredictor) -> None:

@@ -80,9 +80,9 @@ def _along(ramp: NDArray[np.float64], shares: ArrayLike) -> NDArray[np.uint8]:
     )
 
 
-def probability_gradient_css() -> str:
-    """Return the colours of p = 0 to 1 as a style sheet lists the stops of a gradient."""
-    return ", ".join(Rgb8(*(int(part) for part in stop)).css for stop in PROBABILITY_RAMP)
+def gradient_css(ramp: NDArray[np.float64]) -> str:
+    """Return the colours of a ramp (N, 3) as a style sheet lists the stops of a gradient."""
+    return ", ".join(Rgb8(*(int(part) for part in stop)).css for stop in ramp)
 
 
 def srgb_to_linear(colours: ArrayLike) -> NDArray[np.uint8]:

@@ -29,7 +29,8 @@ from ltvn_viz.panels.debugger_panel import DebuggerPanel
 from ltvn_viz.panels.drive_panel import DrivePanel
 from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
 from ltvn_viz.panels.follow_camera import FollowCamera
-from ltvn_viz.panels.html_widgets import grey_for_watchers, legend_html
+from ltvn_viz.panels.html_widgets import grey_for_watchers
+from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import Notifications, OwnNotices
 from ltvn_viz.panels.replay_panel import ReplayPanel
@@ -106,7 +107,7 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui, send)
     why_tab = tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION)
-    gui.add_html(legend_html() + grey_for_watchers(shared_elements(gui)))
+    gui.add_html(grey_for_watchers(shared_elements(gui)))
     camera = CameraPanel(gui, pages.show_picture)
 
     def own_parts(client: viser.ClientHandle) -> Sequence[PagePart]:
@@ -115,7 +116,8 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
             follow = FollowCamera(client.gui, lambda: [client])
         with why_tab:
             why = DebuggerPanel(client.gui, partial(pages.send_from, client.client_id))
-        return [follow, why, DebuggerLayer(client.scene), OwnNotices(client)]
+        legend = LegendPanel(client.gui)
+        return [follow, why, legend, DebuggerLayer(client.scene), OwnNotices(client)]
 
     own = OwnParts(clients, own_parts, pages.number_of)
     return [

@@ -16,6 +16,7 @@ from ltvn_core import palette
 from ltvn_core.evaluation.map_layout import MapLayout
 from ltvn_core.evaluation.results import MapDrawing
 from ltvn_core.graph.deltas import Edge
+from ltvn_core.reports.map_legend import legend_height_m, map_legend
 
 _MARGIN_M = 0.3
 _NODE_M = 0.05
@@ -31,10 +32,11 @@ class _Box(NamedTuple):
 
 
 def map_svg(drawn: MapLayout) -> str:
-    """Return a self-contained SVG in metres, x to the right and y up."""
+    """Return a self-contained SVG in metres, x to the right and y up, with title, legend and scale bar below."""
     box = _box(drawn.plan)
     # A picture's y goes down, so everything is drawn with its sign turned.
-    view = f"{box.x_m:.3f} {-(box.y_m + box.height_m):.3f} {box.width_m:.3f} {box.height_m:.3f}"
+    whole_m = box.height_m + legend_height_m(box.width_m)
+    view = f"{box.x_m:.3f} {-(box.y_m + box.height_m):.3f} {box.width_m:.3f} {whole_m:.3f}"
     style = (
         f"text{{font:.25px sans-serif;fill:{palette.TEXT.css}}}.e{{stroke-width:.025;fill:none}}"
         f".e:hover,.e.on{{stroke-width:.07}}.n{{fill:{palette.NODE.css};stroke:{palette.NODE.css};stroke-width:.02}}"
@@ -45,10 +47,11 @@ def map_svg(drawn: MapLayout) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" id="scene" viewBox="{view}" role="img">',
         f"<title>{escape(drawn.title)}</title><style>{style}</style>",
         f'<rect x="{box.x_m:.3f}" y="{-(box.y_m + box.height_m):.3f}" width="{box.width_m:.3f}" '
-        f'height="{box.height_m:.3f}" fill="{palette.BACKGROUND.css}"/>',
+        f'height="{whole_m:.3f}" fill="{palette.BACKGROUND.css}"/>',
         *_floor(drawn.plan),
         *_edges(drawn),
         *_nodes(drawn),
+        *map_legend(drawn, box.x_m, -box.y_m, box.width_m),
         "</svg>",
     ]
     return "\n".join(parts)

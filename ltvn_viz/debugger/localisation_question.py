@@ -84,7 +84,8 @@ class LocalisationQuestion(Question[FindAliases]):
         self._past_margins(context, builder)
         strokes = self._perceptual_aliases(context, builder)
         nodes = shown.colours if shown is not None else {}
-        return builder.build(Overlay(strokes, nodes) if nodes or strokes else EMPTY_OVERLAY)
+        drawn = Overlay(strokes, nodes, is_of_likeness=bool(nodes))
+        return builder.build(drawn if nodes or strokes else EMPTY_OVERLAY)
 
     def handle_request(self, context: DebugContext, request: FindAliases) -> None:
         """Search for places that look alike."""

@@ -15,6 +15,7 @@ from ltvn_core import palette
 from ltvn_core.errors import SceneError
 from ltvn_core.evaluation.map_layout import MapLayout
 from ltvn_core.recording.reader import Recording
+from ltvn_core.reports.map_legend import bar_length_m
 from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
 from ltvn_viz.layers.graph_layers import offset_right
 from ltvn_viz.layers.lights_and_camera import add_lights, set_initial_camera
@@ -31,6 +32,9 @@ POLICY = (
 )
 """Everything is in the file, and the browser is told so."""
 
+BAR_BEFORE_M, BAR_TICK_M = 0.4, 0.12
+"""The scale bar lies so far before the floor, with ticks of so much to each side at its ends."""
+
 
 def scene_html(recording: Recording, drawn: MapLayout) -> str:
     """Return a page in which one orbits, moves and zooms by mouse and touch. Takes seconds; raises ServerError.
@@ -45,8 +49,10 @@ def scene_html(recording: Recording, drawn: MapLayout) -> str:
         add_lights(server.scene)
         poses = np.array([row[1:] for row in drawn.plan.nodes])
         _draw(server.scene, drawn, poses)
-        floor = floor_bounds(recording.meta.scene)
-        set_initial_camera(server.viser, *(floor or (poses[:, :2].min(axis=0) - 1.0, poses[:, :2].max(axis=0) + 1.0)))
+        known = floor_bounds(recording.meta.scene)
+        floor = known or (poses[:, :2].min(axis=0) - 1.0, poses[:, :2].max(axis=0) + 1.0)
+        _lay_scale_bar(server.scene, *floor)
+        set_initial_camera(server.viser, *floor)
         return _finished(server.scene.as_html(dark_mode=True), drawn)
 
 
@@ -72,6 +78,17 @@ def _draw(scene: viser.SceneApi, drawn: MapLayout, poses: NDArray[np.float64]) -
     LineSegments(scene, "/graph/spurious", 5.0).draw(points(segments[spurious], CHANGE_Z), wrong)
 
 
+def _lay_scale_bar(scene: viser.SceneApi, low: NDArray[np.floating], high: NDArray[np.floating]) -> None:
+    """Lay a bar of known length onto the floor, in front of its corner `low` (2,)."""
+    length = bar_length_m(float(high[0] - low[0]))
+    start = np.array([low[0], low[1] - BAR_BEFORE_M, 0.0], np.float32)
+    end = start + np.array([length, 0, 0], np.float32)
+    tick = np.array([0, BAR_TICK_M, 0], np.float32)
+    bar = np.stack([np.stack([start, end]), np.stack([start - tick, start + tick]), np.stack([end - tick, end + tick])])
+    LineSegments(scene, "/scale/bar", 3.0).draw(bar, np.full((len(bar), 3), palette.TEXT, np.uint8))
+    scene.add_label("/scale/label", f"{length:g} m", position=(start + end) / 2 - 2 * tick)
+
+
 def _finished(html: str, drawn: MapLayout) -> str:
     """Give viser's page its name, its legend and its policy."""
     if html.count("<title>Viser</title>") != 1 or html.count("<body>") != 1 or html.count("<head>") != 1:
@@ -81,7 +98,7 @@ def _finished(html: str, drawn: MapLayout) -> str:
     legend = template.format(
         title=escape(drawn.title),
         counts=f"{len(graph.nodes):,} nodes, {len(graph.edges):,} edges",
-        ramp=palette.probability_gradient_css(),
+        ramp=palette.gradient_css(palette.PROBABILITY_RAMP),
         wrong=f'<div><b style="color:{palette.EDGE_REMOVED.css}">━</b> nobody can drive it: {wrong}</div>'
         if drawn.simulated
         else "",

@@ -70,6 +70,13 @@ STYLE = f"""<style>
 .lt-table div {{ display: flex; flex-direction: column; }}
 .lt-table b {{ font-size: 1.15em; color: #f1f3f5; font-weight: 600; font-variant-numeric: tabular-nums; }}
 .lt-table span {{ color: #a6a7ab; }}
+.lt-legend {{ display: flex; flex-wrap: wrap; gap: 0 .9em; font-size: .8125rem; line-height: 1.6; }}
+.lt-legend span {{ display: inline-flex; gap: .35em; align-items: center; white-space: nowrap; }}
+.lt-legend i {{ width: .8em; height: .8em; border-radius: 2px; }}
+.lt-legend .lt-ramp {{ flex: 1 1 12em; }}
+.lt-legend .lt-ramp i {{ flex: 1; height: .65em; }}
+.lt-legend [data-shown="0"] {{ opacity: .6; }}
+.lt-legend [data-shown="0"] i {{ opacity: .4; }}
 .lt-why > div {{ margin: .25em 0; color: #ced4da; }}
 .lt-link {{ color: #74b0ff; cursor: pointer; text-decoration: underline; }}
 .lt-pair {{ display: flex; gap: .4em; }}
@@ -201,26 +208,3 @@ class HtmlBlock:
         """Show `content`, whose foreign parts the caller has escaped."""
         if content != self.content:
             self._handle.content = self.content = content
-
-
-def legend_html() -> str:
-    """Return the legend of the scene's colours."""
-    keys = {
-        "plan": palette.PLAN,
-        "goal": palette.GOAL,
-        "new edge": palette.EDGE_ADDED,
-        "pruned or blocked edge": palette.EDGE_REMOVED,
-    }
-    chips = "".join(
-        f'<span style="white-space:nowrap"><span style="display:inline-block;width:.8em;height:.8em;border-radius:2px;'
-        f'background:{colour.css};margin-right:.35em;vertical-align:-1px"></span>{name}</span>'
-        for name, colour in keys.items()
-    )
-    return (
-        '<div class="ltvn-only-narrow" style="padding:.2em .75em"><div data-ltvn-copy="legend">'
-        '<div style="font-size:.8125rem;line-height:1.6">'
-        '<div style="display:flex;gap:.5em;align-items:center"><span>edge p&nbsp;0</span>'
-        '<span style="flex:1;height:.65em;border-radius:3px;'
-        f'background:linear-gradient(90deg,{palette.probability_gradient_css()})"></span>'
-        f'<span>1</span></div><div style="display:flex;flex-wrap:wrap;gap:0 .9em">{chips}</div></div></div></div>'
-    )

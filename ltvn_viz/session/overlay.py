@@ -37,6 +37,8 @@ class Overlay:
     ghosts: tuple[tuple[float, float, float], ...] = ()
     """Poses x, y, yaw at which a see-through robot stands."""
     labels: tuple[Label, ...] = ()
+    is_of_likeness: bool = False
+    """Nodes are coloured by how alike they look."""
 
 
 EMPTY_OVERLAY = Overlay()

@@ -17,6 +17,7 @@ from ltvn_viz.panels.drive_panel import DrivePanel
 from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
 from ltvn_viz.panels.follow_camera import FollowCamera
 from ltvn_viz.panels.html_widgets import HtmlBlock, with_keys
+from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import SECONDS, Notifications
 from ltvn_viz.panels.replay_panel import ReplayPanel
@@ -25,7 +26,9 @@ from ltvn_viz.server.keymap import Action
 from ltvn_viz.server.thumbnails import LIMIT, ThumbnailStore
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.goals import farthest_points
+from ltvn_viz.session.inspection import QuestionAnswer
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.overlay import Overlay
 from ltvn_viz.session.snapshot import (
     CameraImage,
     FineTuningPhase,
@@ -138,6 +141,26 @@ def test_building_a_map_can_be_cancelled_where_it_was_begun(server: viser.ViserS
     assert is_enabled(panel.map.content, Action.CANCEL)
     panel.show(snapshot)
     assert Action.CANCEL not in panel.map.content
+
+
+def test_the_legend_is_bright_for_what_is_shown_now(server: viser.ViserServer, snapshot: Snapshot) -> None:
+    panel = LegendPanel(server.gui)
+
+    def is_bright(name: str) -> bool:
+        item = next(part for part in panel.legend.content.split("<span") if f"</i>{name}</span>" in part)
+        return 'data-shown="1"' in item
+
+    panel.show(Snapshot())
+    assert not is_bright("node")
+    assert not is_bright("goal")
+    panel.show(replace(snapshot, selected=snapshot.gallery[0]))
+    assert is_bright("node")
+    assert is_bright("goal")
+    assert not is_bright("pruned or blocked edge")
+    assert "alike" not in panel.legend.content
+    answer = QuestionAnswer("", overlay=Overlay(is_of_likeness=True))
+    panel.show(replace(snapshot, inspection=replace(snapshot.inspection, answer=answer)))
+    assert "alike" in panel.legend.content
 
 
 def controls(*panels: object) -> int:

@@ -4,24 +4,28 @@ import html
 import re
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.graph.deltas import GraphDelta, PresenceObserved
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import Collided
+from ltvn_core.navigation.events import Collided, Event, GraphChanged, QueryStarted
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.debugger.compared_map import BEFORE_FIRST_QUERY
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionName
+from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from tests.repository import RECORDINGS
 from tests.viz.debugger.answer_links import links
+from tests.viz.debugger.seen_edges import HOUR, open_harness, see
 from tests.viz.session_harness import FakeDriver
 
 PRUNED, TRUSTED = (1489, 2621), (3081, 2226)
@@ -164,6 +168,58 @@ def test_all_answers_count_the_same_collisions_and_failures_at_every_moment(repl
         assert counted in replay.text(QuestionName.FAILURES)
 
 
+def test_what_if_begins_with_the_map_and_the_goal_of_the_moment(replay: Replay) -> None:
+    replay.do(c.PointAt(*PRUNED), c.ChooseQuestion(QuestionName.WHAT_IF), c.SubmitText("belief weight = 2"))
+    name, goals = "{}->{}".format(*PRUNED), set()
+    for seconds in moments(replay):
+        shown = replay.do(c.Seek(seconds))
+        count = replay.timeline.count_until(replay.timeline.instant_at(shown.moment.stamp))
+        told = replay.text(QuestionName.WHAT_IF)
+        is_there = PRUNED in replay.timeline.graph_at(replay.timeline.instant_at(shown.moment.stamp)).edges
+
+        assert (f"What if: without {name}" in told, f"What if: with {name}" in told) == (is_there, not is_there)
+        if (under_way := replay.timeline.query_at(count - 1)) is not None:
+            found = re.search(r"From \d+ to (\d+):", told)
+            assert found is None or int(found[1]) == under_way.goal, (seconds, told)
+            goals |= set() if found is None else {found[1]}
+    replay.do(c.SubmitText("forget all"))
+    assert len(goals) > 1
+
+
+def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> None:
+    harness = open_harness(tmp_path)
+    nodes = sorted(harness.state.live_map.graph.nodes)
+    harness.do(c.NavigateTo(nodes[-1]))
+    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    plan = max((each.planned.nodes for each in harness.state.live.timeline.plans), key=len)
+    harness.do(c.NavigateTo(plan[0]))
+    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    edge = plan[0], plan[1]
+    for at_s, present in ((9 * HOUR, False), (9.1 * HOUR, True), (9.2 * HOUR, False)):
+        see(harness, edge, at_s, present=present)
+        harness.wait(5)
+    harness.do(c.NavigateTo(nodes[-1]))
+    harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
+    harness.do(c.PointAt(*edge))
+    run, seen = harness.state.live.timeline, set()
+    for stamp in sorted({run.instant(number).stamp for number in range(len(run.events))})[::3]:
+        shown = harness.do(c.Seek(stamp - run.start_s), c.ChooseQuestion(QuestionName.PRESENCE), ticks=2)
+        before = run.events[: run.count_until(run.instant_at(shown.moment.stamp))]
+        looks = sum(isinstance(_delta(each.event), PresenceObserved) for each in before)
+        begun = {each.event.query for each in before if isinstance(each.event, QueryStarted)}
+
+        told = shown.inspection.html
+        assert told.count("<title>seen ") == looks
+        assert ("No edge was seen blocked up to now." in told) == (looks == 0)
+        tried = harness.do(c.ChooseQuestion(QuestionName.TRIED), ticks=2).inspection.html
+        named = {int(number) for number in re.findall(r"Query (\d+)", tried)}
+        assert named <= begun
+        assert not named or looks
+        seen.add((looks, bool(named)))
+    assert {0, 3} <= {looks for looks, _ in seen}
+    assert {False, True} == {named for _, named in seen}
+
+
 def test_no_answer_says_a_word_about_the_end_of_the_run_at_its_beginning(replay: Replay) -> None:
     replay.do(c.Seek(0.0), c.PointAt(*PRUNED))
 
@@ -173,6 +229,10 @@ def test_no_answer_says_a_word_about_the_end_of_the_run_at_its_beginning(replay:
     assert "failed" not in told
     assert "Later it leaves the map" in told
     assert "It left the map" not in told
+
+
+def _delta(event: Event) -> GraphDelta | None:
+    return event.delta if isinstance(event, GraphChanged) else None
 
 
 def _number(value: float | None) -> str:

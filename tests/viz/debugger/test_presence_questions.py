@@ -5,40 +5,20 @@ from pathlib import Path
 import pytest
 
 from ltvn_core import palette
-from ltvn_core.graph.deltas import Cause, PresenceObserved
-from ltvn_core.navigation.events import GraphChanged, WorldChanged
-from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.worlds.world_change import DoorMoved, TimePassed
+from ltvn_core.navigation.events import WorldChanged
+from ltvn_core.worlds.world_change import DoorMoved
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode
 from tests.viz.debugger.answer_links import follow, links
+from tests.viz.debugger.seen_edges import HOUR, open_harness, see
 from tests.viz.session_harness import SessionHarness
-
-HOUR = 3600.0
 
 
 @pytest.fixture
 def harness(tmp_path: Path) -> SessionHarness:
     """A live map whose plans look at presence; it is 8 o'clock."""
-    harness = SessionHarness(tmp_path)
-    live_map = harness.state.live_map
-    live_map.use_system(with_maintenance(live_map.system, "persistent"))
-    pass_time(harness, 8 * HOUR)
-    return harness
-
-
-def pass_time(harness: SessionHarness, until_s: float) -> None:
-    """Let the clock of the world jump."""
-    harness.state.live.emit(WorldChanged(TimePassed(0.0), at_s=until_s))
-
-
-def see(harness: SessionHarness, edge: tuple[int, int], at_s: float, *, present: bool) -> None:
-    """Let the live map learn that an edge is open or blocked."""
-    pass_time(harness, at_s)
-    seen = PresenceObserved(*edge, present=present, stamp=at_s, cause=Cause.SIGHT)
-    for delta in harness.state.live_map.change([seen]):
-        harness.state.live.emit(GraphChanged(delta, query=0))
+    return open_harness(tmp_path)
 
 
 def an_edge(harness: SessionHarness) -> tuple[int, int]:

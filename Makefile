@@ -59,6 +59,7 @@ docs: $(STAMP)  ## Build the documentation site into site/; it fetches nothing.
 pictures: $(STAMP) chromium  ## Take all pictures of the page for the documentation anew; long without a graphics card.
 	$(BIN)/python -m tests.browser.tab_screenshots
 	$(BIN)/python -m tests.browser.debugger_screenshots
+	$(BIN)/python -m tests.browser.story_film
 	story=$$(mktemp -d) && $(BIN)/ltvn demo --headless --story --recording $$story/story.rrd && \
 	$(BIN)/python -m figures.story_strip $$story/story.rrd && rm -r $$story
 

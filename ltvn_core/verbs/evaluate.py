@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ltvn_core.evaluation.protocol import EvaluationProtocol
     from ltvn_core.evaluation.results import TrialResult
     from ltvn_core.evaluation.trial_plans import TrialPlan
+    from ltvn_core.verbs.robot_evaluation import RobotEvaluationSummary
 
 
 @dataclass(frozen=True)
@@ -145,16 +146,56 @@ class EvaluateVerb(ProtocolOptions):
 
     method: SystemName = DEFAULT_SYSTEM
     """Ours, or a rival in the same harness."""
-    episodes: int = 500
-    """Random episodes for each scene and seed."""
+    episodes: int | None = None
+    """Random episodes for each scene and seed, 500 by default; with --robot 20, before the queries and after."""
+    robot: str | None = None
+    """Test a robot of your own instead, in real time (the paper's Table II): episodes without maintenance, --queries
+    with it, and the same episodes again. An installed robot's name, path/to/file.py:factory, or PROFILE@ADDRESS."""
+    map: Path | None = None
+    """The map of the place that --robot is in."""
+    queries: int = 30
+    """With --robot: queries with maintenance between the episodes."""
     perturb: str = ""
     """What is wrong with the robot's camera in the episodes, all at once: a list of blur, exposure, flare, depth-holes,
     lens, noise, white-balance, jpeg, dropped-frames, separated by commas. The map is of a good camera."""
     record_failures: int = 0
     """Run so many of the failed episodes of each scene and seed again and record them, for `ltvn replay`."""
 
-    def run(self) -> EvaluateSummary | PartSummary:
-        """Run what is not done yet; raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
+    def run(self) -> "EvaluateSummary | PartSummary | RobotEvaluationSummary":
+        """Run what is not done yet.
+
+        Raises OptionError, SceneError, WeightsError, MapError, RecordingError and RobotError.
+        """
+        if self.robot is not None:
+            return self._with_robot(self.robot)
+        if self.map is not None:
+            raise OptionError("--map is for --robot; in a scene the map is made by a mapping drive.")
+        return self._in_scenes(500 if self.episodes is None else self.episodes)
+
+    def _with_robot(self, robot: str) -> "RobotEvaluationSummary":
+        from ltvn_core.verbs.navigate_options import NavigateOptions
+        from ltvn_core.verbs.robot_evaluation import RobotEvaluation, evaluate_robot
+
+        episodes = 20 if self.episodes is None else self.episodes
+        if self.map is None:
+            raise OptionError("--robot wants --map: the map of the place that it is in.")
+        if episodes < 1 or self.queries < 0 or len(self.seed) != 1:
+            raise OptionError("--robot takes --episodes of 1 or more, --queries of 0 or more, and one --seed.")
+        folder = self.folder / "robot" if self.folder == Path("runs/evaluation") else self.folder
+        drive = NavigateOptions(
+            map=self.map,
+            recording=folder,
+            preset=self.preset,
+            predictor=self.predictor,
+            weights=self.weights,
+            seed=self.seed[0],
+        )
+        return evaluate_robot(
+            RobotEvaluation(robot=robot, map=drive, episodes=episodes, queries=self.queries, folder=folder)
+        )
+
+    def _in_scenes(self, episodes: int) -> EvaluateSummary | PartSummary:
+        """Run what is not done yet in simulation."""
         from joblib import delayed
         from tqdm import tqdm
 
@@ -169,15 +210,15 @@ class EvaluateVerb(ProtocolOptions):
         if self.record_failures < 0:
             raise OptionError(f"--record-failures must be 0 or more, got {self.record_failures}.")
         started, part = time.monotonic(), Part.parse(self.part)
-        plans = self.plans(self.method, self.episodes, parse_perturbations(self.perturb))
+        plans = self.plans(self.method, episodes, parse_perturbations(self.perturb))
         with (
             workers(self.workers, self.cluster, self.folder) as parallel,
-            tqdm(total=episodes_to_run(plans, self.episodes, part), desc="evaluate", unit="episode") as bar,
+            tqdm(total=episodes_to_run(plans, episodes, part), desc="evaluate", unit="episode") as bar,
         ):
             trials = run_trials(
                 plans,
                 self.folder,
-                episodes=self.episodes,
+                episodes=episodes,
                 command=command(),
                 parallel=parallel,
                 progress=progress_on_bar(bar, len(plans)),

@@ -27,7 +27,7 @@ class GuardVerb(Verb):
     """Stand between whoever drives and a robot's wheels, on the robot's own computer, until interrupted.
 
     Forwards fresh commands from the profile's guard topic to its command topic, within its limits of speed and
-    acceleration. On silence of 0.25 s it sends one zero, and then wants a stop before it lets anybody drive again.
+    acceleration. On silence of 0.2 s it sends one zero, and then wants a stop before it lets anybody drive again.
     """
 
     robot: Positional[str]

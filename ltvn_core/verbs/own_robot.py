@@ -2,51 +2,31 @@
 
 import logging
 import time
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import suppress
 
 import numpy as np
 
 from ltvn_core.composition import open_predictor
-from ltvn_core.errors import OptionError, RobotError
-from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded
-from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded, StampedEvent, Tick
+from ltvn_core.errors import OptionError
 from ltvn_core.navigation.lifelong_run import random_goals
-from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.choice import ImageSource
-from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
+from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.run_description import RunDescription
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.continued_robot import ContinuedRobot
 from ltvn_core.robots.rectified_robot import fit_camera
-from ltvn_core.robots.robot import Robot
-from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.types import CONTROL_STEP_S, NodeId
 from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, doubts_of
-from ltvn_core.verbs.headless_runner import QueriesSummary
 from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
+from ltvn_core.verbs.robot_queries import RobotQueries, opened_robot, summed_up
 from ltvn_core.verbs.stream_option import announce_stream
 
 _LOG = logging.getLogger(__name__)
 
 
-@contextmanager
-def _opened(name: str) -> Iterator[Robot]:
-    """Open a robot; it is stopped and closed, whatever happens."""
-    robot = open_robot(name)
-    try:
-        yield robot
-    finally:
-        robot.stop()
-        getattr(robot, "close", lambda: None)()
-
-
 def collect_with(options: CollectOptions, name: str) -> CollectSummary:
     """Record what a robot sees while somebody else drives it, until Ctrl-C or for `options.seconds`."""
-    with _opened(name) as own:
+    with opened_robot(name) as own:
         choice = ImageSource(camera=own.spec.camera).choose()
         robot = fit_camera(own, open_predictor(choice.name, camera=own.spec.camera).camera)
         scene = own.spec.name if options.scene == "demo" else options.scene
@@ -84,7 +64,7 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
     if options.maintenance is not None:
         system = with_maintenance(system, options.maintenance)
     last = max(loaded.observations.values(), key=lambda each: each.step)
-    with _opened(name) as own:
+    with opened_robot(name) as own:
         robot = ContinuedRobot(fit_camera(own, predictor.camera), last_step=last.step, last_stamp_s=last.stamp)
         run = RunDescription(
             scene=loaded.meta.scene,
@@ -94,57 +74,8 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
         )
         with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
             writer.write_map(loaded.graph, loaded.observations.values())
-            recorded = RecordedRobot(robot, writer)
-            navigator = Navigator(recorded, loaded.graph, keyframes, predictor, system.method, rng, system=system)
+            driver = RobotQueries(robot, writer, loaded.graph, keyframes, predictor, system, rng)
             nodes = list(loaded.graph.nodes)
             goals = [options.goal] if options.goal is not None else list(random_goals(nodes, options.queries, rng))
-            changes: Counter[type] = Counter()
-            ended = []
-            for query, goal in enumerate(goals):
-                ended.append(_drive_to(navigator, robot, writer, goal, query, changes))
-                state = robot.state()
-                writer.draw_graph(loaded.graph, state.step, state.stamp)
-            outcome = _summary(ended, changes)
+            outcome = summed_up([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
     return options.finish(opened, run, outcome, time.monotonic() - started)
-
-
-def _drive_to(
-    navigator: Navigator, robot: Robot, writer: RecordingWriter, goal: NodeId, query: int, changes: Counter[type]
-) -> QueryEnded:
-    """Run a query in real time, record it, and count in `changes` what became of the map.
-
-    Raises RobotError where the robot is lost; it stands then.
-    """
-    ended: QueryEnded | None = None
-    try:
-        with closing(navigator.query(goal, query)) as events:  # type: ignore[type-var]  # A generator.
-            for event in events:
-                if isinstance(event, Tick):
-                    robot.clock.advance(CONTROL_STEP_S)
-                    continue
-                _record(robot, writer, event)
-                if isinstance(event, GraphChanged):
-                    changes[type(event.delta)] += 1
-                ended = event if isinstance(event, QueryEnded) else ended
-    except RobotError as error:
-        raise RobotError(f"{error} The query to node {goal} is over; {writer.path} has what came before.") from error
-    assert ended is not None
-    _LOG.info("Node %d: %s after %.1f m.", goal, ended.outcome, ended.path_m)
-    return ended
-
-
-def _record(robot: Robot, writer: RecordingWriter, event: Event) -> None:
-    state = robot.state()
-    writer.write_event(StampedEvent(state.step, state.stamp, event))
-
-
-def _summary(ended: list[QueryEnded], changes: Counter[type]) -> QueriesSummary:
-    failures = Counter(str(each.outcome) for each in ended if each.outcome is not Outcome.ARRIVED)
-    return QueriesSummary(
-        queries=len(ended),
-        reached=len(ended) - failures.total(),
-        collisions=sum(each.collisions for each in ended),
-        pruned=changes[EdgePruned],
-        added=changes[EdgeAdded] + changes[NodeAdded],
-        failures=dict(failures),
-    )

@@ -76,7 +76,7 @@ class ServeVerb(Verb):
         join = ZenohLink.connect if self.connect else ZenohLink.listen
         robot = simulation.robot
         with join(self.connect or self.listen or LOOPBACK, node="ltvn_simulator", domain=profile.domain) as link:
-            served = ServedRobot(robot, link, profile)
+            served = ServedRobot(robot, link, profile, truth=lambda: robot.exact_pose)
             _LOG.info("Serving %s in %s at %s; Ctrl-C ends it.", profile.name, simulation.scene.name, link.address)
             with suppress(KeyboardInterrupt):
                 served.run(lambda: False)

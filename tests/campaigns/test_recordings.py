@@ -17,7 +17,7 @@ PER_PROCESS = 100
 """Mutations that one process judges: Rerun keeps some threads for each file that it ever wrote."""
 
 
-@pytest.mark.campaign(asked=300, share=0.4)
+@pytest.mark.campaign(asked=300, share=0.3)
 def test_kills(tally: Tally, tmp_path: Path) -> None:
     def kill(numbers: range) -> None:
         folder = tmp_path / str(numbers[0])
@@ -52,7 +52,7 @@ def test_disk_faults(tally: Tally, tmp_path: Path) -> None:
     assert tally.failures == []
 
 
-@pytest.mark.campaign(asked=2000, share=0.3)
+@pytest.mark.campaign(asked=2000, share=0.2)
 def test_mutations(tally: Tally, tmp_path: Path) -> None:
     whole = tmp_path / "drive.rrd"
     example_recording.write(whole, frames=40)

@@ -8,10 +8,12 @@ import math
 import threading
 from collections.abc import Callable
 
-from ltvn_core.robots.drive_lease import LEASE_S
 from ltvn_core.robots.robot_spec import AccelerationLimits, SpeedLimits
 from ltvn_core.types import ZERO_TWIST, Twist
 
+SILENCE_S = 0.2
+"""A driver that was not heard for so long is gone. With the time it takes to look, to send and to brake, a robot stands
+within 300 ms; commands come 20 times a second."""
 PAUSE_S = 0.3
 """A guard that was not asked for so long was stopped itself."""
 
@@ -66,7 +68,7 @@ class CommandGate:
             if self._wanted == ZERO_TWIST:
                 self._asked_s = now_s
                 return None
-            if now_s - self._heard_s >= LEASE_S:
+            if now_s - self._heard_s >= SILENCE_S:
                 return self._halt()
             return self._next(now_s)
 

@@ -1,4 +1,4 @@
-"""Sends drive commands to a robot of ROS 2, 10 times a second under a lease, in a thread of its own.
+"""Sends drive commands to a robot of ROS 2, 20 times a second under a lease, in a thread of its own.
 
 When the lease ends, exactly one zero follows; a stop is a zero at once. After a break, of the link or of this program,
 nothing is driven until whoever drives has let go for a moment: driving does not come back by itself.
@@ -13,9 +13,10 @@ from typing import Any
 
 from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
 from ltvn_core.robots.robot_spec import SpeedLimits
-from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Twist
+from ltvn_core.types import ZERO_TWIST, Twist
 
 _LOG = logging.getLogger(__name__)
+_EVERY_S = 0.05
 _BREAK_S = LEASE_S
 """A turn that took so long is a break: the program was stopped or the machine slept, and the robot has stopped."""
 LET_GO_S = 0.5
@@ -79,7 +80,7 @@ class CommandSender:
     def _run(self) -> None:
         turned_s = time.monotonic()
         while not self._closed:
-            self._wake.wait(CONTROL_STEP_S)
+            self._wake.wait(_EVERY_S)
             self._wake.clear()
             now_s = time.monotonic()
             self._turn(now_s - turned_s)

@@ -22,6 +22,7 @@ from ltvn_core.robots.robot_spec import AccelerationLimits, RobotSpec, SpeedLimi
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LAST_DOMAIN = 232
+_OPTIONAL = ("topics.battery", "topics.truth")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +41,9 @@ class Topics:
     """geometry_msgs/Twist or TwistStamped: what moves the robot."""
     battery: str = ""
     """sensor_msgs/BatteryState; empty where there is none."""
+    truth: str = ""
+    """nav_msgs/Odometry of where it really is, by motion capture or a simulator, to judge runs by; empty where nobody
+    knows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +108,7 @@ class RobotProfile:
         named = {f"topics.{each.name}": getattr(self.topics, each.name) for each in fields(self.topics)}
         named["driving.guard_topic"] = self.driving.guard_topic
         for place, topic in named.items():
-            if not _TOPIC.fullmatch(topic) and (topic or place != "topics.battery"):
+            if not _TOPIC.fullmatch(topic) and (topic or place not in _OPTIONAL):
                 raise RobotError(f"{place} is {topic!r:.60}; a topic is written as /camera/color/image_raw.")
         if self.driving.guard_topic == self.topics.command:
             raise RobotError("driving.guard_topic is topics.command too, so that the guard would hear itself.")

@@ -25,7 +25,7 @@ from ltvn_core.robots.ros2.ros_types import BATTERY, ODOMETRY, TWIST, TWIST_STAM
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink
-from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, RobotState, Twist
+from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, Pose, RobotState, Twist
 
 _CLOCKS_APART_S = 1.0
 _PATIENCE_S = 10.0
@@ -106,6 +106,12 @@ class RosRobot:
             self._seen = moment, self._decoded(moment)
         return self._seen[1]
 
+    @property
+    def true_pose(self) -> Pose | None:
+        """Where it really is, (3,), where motion capture or a simulator says so now; for judging runs alone."""
+        truth = self.inbox.truth
+        return None if truth is None or time.monotonic() - truth.arrived_s > STALE_S else truth.content
+
     def state(self) -> RobotState:
         """Return the newest odometry; the bumper is not known."""
         kept = self.inbox.odometry.kept
@@ -158,6 +164,8 @@ class RosRobot:
         self.link.subscribe(info, inbox.take_camera_info, partial(self._refuse, inbox.colour))
         if topics.battery:
             self.link.subscribe(Topic(topics.battery, BATTERY, domain), inbox.take_battery, self._complaints.say)
+        if topics.truth:
+            self.link.subscribe(Topic(topics.truth, ODOMETRY, domain), inbox.take_truth, self._complaints.say)
 
     def _refuse(self, stream: Stream, error: RobotError) -> None:
         stream.refusal = str(error)

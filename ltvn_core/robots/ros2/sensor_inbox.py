@@ -118,6 +118,8 @@ class SensorInbox:
         """The last CameraInfo."""
         self.battery: float | None = None
         """How full it is, in [0, 1]; None where the robot does not say."""
+        self.truth: Stamped | None = None
+        """Where it really is, where somebody knows."""
         self._changed = threading.Condition(threading.RLock())
 
     @property
@@ -147,6 +149,12 @@ class SensorInbox:
     def take_battery(self, received: Received) -> None:
         """Keep how full the battery is."""
         self.battery = read_battery(received.message)
+
+    def take_truth(self, received: Received) -> None:
+        """Keep where it really is."""
+        pose = read_odometry(received.message, "its true pose")
+        stamp_s = read_stamp(received.message, "its true pose")
+        self.truth = Stamped(stamp_s, received.arrived_s, received.attachment.sequence, pose)
 
     def newest(self) -> Moment | None:
         """Return the newest moment of which colours, depth and odometry have come."""

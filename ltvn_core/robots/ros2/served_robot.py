@@ -21,7 +21,7 @@ from ltvn_core.robots.ros2.ros_messages import camera_info_message, image_messag
 from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
-from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Twist
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Twist
 
 TURN_S = 0.02
 """The wheels look for commands so often."""
@@ -32,8 +32,10 @@ _MOST_MADE_UP_S = 0.2
 class ServedRobot:
     """A robot and the topics of its profile."""
 
-    def __init__(self, robot: Robot, link: ZenohLink, profile: RobotProfile) -> None:
-        """Announce all topics, and listen for commands."""
+    def __init__(
+        self, robot: Robot, link: ZenohLink, profile: RobotProfile, *, truth: Callable[[], Pose] | None = None
+    ) -> None:
+        """Announce all topics, and listen for commands; `truth` returns where the robot really is, (3,)."""
         self._robot = robot
         self._lease = DriveLease(time.monotonic, limits=robot.spec.speeds)
         self._freshness = Freshness(profile.topics.command, most_late_s=MOST_LATE_COMMAND_S)
@@ -47,6 +49,9 @@ class ServedRobot:
         self._depth = link.publisher(Topic(topics.depth, IMAGE, domain), best_effort=True)
         self._info = link.publisher(Topic(topics.camera_info, CAMERA_INFO, domain), best_effort=True)
         self._odometry = link.publisher(Topic(topics.odometry, ODOMETRY, domain))
+        self._truth = truth if topics.truth else None
+        if self._truth is not None:
+            self._true_pose = link.publisher(Topic(topics.truth, ODOMETRY, domain))
         kind = TWIST_STAMPED if profile.driving.stamped else TWIST
         link.subscribe(Topic(topics.command, kind, domain), self._take_command, self._refuse)
 
@@ -73,6 +78,8 @@ class ServedRobot:
         stamp_s = time.time()
         seen = self._robot.observe()
         self._odometry.put(odometry_message(seen.odometry, self._speeds(seen), stamp_s))
+        if self._truth is not None:
+            self._true_pose.put(odometry_message(self._truth(), ZERO_TWIST, stamp_s))
         self._info.put(camera_info_message(self._robot.spec.camera, stamp_s))
         self._colour.put(image_message(seen.rgb, stamp_s))
         if seen.depth is not None:

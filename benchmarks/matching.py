@@ -10,7 +10,7 @@ from benchmarks.recording import demo_observations
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.network.predictor import load_predictor
+from ltvn_core.network.predictor import NetworkPredictor, load_predictor
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 NODES = 1_000
@@ -21,10 +21,11 @@ TRAJECTORY = 2_243
 class _CountingPredictor:
     """A predictor that counts its work. Implements `ltvn_core.types.Predictor`."""
 
-    def __init__(self, inner: Predictor) -> None:
+    def __init__(self, inner: NetworkPredictor) -> None:
         self._inner = inner
         self.fingerprint = inner.fingerprint
         self.camera = inner.camera
+        self.may_match = inner.may_match
         self.encoded = 0
         self.compared = 0
 
@@ -55,7 +56,7 @@ def _localise(predictor: Predictor, observations: list[Observation]) -> list[Mea
     return [measured("localise in 1,000 nodes against stacked pairs", ratio, "x faster", at_least=100)]
 
 
-def _build(predictor: Predictor, observations: list[Observation]) -> list[Measurement]:
+def _build(predictor: NetworkPredictor, observations: list[Observation]) -> list[Measurement]:
     counting = _CountingPredictor(predictor)
     build_s = seconds_once(
         lambda: build(observations, KeyframeStore(counting), counting, ROBUST, np.random.default_rng(0))

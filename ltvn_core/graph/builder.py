@@ -4,7 +4,7 @@ Owns the passes over the images. Every image is encoded once and meets every nod
 operators (`graph.operators`) nor the map itself: it returns deltas.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from enum import Enum, auto
 
@@ -241,15 +241,20 @@ class _BuildRun:
             self._enter(node_with_edges(keyframes.observation(other), merging, config, cause))
         self._enter(node_with_edges(keyframes.observation(bridge.frame), bridge.matches, config, cause))
 
-    def _not_met(self, frame: FrameId) -> tuple[tuple[NodeId, ...], ...]:
-        """Return the nodes that came since the last time, those near in time first: most images merge with these."""
+    def _not_met(self, frame: FrameId) -> Iterator[tuple[NodeId, ...]]:
+        """Yield the nodes that came since the last time, those near in time first: most images merge with these.
+
+        Of the others only those that may look alike at all, where there are many.
+        """
         nodes = tuple(self.nodes)
         fresh = self._odometry_gate.may_be_near(frame, nodes[self._met.get(frame, 0) :])
         self._met[frame] = len(nodes)
         if len(fresh) <= 2 * _NEAR_IN_TIME:
-            return (fresh,)
+            yield fresh
+            return
         ordered = sorted(fresh, key=lambda node: abs(node - frame))
-        return tuple(ordered[:_NEAR_IN_TIME]), tuple(ordered[_NEAR_IN_TIME:])
+        yield tuple(ordered[:_NEAR_IN_TIME])
+        yield self._matcher.promising(frame, ordered[_NEAR_IN_TIME:])
 
     def _remember(self, frame: FrameId, found: Matches) -> None:
         found = found.take(connectable(found, self._second_pass_thresholds))

@@ -108,6 +108,14 @@ class Matcher:
         found = self._match_images(features, nodes)
         return self._with_views(features, found) if self._views else found
 
+    def promising(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
+        """Return the nodes that may look like a held frame; all of them where the predictor cannot tell cheaply."""
+        may_match = getattr(self._predictor, "may_match", None)
+        if may_match is None or not nodes:
+            return tuple(nodes)
+        likely = may_match(self._keyframes.features([frame]), self._keyframes.features(nodes))
+        return tuple(node for node, is_likely in zip(nodes, likely, strict=True) if is_likely)
+
     def match_pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
         """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
         there, back = self.match_both_ways(first, second)

@@ -109,6 +109,12 @@ class NetworkPredictor:
             )
         return self._predict(sources, targets)
 
+    def may_match(self, source: Features, targets: Features) -> NDArray[np.bool_]:
+        """Tell (N,) with which of targets (N, F) a full comparison of a source (1, F) may find anything in common."""
+        self._check(source, targets)
+        scores = self._prefilter_scores(source, targets) if len(targets) else None
+        return np.ones(len(targets), bool) if scores is None else scores.may_match().cpu().numpy()
+
     @torch.inference_mode()
     def _encode(self, observations: Sequence[Observation]) -> NDArray[np.float16]:
         rgb, depth = images_to_tensors(

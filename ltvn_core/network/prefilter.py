@@ -18,6 +18,13 @@ TARGET_STEP = 2
 """They are matched with every second token of every second row of the targets."""
 
 
+SCREENING_CUT = 0.1
+_PLACE_SHARE = 0.03
+"""A pair is worth a full comparison if its similarity and so much of its place logit reach the cut. On drives through
+tune-0 and tune-office-0 that holds for 18 and 38 % of all pairs, and for 100 and 99 % of those with r > 0.6 and
+d < 1."""
+
+
 class PrefilterScores(NamedTuple):
     """Cheap scores of one source with each of T targets."""
 
@@ -25,6 +32,10 @@ class PrefilterScores(NamedTuple):
     """(T,) rough logits of reachability."""
     similarity: Tensor
     """(T,) score by which targets are chosen for a full comparison."""
+
+    def may_match(self) -> Tensor:
+        """Return (T,): which targets are worth a full comparison at all."""
+        return self.similarity + _PLACE_SHARE * self.logit >= SCREENING_CUT
 
 
 def coarse_descriptors(rows: Tensor, size: PairArchitecture) -> Tensor:

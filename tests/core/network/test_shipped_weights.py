@@ -5,12 +5,15 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import distance
 from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, encode_images, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.training.held_out_scenes import TEST_SCENES, drives
+from ltvn_core.types import Features, Prediction
 
 pytest.importorskip("embreex")
 
@@ -32,12 +35,34 @@ def test_far_pairs_are_rarely_called_reachable_where_most_near_ones_are() -> Non
     assert figures.near_tpr_at_half >= 0.9
 
 
+@lru_cache
+def compared_in_full() -> tuple[Features, dict[int, Prediction]]:
+    """Return the features of a drive, and what some of its images are answered about all."""
+    predictor = load_predictor(prefilter_from=None)
+    features = encode_images(predictor, drive().rgb, drive().depth_mm)
+    sources = range(0, len(features), 23)
+    return features, {source: predictor.predict(features[source : source + 1], features) for source in sources}
+
+
+def test_screening_passes_nearly_all_pairs_that_could_become_edges_and_few_others() -> None:
+    predictor, building = load_predictor(), ROBUST.building
+    features, answers = compared_in_full()
+    passed = [predictor.may_match(features[source : source + 1], features) for source in answers]
+    connectable = [
+        (found.reachability > building.second_pass_reachability)
+        & (distance(found.waypoints) < building.connect_distance)
+        for found in answers.values()
+    ]
+    assert np.mean(passed) < 0.5
+    assert np.concatenate(passed)[np.concatenate(connectable)].mean() > 0.98
+
+
 def test_the_prefilter_keeps_nearly_all_that_full_comparison_ranks_first() -> None:
-    full, quick = load_predictor(prefilter_from=None), load_predictor()
-    features = encode_images(full, drive().rgb, drive().depth_mm)
+    quick = load_predictor()
+    features, answers = compared_in_full()
     kept = []
-    for source in range(0, len(features), 23):
-        everything = full.predict(features[source : source + 1], features).reachability
+    for source, found in answers.items():
+        everything = found.reachability
         filtered = quick.predict(features[source : source + 1], features).reachability
         first = np.argsort(-everything)[:6]
         assert filtered[first[:2]] == pytest.approx(everything[first[:2]], abs=1e-4)

@@ -32,7 +32,8 @@ RoomOf: TypeAlias = Callable[[NodeId], int | None]
 
 def brm_system(method: Method) -> NavigationSystem:
     """Return BRM on the map of our own system; `method` has all thresholds."""
-    return replace(ltvn_system(method), name="brm", edge_weight=surprise_cost, maintenance=BayesianEdges(), online=None)
+    maintenance = BayesianEdges() if method.maintain else NoMaintenance()
+    return replace(ltvn_system(method), name="brm", edge_weight=surprise_cost, maintenance=maintenance, online=None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,7 @@ def sgm_system(method: Method) -> NavigationSystem:
         edge_weight=hop_cost,
         localise=NearestInTime(),  # However far.
         subgoal=choose_first_node,
-        maintenance=DeleteOnFailure(),
+        maintenance=DeleteOnFailure() if method.maintain else NoMaintenance(),
     )
 
 

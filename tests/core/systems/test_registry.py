@@ -1,12 +1,14 @@
 """Navigation systems are found by name, those of other packages too, and a broken one says whose it is."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from ltvn_core.config import ROBUST
 from ltvn_core.errors import OptionError, PluginError
+from ltvn_core.graph.navigation_system import NoMaintenance
 from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.systems.registry import (
     DEFAULT_SYSTEM,
@@ -48,6 +50,11 @@ def test_each_own_entry_agrees_with_its_system_and_its_weights_are_there(entry: 
     assert system_entry(entry.name) is entry
     assert entry.factory(ROBUST).name == entry.name
     assert entry.weights.is_file()
+
+
+@pytest.mark.parametrize("entry", [*own_systems()], ids=lambda entry: entry.name)
+def test_no_system_changes_its_map_where_the_method_does_not_maintain(entry: SystemEntry) -> None:
+    assert type(entry.factory(replace(ROBUST, maintain=False)).maintenance) is NoMaintenance
 
 
 def test_systems_whose_networks_learn_the_same_share_one() -> None:

@@ -14,6 +14,7 @@ from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.layers.boxes_layer import HANDLE_Z as BOX_HANDLE_Z
 from ltvn_viz.layers.doors_layer import HANDLE_Z
 from ltvn_viz.session.world_view import BoxView, WorldView
+from tests.browser import newcomer
 from tests.browser.actions import wait_for_rest
 from tests.browser.pages import on_screen, open_page
 from tests.browser.running_app import running_app
@@ -27,6 +28,9 @@ pytestmark = pytest.mark.browser
 SOURCE = "from tests.core.simulation.two_door_scene import two_door_scene\n"
 HERE, THERE = (1.4, 2.3), (3.6, 3.1)
 """Free floor in the one room and in the other that nothing on the page covers, in metres."""
+
+FIRST_GOAL_S = 30.0
+"""Robot time after which somebody who waits for the first goal may lose patience."""
 
 
 @pytest.fixture(scope="module")
@@ -121,12 +125,15 @@ def test_what_a_person_changes_in_the_page_is_in_the_recording(app: RunningApp, 
     assert kinds == [DoorMoved, DoorMoved, ThingPlaced, ThingPlaced, ThingRemoved, LightChanged, LightChanged]
 
 
-def test_one_button_tells_how_an_edge_fades_a_plan_turns_a_node_appears_and_an_edge_returns(
-    app: RunningApp, page: Page
-) -> None:
+def test_a_newcomer_reaches_a_goal_and_then_one_button_tells_how_the_map_learns(app: RunningApp, page: Page) -> None:
     wait_for_rest(app)
+    newcomer.reach_first_goal(app, page)
+    wait_for_rest(app)
+    assert newcomer.first_query_s(app) < FIRST_GOAL_S
     before = app.session.state.live_map.graph.copy()
-    press(page, "Watch it learn")
+    newcomer.begin_story(page)
+    newcomer.wait_for_mark(page, newcomer.NEW)
+    newcomer.wait_for_mark(page, newcomer.FADED)
     page.get_by_text("Learnt:").first.wait_for()
     wait_for_rest(app)
     story = app.session.state.story

@@ -28,6 +28,7 @@ from ltvn_core.robots.ros2.zenoh_link import ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, Pose, RobotState, Twist
 
 _CLOCKS_APART_S = 1.0
+_FIRST_S = 3.0
 _PATIENCE_S = 10.0
 """So long a robot may take to send its first image."""
 
@@ -91,6 +92,8 @@ class RosRobot:
 
         Raises RobotError where it is older than 0.5 s, or where driving broke off and the driver has not let go yet.
         """
+        if self._seen is None:
+            self._await_fresh()
         moment = self._newest()
         age_s = time.monotonic() - moment.arrived_s
         if age_s > STALE_S:
@@ -105,6 +108,12 @@ class RosRobot:
         if self._seen is None or (self._seen[0] is not moment and self._seen[0].stamp_s != moment.stamp_s):
             self._seen = moment, self._decoded(moment)
         return self._seen[1]
+
+    def _await_fresh(self) -> None:
+        """Wait a little for a first image of now: a machine that was busy opening things may have let one grow old."""
+        ends_s = time.monotonic() + _FIRST_S
+        while self.age_s > STALE_S and time.monotonic() < ends_s:
+            time.sleep(0.02)
 
     @property
     def true_pose(self) -> Pose | None:

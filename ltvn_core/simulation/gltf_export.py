@@ -5,6 +5,7 @@ from typing import cast
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from PIL import Image
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
@@ -17,14 +18,25 @@ MAX_EXPORTED_TEXELS = 8_000_000
 """Limit for all textures of a file together. A mesh scene with more is shown more coarsely than it is rendered."""
 
 
-def to_glb(surfaces: Surfaces) -> bytes:
-    """Return a GLB file with one mesh per texture, in metres, z up, textures as JPEG."""
+CORNER_LIGHT = "_LIGHT"
+"""Attribute of corners (3,) that says how much light of each colour they send back."""
+
+
+def to_glb(surfaces: Surfaces, face_light: NDArray[np.floating] | None = None) -> bytes:
+    """Return a GLB file with one mesh per texture, in metres, z up, textures as JPEG.
+
+    Where the light of faces is given, (F,) in [0, 1], corners have the attribute `CORNER_LIGHT`.
+    """
     scene = trimesh.Scene()
     used = np.unique(surfaces.face_texture)
     for texture, image in zip(
         used, shrink_to_budget([surfaces.textures[k] for k in used], MAX_EXPORTED_TEXELS), strict=True
     ):
-        part = _part(surfaces.only(surfaces.face_texture == texture), image)
+        chosen = surfaces.face_texture == texture
+        part = _part(surfaces.only(chosen), image)
+        if face_light is not None:
+            light = np.repeat(face_light[chosen], 3)[:, None]
+            part.vertex_attributes[CORNER_LIGHT] = np.repeat(light, 3, axis=1).astype(np.float32)
         scene.add_geometry(part, geom_name=f"part{texture}")
     return cast(bytes, scene.export(file_type="glb"))
 

@@ -15,7 +15,7 @@ from ltvn_core.simulation.surfaces import Surfaces, joined
 from ltvn_core.worlds.world_change import OWN_PREFIX
 from ltvn_core.worlds.world_state import AS_MADE, WorldState
 from ltvn_viz.layers.cutaway import cut_away
-from ltvn_viz.layers.unlit_materials import marked_unlit, with_baked_shading
+from ltvn_viz.layers.unlit_materials import face_light, marked_unlit
 
 
 def scene_glb(name: str, state: WorldState = AS_MADE) -> bytes:
@@ -54,7 +54,7 @@ def _scenes(name: str) -> ChangedScenes:
 
 
 def _glb(surfaces: Surfaces) -> bytes:
-    return to_glb(with_baked_shading(surfaces))
+    return to_glb(surfaces, face_light(surfaces))
 
 
 def floor_bounds(name: str) -> tuple[NDArray[np.floating], NDArray[np.floating]] | None:

@@ -1,14 +1,17 @@
 """Light painted into the scene, so that the page need not compute any.
 
 A browser without a GPU draws a lit scene many times slower than a painted one; and painted, it looks like what the
-robot's camera sees. Owns the shades and the mark in the glTF.
+robot's camera sees. The shades are in the corners and not in the textures: of each texture there would be three, and
+the page would draw three times as many parts. Owns the shades and the mark in the glTF.
 """
 
 import json
 import struct
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ltvn_core.simulation.gltf_export import CORNER_LIGHT
 from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.surfaces import Surfaces
 
@@ -20,20 +23,25 @@ _GAMMA = 2.2
 _JSON_CHUNK = 0x4E4F534A
 
 
-def with_baked_shading(surfaces: Surfaces) -> Surfaces:
-    """Darken faces by where they look, in copies of their textures."""
+def face_light(surfaces: Surfaces) -> NDArray[np.floating]:
+    """Return how much light faces send back (F,), in [0, 1], by where they look."""
     a, b, c = np.moveaxis(surfaces.vertices[surfaces.faces], 1, 0)
     normal = np.abs(np.cross(b - a, c - a))
     shade = np.select([normal[:, 2] >= normal[:, :2].max(axis=1), normal[:, 0] >= normal[:, 1]], [0, 1], 2)
-    textures = tuple((texture * share).astype(np.uint8) for share in FACE_BRIGHTNESS for texture in surfaces.textures)
-    face_texture = (shade * len(surfaces.textures) + surfaces.face_texture).astype(np.int32)
-    return Surfaces(surfaces.vertices, surfaces.faces, surfaces.corner_uv, face_texture, surfaces.overhead, textures)
+    # Brightness is what the eye sees; glTF counts light itself.
+    return np.asarray(FACE_BRIGHTNESS)[shade] ** _GAMMA
 
 
 def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
-    """Mark all materials of a binary glTF as showing their textures as they are, in some light."""
+    """Mark all materials of a binary glTF as showing their textures as they are, in some light.
+
+    What `to_glb` wrote of the light of faces becomes their colour.
+    """
     (length,) = struct.unpack_from("<I", glb, 12)
     described = json.loads(glb[20 : 20 + length])
+    for part in (part for mesh in described["meshes"] for part in mesh["primitives"]):
+        if CORNER_LIGHT in part["attributes"]:
+            part["attributes"]["COLOR_0"] = part["attributes"].pop(CORNER_LIGHT)
     for material in described["materials"]:
         material.setdefault("extensions", {})[UNLIT_EXTENSION] = {}
         if light != PLAIN_LIGHT:

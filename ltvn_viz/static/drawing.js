@@ -1,15 +1,16 @@
 // Draw the scene fully, or lightly where this computer draws slowly: with fewer pixels, without dark rims around nodes
-// and edges, without reflections, and without smoothing. It concerns this page alone. viser has no hook for any of this,
-// but it shows its insides to tests by names of its own; where they are missing, the scene is drawn as viser would.
+// and edges, and without smoothing. It concerns this page alone. viser has no hook for any of this, but it shows its
+// insides to tests by names of its own; where they are missing, the scene is drawn as viser would.
 
 const DRAWINGS = { auto: "Auto", light: "Light", full: "Full" };
-const PIXEL_RATIOS = [null, 1, 0.7, 0.5]; // By level; null leaves it to viser. Of real pixels, a sharp screen's as well.
+const PIXEL_RATIOS = [null, 1, 0.7, 0.5, 0.4]; // By level; null leaves it to viser.
 const BY_PROCESSOR = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 const LOOK_MS = 250;
+const WARM_UP_MS = 3000; // So long after the first frame every computer is slow: shaders and textures are still made.
 const HIDDEN_LAYER = 31;
 const STORED_DRAWING = "ltvn-drawing";
 
-const drawing = { choice: storedDrawing(), speed: drawingSpeed(0), shown: 0, frame: 0, at: null, isLooking: false };
+const drawing = { choice: storedDrawing(), speed: drawingSpeed(0), shown: 0, isLooking: false, frame: 0, at: null, firstAt: null };
 
 function storedDrawing() {
   try {
@@ -55,13 +56,15 @@ function lookForFrames() {
     requestAnimationFrame(timeFrame);
   }
   drawing.frame = frame;
-  lighten();
+  showDrawing();
 }
 
 function timeFrame() {
   const [frame, now] = [drawnFrames(), performance.now()];
   const wasDrawn = frame !== drawing.frame;
-  if (wasDrawn && drawing.at !== null && judgeFrame(drawing.speed, now - drawing.at, now)) showDrawing();
+  drawing.firstAt ??= now;
+  const counts = wasDrawn && drawing.at !== null && now - drawing.firstAt > WARM_UP_MS;
+  if (counts && judgeFrame(drawing.speed, now - drawing.at, now)) showDrawing();
   Object.assign(drawing, { frame, at: wasDrawn ? now : null, isLooking: wasDrawn });
   if (wasDrawn) requestAnimationFrame(timeFrame);
 }
@@ -72,8 +75,9 @@ function lighten() {
   const settings = window.__viserTestpoints?.devSettings;
   if (!viser?.scene || settings === undefined) return;
   const level = drawingLevel();
-  if (level !== drawing.shown) settings.set({ fixedDpr: level === 0 ? null : Math.min(PIXEL_RATIOS[level], devicePixelRatio) });
+  const ratio = level === 0 ? null : Math.min(PIXEL_RATIOS[level], devicePixelRatio);
   let isChanged = level !== drawing.shown;
+  if (isChanged) settings.set({ fixedDpr: ratio });
   drawing.shown = level;
   for (const [name, node] of Object.entries(viser.nodeRefFromName)) {
     if (name.endsWith("/outline")) node?.traverse((part) => (isChanged = showPart(part, level === 0) || isChanged));
@@ -105,8 +109,10 @@ function drawingWords() {
 
 function showDrawing() {
   lighten();
-  drawing.line.textContent = drawingWords();
-  drawing.line.hidden = drawing.line.textContent === "";
+  const words = drawingWords();
+  if (drawing.line.textContent === words) return;
+  drawing.line.textContent = words;
+  drawing.line.hidden = words === "";
 }
 
 function drawingList() {
@@ -123,6 +129,7 @@ function watchDrawing() {
   drawingList();
   drawing.line = element("div", "ltvn-drawn");
   drawing.line.setAttribute("role", "status");
+  drawing.line.hidden = true;
   pad.root.append(drawing.line);
   showDrawing();
   setInterval(lookForFrames, LOOK_MS);

@@ -25,6 +25,9 @@ WebGL2RenderingContext.prototype.getParameter = function (name) {
 """
 """What draws is said to be a card, and frames come so many milliseconds apart."""
 MOVE = "window.moving = setInterval(() => window.__viserMutable?.requestRender(), 50)"
+IS_SMOOTHED = (
+    "() => document.querySelector('canvas[data-engine]').getContext('webgl2').getContextAttributes().antialias"
+)
 WIDTH = "() => document.querySelector('canvas[data-engine]').width"
 IS_THERE = "() => Boolean(window.__viserMutable?.nodeRefFromName['/thing/outline']?.children[0])"
 IS_RIMMED = "() => window.__viserMutable.nodeRefFromName['/thing/outline'].children[0].layers.mask === 1"
@@ -52,7 +55,7 @@ def test_slow_frames_make_the_drawing_lighter_step_by_step_and_hiccups_do_not(le
     assert levels.evaluate("after(600, (frame) => (frame % 4 === 0 ? 700 : 16))") == 0
     assert levels.evaluate("after(12, () => 90)") == 1
     assert levels.evaluate("after(600, () => 30)") == 1
-    assert levels.evaluate("after(120, () => 90)") == 3
+    assert levels.evaluate("after(120, () => 90)") == 4
 
 
 def test_what_was_too_slow_is_tried_again_later_and_later(levels: Page) -> None:
@@ -100,4 +103,18 @@ def test_a_slow_page_says_that_it_draws_lightly_and_one_may_choose(chromium: Bro
         assert page.evaluate(IS_RIMMED)
         page.get_by_label("drawing of the scene").select_option("Light")
         expect(said).to_have_text("Light drawing")
+        assert page.evaluate(IS_SMOOTHED)
         window.close()
+
+
+def test_a_page_that_the_processor_draws_is_light_from_the_beginning(chromium: Browser) -> None:
+    with GuardedServer() as server:
+        server.gui.add_html(PANEL_MARK)
+        page = chromium.new_page(viewport={"width": 800, "height": 500})
+        draw_nothing(page)
+        page.add_init_script("localStorage.removeItem('ltvn-drawing')")
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(server.url)
+        expect(page.locator(".ltvn-drawn")).to_have_text(SLOWLY)
+        assert not page.evaluate(IS_SMOOTHED)
+        page.close()

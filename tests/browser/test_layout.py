@@ -191,6 +191,8 @@ def test_a_finger_drives_and_is_told_of_no_keys(app: FlatApp, chromium: Browser)
     assert "W A S D" not in page.locator("body").inner_text()
     assert box is not None
     assert min(box["width"], box["height"]) >= 44
+    page.get_by_role("button", name="zoom in").tap()
+    page.get_by_role("button", name="show the whole run").tap()
     before, touch = app.harness.robot.pose[:2].copy(), telephone.new_cdp_session(page)
     finger = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
     touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [finger]})

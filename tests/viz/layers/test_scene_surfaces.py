@@ -3,6 +3,7 @@
 import io
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import trimesh
 from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_viz.layers.cutaway import cut_away
-from ltvn_viz.layers.unlit_materials import marked_unlit, with_baked_shading
+from ltvn_viz.layers.unlit_materials import face_light, marked_unlit
 
 
 def a_box(low: float, high: float) -> Surfaces:
@@ -24,6 +25,11 @@ def a_box(low: float, high: float) -> Surfaces:
     return Surfaces(
         vertices, np.array(faces, np.int32), uv, np.zeros(12, np.int32), none, (np.zeros((1, 1, 3), np.uint8),)
     )
+
+
+def json_of(glb: bytes) -> dict[str, Any]:
+    """Return the description in a binary glTF."""
+    return json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
 
 
 def area(surfaces: Surfaces) -> float:
@@ -47,18 +53,23 @@ def test_the_picture_on_a_wall_is_cut_and_not_squeezed() -> None:
     np.testing.assert_allclose(cut.corner_uv[sides][:, :, 1], cut.vertices[cut.faces][sides][:, :, 2], atol=1e-5)
 
 
-def test_faces_are_painted_darker_by_where_they_look() -> None:
+def test_faces_are_darker_by_where_they_look_and_share_their_texture() -> None:
     box = replace(a_box(0.0, 1.0), textures=(np.full((1, 1, 3), 200, np.uint8),))
-    painted = with_baked_shading(box)
-    brightness = [int(painted.textures[texture].max()) for texture in painted.face_texture]
-    assert len(set(brightness)) == 3
-    assert area(painted) == area(box)
+    described = json_of(marked_unlit(to_glb(box, face_light(box))))
+    (mesh,) = described["meshes"]
+    (part,) = mesh["primitives"]
+    corners = described["accessors"][part["attributes"]["COLOR_0"]]
+    assert (corners["type"], corners["count"]) == ("VEC3", 3 * len(box.faces))
+    assert len(described["images"]) == 1
+    light = face_light(box)
+    assert len(set(light.tolist())) == 3
+    assert light[np.ptp(box.vertices[box.faces][:, :, 2], axis=1) == 0].min() == light.max()
 
 
 def test_a_painted_scene_is_a_whole_gltf_without_lit_materials() -> None:
     glb = marked_unlit(to_glb(a_box(0.0, 1.0)))
     assert len(glb) == int.from_bytes(glb[8:12], "little")
-    described = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
+    described = json_of(glb)
     assert all("KHR_materials_unlit" in material["extensions"] for material in described["materials"])
     scene = trimesh.load_scene(io.BytesIO(glb), file_type="glb")
     assert scene.area == pytest.approx(6.0)

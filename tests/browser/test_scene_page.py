@@ -69,13 +69,13 @@ def is_full(shown: Image.Image) -> bool:
 
 
 def blue(shown: Image.Image) -> int:
-    """Count the pixels in the colour of edges that can be driven."""
+    """Count the pixels in the colour of edges that can be driven; nothing else in this flat has it."""
     red, green, blue = np.moveaxis(np.asarray(shown, int), 2, 0)
     return int(((blue > 180) & (blue > red + 90) & (green < 200)).sum())
 
 
 def test_walls_and_graph_are_drawn_without_any_request(page: Page, sent: list[Request], file: Path) -> None:
-    drawn(page, lambda shown: is_full(shown) and blue(shown) > 300)
+    drawn(page, lambda shown: is_full(shown) and blue(shown) > 80)
     assert "327 nodes, 1,306 edges" in page.locator("body").inner_text()
     outside = [request.url for request in sent if not request.url.startswith((file.as_uri(), "blob:", "data:"))]
     assert outside == []

@@ -153,7 +153,7 @@ def test_a_robot_that_jams_on_true_edges_has_a_collision_problem(end: AttemptEnd
         story.looks(exact_pose_of(2), 2).drives(*GOOD, end=end)
     failure, seen = story.ended(Outcome.STEP_LIMIT)
     assert failure is FailureCause.COLLISION
-    assert seen == EpisodeStatistics(attempts=4, blocked_attempts=3, trigger=FailureCause.COLLISION)
+    assert seen == EpisodeStatistics(attempts=4, localised=4, blocked_attempts=3, trigger=FailureCause.COLLISION)
 
 
 def test_a_robot_that_mostly_does_all_right_is_too_slow() -> None:
@@ -200,7 +200,7 @@ def test_too_many_collisions_are_put_down_to_where_they_happened() -> None:
 
 def test_approaching_a_node_is_no_edge() -> None:
     _, seen = QueryScript().looks(exact_pose_of(2), 2).drives(None, 2).ended(Outcome.STEP_LIMIT)
-    assert seen == EpisodeStatistics(attempts=1)
+    assert seen == EpisodeStatistics(attempts=1, localised=1)
 
 
 def test_a_story_told_without_poses_believes_the_robot() -> None:

@@ -94,7 +94,10 @@ class RosRobot:
         """
         if self._seen is None:
             self._await_fresh()
-        moment = self._newest()
+        moment = self.inbox.newest()
+        if moment is None:
+            self._sender.interrupt("it sends no whole images")
+            raise self._blind()
         age_s = time.monotonic() - moment.arrived_s
         if age_s > STALE_S:
             self._sender.interrupt(f"its images stopped for {age_s:.1f} s")
@@ -183,8 +186,11 @@ class RosRobot:
     def _newest(self) -> Moment:
         moment = self.inbox.newest()
         if moment is None:
-            raise RobotError(f"{self.profile.name}: no whole image: {self.inbox.complaint(time.monotonic())}.")
+            raise self._blind()
         return moment
+
+    def _blind(self) -> RobotError:
+        return RobotError(f"{self.profile.name}: no whole image: {self.inbox.complaint(time.monotonic())}.")
 
     def _lens(self, moment: Moment) -> CameraModel:
         info, topic = self.inbox.camera_info, self.profile.topics.camera_info

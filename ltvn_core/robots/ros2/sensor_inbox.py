@@ -9,6 +9,7 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from ltvn_core.errors import RobotError
+from ltvn_core.robots.link_report import STALE_S
 from ltvn_core.robots.ros2.freshness import Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.ros_messages import read_battery, read_odometry, read_stamp
@@ -21,7 +22,9 @@ MOST_LATE_S = 0.5
 """What took so much longer on its way than the quickest is not used."""
 _CLOCK_JUMP_S = 1.0
 _JUMPS = 10
-"""So many stamps in a row from another time are believed."""
+"""So many stamps in a row from another time are believed,"""
+_JUMP_LASTS_S = 2 * STALE_S
+"""where they come for so long: whoever drives is told first, however many come in a second."""
 _KEPT = 30
 _LATELY_S = 2.0
 
@@ -59,6 +62,7 @@ class Stream:
         self.count = 0
         self.freshness = Freshness(topic, most_late_s=MOST_LATE_S)
         self._jumps = 0
+        self._jumped_s = 0.0
         self.refusal: str | None = None
         """What was wrong with the last message; None where it was used."""
 
@@ -78,12 +82,16 @@ class Stream:
             return
         last = self.kept[-1]
         jump_s = (item.stamp_s - last.stamp_s) - (item.arrived_s - last.arrived_s)
-        self._jumps = self._jumps + 1 if abs(jump_s) > _CLOCK_JUMP_S else 0
-        if 0 < self._jumps < _JUMPS:
-            raise RobotError(f"{self.topic}: its stamps jumped by {jump_s:+.1f} s; was the robot's clock set?")
-        if self._jumps:
-            self.kept.clear()
+        if abs(jump_s) <= _CLOCK_JUMP_S:
             self._jumps = 0
+            return
+        self._jumps += 1
+        if self._jumps == 1:
+            self._jumped_s = item.arrived_s
+        if self._jumps < _JUMPS or item.arrived_s - self._jumped_s < _JUMP_LASTS_S:
+            raise RobotError(f"{self.topic}: its stamps jumped by {jump_s:+.1f} s; was the robot's clock set?")
+        self.kept.clear()
+        self._jumps = 0
 
     def nearest(self, stamp_s: float) -> Stamped | None:
         """Return the message of that moment."""

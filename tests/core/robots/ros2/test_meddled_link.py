@@ -133,6 +133,24 @@ def test_lost_and_reordered_messages_are_counted_and_never_used_out_of_order(
     assert robot.link_report().lost_share > 0.2
 
 
+@pytest.mark.parametrize("ahead_s", [3600.0, -3600.0])
+def test_a_clock_that_is_set_stops_the_robot_and_our_time_goes_on(
+    body: MeddledRobot, robot: RosRobot, ahead_s: float
+) -> None:
+    set_out(robot, body)
+    before = robot.observe()
+
+    body.stamps_ahead_s = ahead_s
+    said: list[str] = []
+    until(lambda: said.append(drive_like_a_person(robot)) or "stamps jumped" in said[-1])
+    until(lambda: drive_like_a_person(robot) and not body.moves)
+    let_go(robot)
+
+    after = robot.observe()
+    assert before.stamp < after.stamp < before.stamp + 600
+    assert before.step < after.step < before.step + 6000
+
+
 def test_a_second_robot_on_the_same_topic_is_told_and_not_seen(body: MeddledRobot, robot: RosRobot) -> None:
     other = body.link.publisher(Topic(COLOUR, IMAGE))
     white = np.full((12, 16, 3), 255, np.uint8)

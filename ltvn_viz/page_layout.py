@@ -33,6 +33,7 @@ from ltvn_viz.panels.html_widgets import grey_for_watchers
 from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import Notifications, OwnNotices
+from ltvn_viz.panels.pad_panel import PadPanel
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import StatusPanel
 from ltvn_viz.panels.timeline_panel import TimelinePanel
@@ -78,6 +79,10 @@ class Pages(Protocol):
 
     def tell_moment(self, message: str) -> None:
         """Tell all pages which moment is on show."""
+        ...
+
+    def tell_activity(self, message: str) -> None:
+        """Tell all pages what the robot does by itself."""
         ...
 
 
@@ -130,6 +135,7 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
         replay,
         own,
         TimelinePanel(pages.tell_moment),
+        PadPanel(pages.tell_activity),
         Notifications(clients),
     ]
 

@@ -66,6 +66,8 @@ class Newest(Enum):
     """What the robot sees, a JPEG."""
     MOMENT = auto()
     """Which moment is on show."""
+    ACTIVITY = auto()
+    """What the robot does by itself."""
 
 
 class _Page:

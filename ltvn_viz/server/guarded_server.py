@@ -149,6 +149,10 @@ class GuardedServer:
         """Tell all pages which moment is on show. Safe from any thread."""
         self._drive.tell_newest(Newest.MOMENT, message)
 
+    def tell_activity(self, message: str) -> None:
+        """Tell all pages what the robot does by itself. Safe from any thread."""
+        self._drive.tell_newest(Newest.ACTIVITY, message)
+
     def end_loading(self) -> None:
         """Let the pages that wait open their sockets."""
         self._is_loading = False

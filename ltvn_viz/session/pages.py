@@ -34,3 +34,7 @@ class SessionPages:
     def tell_moment(self, message: str) -> None:
         """Tell all pages which moment is on show."""
         self._server.tell_moment(message)
+
+    def tell_activity(self, message: str) -> None:
+        """Tell all pages what the robot does by itself."""
+        self._server.tell_activity(message)

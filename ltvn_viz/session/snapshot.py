@@ -179,6 +179,8 @@ class Snapshot:
     """Why the app itself paused a query; empty when it did not."""
     keeps_going: bool | None = None
     """A query goes on when the last page closes; None where that is not on offer."""
+    destination: NodeId | None = None
+    """Where a query under way drives to, also while it is paused; None when the robot is a person's."""
     selected: NodeId | None = None
     """The goal that was chosen; shown with a pin."""
     gallery: tuple[NodeId, ...] = ()

@@ -87,6 +87,7 @@ class SnapshotBuilder:
             sources=self._sources,
             is_making=making is not None,
             timeline=_time(state, snapshot.moment),
+            destination=activity.goal if isinstance(activity, Navigation) and not activity.is_stopping else None,
             pause_notice=activity.held_because if isinstance(activity, Navigation) else "",
             keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
             message=state.message,

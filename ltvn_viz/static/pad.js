@@ -89,13 +89,28 @@ function whyLatched() {
   return "Stopped";
 }
 
+// What the robot does, or why it does nothing; empty while it is for a person to drive.
+function whatTheRobotDoes() {
+  if (activity.goal !== null) return `The robot ${activity.mode === "paused" ? "waits on its way" : "drives"} to node ${activity.goal}`;
+  if (activity.mode === "building") return "The map is being built; the robot stands";
+  if (activity.mode === "replay") return "This is a recording; the robot stands";
+  return "";
+}
+
 function status() {
   if (!seat.isOpen) return ["lost", "No connection to the robot"];
-  if (isWatching()) return ["other", `${nameOfDriver(seat.driver)} drives${isHolding() || refusedBy ? ": take over first" : ""}`];
+  const does = whatTheRobotDoes();
+  if (isWatching()) {
+    const what = activity.goal === null ? `${nameOfDriver(seat.driver)} drives` : `${does}, as ${nameOfDriver(seat.driver)} asked`;
+    return ["other", `${what}${isHolding() || refusedBy ? ": take over first" : ""}`];
+  }
   if (!seat.armed && isHolding()) return ["lost", `${whyLatched()}: ${BY_TOUCH.matches ? "let go" : "release the keys"} to go on`];
   if (isTyping(document.activeElement)) return ["free", "Typing: click the scene to drive"];
-  if (seat.driver === seat.you) return ["you", "You drive"];
-  return ["free", BY_TOUCH.matches ? "Hold an arrow to drive" : "Hold W A S D or an arrow to drive"];
+  const how = BY_TOUCH.matches ? "an arrow" : "W A S D or an arrow";
+  if (activity.goal !== null) return ["robot", `${does}. Hold ${how} to take over`];
+  if (does !== "") return ["free", does];
+  if (isHolding()) return ["you", "You drive"];
+  return [seat.driver === seat.you ? "you" : "free", `Hold ${how} to drive`];
 }
 
 function showStatus() {

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from ltvn_core.types import NodeId
 from ltvn_viz.session import commands as c
@@ -67,7 +67,13 @@ def set_out(app: FlatApp, page: Page) -> NodeId:
     """Send the robot to an image of the gallery that is far away, and return its node."""
     goal = click_goal_image(app, page, lambda offered: farthest(app, offered))
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+    expect(pad(page)).to_contain_text(f"The robot drives to node {goal}. Hold W A S D")
     return goal
+
+
+def pad(page: Page) -> Locator:
+    """What the pad says of who drives."""
+    return page.locator(".ltvn-pad .ltvn-status")
 
 
 def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path) -> None:
@@ -113,9 +119,10 @@ def test_clicking_a_node_in_the_scene_sends_the_robot_there(app: FlatApp, page: 
 
 def test_pause_step_and_cancel_do_what_they_say(app: FlatApp, page: Page) -> None:
     open_tab(page, "Go")
-    set_out(app, page)
+    goal = set_out(app, page)
     page.get_by_role("button", name=re.compile("^Pause")).click()
     until_shown(app, lambda now: now.mode is Mode.PAUSED)
+    expect(pad(page)).to_contain_text(f"The robot waits on its way to node {goal}")
     where = app.harness.robot.step
     page.get_by_role("button", name=re.compile("^Step")).click()
     until_shown(app, lambda now: now.mode is Mode.PAUSED and app.harness.robot.step == where + 1)
@@ -129,6 +136,7 @@ def test_driving_keys_take_over_from_navigation(app: FlatApp, page: Page) -> Non
     set_out(app, page)
     drive(app, page, "a", lambda now: now.mode is Mode.TELEOP)
     expect(page.get_by_text("You took over").first).to_be_visible()
+    expect(pad(page)).to_have_text("Hold W A S D or an arrow to drive")
 
 
 def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) -> None:
@@ -142,6 +150,7 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     page.get_by_role("button", name="Open", exact=True).click()
     now = until_shown(app, lambda now: now.mode is Mode.REPLAY)
     assert now.replay is not None
+    expect(pad(page)).to_have_text("This is a recording; the robot stands")
     slider = page.get_by_role("slider", name="moment on show")
     slider.focus()
     slider.press("End")

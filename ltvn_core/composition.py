@@ -1,4 +1,4 @@
-"""Puts the siblings together: a scene with its camera and robot, and a predictor that fits.
+"""Puts the siblings together: a scene with its camera and robot, a robot by name, and a predictor that fits.
 
 Owns the choices every verb and the page share (where the robot starts, which predictor a name means). Does not own any
 loop.
@@ -16,9 +16,13 @@ from ltvn_core.config import PAPER, Likelihoods, Method, preset
 from ltvn_core.errors import SceneError
 from ltvn_core.extras import missing_text
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.plugins import ROBOTS, find_plugins
 from ltvn_core.predictors.registry import COMPOSED, GEOMETRIC, open_plugin, require_predictor
 from ltvn_core.predictors.request import PredictorRequest, predictor_card
 from ltvn_core.preprocessing import ORIGINAL_SIZE
+from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_plugins import check_robot
+from ltvn_core.robots.robot_plugins import open_robot as open_live_robot
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.types import FrameId, Pose, Predictor
@@ -97,6 +101,22 @@ def open_simulation(
         world=world,
     )
     return Simulation(scene, robot, world)
+
+
+def open_robot(wanted: str) -> Robot:
+    """Make a robot by its name, by `path/to/file.py:factory` or by PROFILE@ADDRESS, or let a recorded drive play one.
+
+    A drive is named by its file or folder, of any format that can be imported. One image is taken; nothing is driven.
+    Raises PluginError, RobotError and DriveError.
+    """
+    path = Path(wanted)
+    if "@" in wanted or path.suffix == ".py" or wanted in find_plugins(ROBOTS) or not path.exists():
+        return open_live_robot(wanted)
+    from ltvn_core.importing.played_drive import play_drive
+
+    robot = play_drive(path)
+    check_robot(robot, wanted)
+    return robot
 
 
 def simulated_robot(predictor: str) -> RobotSpec:

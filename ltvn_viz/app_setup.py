@@ -13,7 +13,7 @@ import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import open_method, open_system, simulated_robot
+from ltvn_core.composition import open_method, open_robot, open_system, simulated_robot
 from ltvn_core.errors import OptionError, RecordingError, SceneError
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.events import GraphChanged
@@ -26,8 +26,8 @@ from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.link_report import link_of
+from ltvn_core.robots.open_loop import open_loop_word
 from ltvn_core.robots.robot import Robot
-from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system
@@ -120,6 +120,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         rerun=RerunViewers(stack).address,
         world=world,
         link=_link(backend),
+        open_loop=open_loop_word(backend.robot),
         build_options=BuildOptions(
             preset=options.preset,
             system=options.system,

@@ -6,9 +6,9 @@ import numpy as np
 
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.importing.drive_findings import DriveFindings
+from ltvn_core.importing.drive_odometry import OdometrySource
 from ltvn_core.importing.drive_statistics import NEAR_M
 from ltvn_core.importing.frame_preparation import ASSUMED_FOV_DEG
-from ltvn_core.importing.import_options import OdometrySource
 from ltvn_core.importing.source_camera import HOW_TO
 
 STEEP_DEG = 20.0

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.importing.drive_odometry import OdometrySource
 from ltvn_core.importing.drive_statistics import (
     Coverage,
     Drift,
@@ -16,7 +17,6 @@ from ltvn_core.importing.drive_statistics import (
     tilt_range,
 )
 from ltvn_core.importing.frame_preparation import FramePreparation
-from ltvn_core.importing.import_options import OdometrySource
 from ltvn_core.types import Pose, Tilt
 
 TOO_LITTLE_MOTION = "too little motion"

@@ -17,16 +17,17 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError, ImageError
 from ltvn_core.importing.drive_doubts import drive_doubts
 from ltvn_core.importing.drive_findings import TOO_LITTLE_MOTION, KeptFrame, drive_findings
+from ltvn_core.importing.drive_odometry import OdometrySource, chosen_odometry
 from ltvn_core.importing.frame_preparation import FramePreparation
 from ltvn_core.importing.frame_selection import FrameSelection, MotionSelection, PictureSelection
-from ltvn_core.importing.import_options import ImportOptions, OdometrySource
+from ltvn_core.importing.import_options import ImportOptions
 from ltvn_core.importing.import_summary import ImportSummary, import_summary
 from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
 from ltvn_core.navigation.events import Note, Severity, StampedEvent
 from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.observation_check import ObservationCheck
-from ltvn_core.types import Observation, Pose
+from ltvn_core.types import Observation
 
 _DECIDING_FRAMES = 100
 """The camera's usual tilt is the median of so many images, which are held until the recording begins."""
@@ -54,7 +55,7 @@ class _DriveImport:
 
     def __init__(self, reader: DriveReader, options: ImportOptions, progress: Progress) -> None:
         self._reader, self._options, self._progress = reader, options, progress
-        self._odometry = _chosen_odometry(reader, options.odometry)
+        self._odometry = chosen_odometry(reader, options.odometry)
         self._selection = _selection(options, self._odometry)
         self._preparation: FramePreparation | None = None
         self._dropped: Counter[str] = Counter()
@@ -112,7 +113,7 @@ class _DriveImport:
 
     def _observation(self, raw: RawFrame) -> Observation | None:
         """Return what a recording holds of a wanted frame, None where it is left out; the reason is counted."""
-        pose = self._pose(FrameMoment.of(raw))
+        pose = self._odometry.pose(FrameMoment.of(raw))
         assert pose is not None  # Else it was not wanted.
         if not self._selection.keeps(raw.rgb, pose, raw.tilt):
             self._dropped[TOO_LITTLE_MOTION] += 1
@@ -137,20 +138,11 @@ class _DriveImport:
         self._stamps.append(max(moment.stamp, before))
         if not moment.stamp > before:
             return "stamp not after the one before"
-        pose = self._pose(moment)
+        pose = self._odometry.pose(moment)
         if pose is None:
             wanted = "true pose" if self._odometry is OdometrySource.TRUTH else "odometry"
             return f"no {wanted} at that time"
         return None if self._selection.may_keep(pose, moment.tilt) else TOO_LITTLE_MOTION
-
-    def _pose(self, moment: FrameMoment) -> Pose | None:
-        match self._odometry:
-            case OdometrySource.TRUTH:
-                return moment.truth
-            case OdometrySource.NONE:
-                return np.zeros(3)
-            case OdometrySource.SOURCE | OdometrySource.AUTO:
-                return moment.odometry
 
     def _mounted_camera(self, camera: CameraModel) -> CameraModel:
         """Return the camera as it is mounted: as the person says, else as it was tilted for the most part."""
@@ -195,21 +187,6 @@ class _DriveImport:
             return f"The drive holds no images at all; what was found: {streams}."
         first = "".join(f" {fault}" for fault in [*self._reader.doubts, *self._faults][:1])
         return f"None of the images can be used ({reasons}).{first} What was found: {streams}."
-
-
-def _chosen_odometry(reader: DriveReader, wanted: OdometrySource) -> OdometrySource:
-    """Return where odometry is to come from. Raises DriveError where the source has none of the wanted kind."""
-    roles = {stream.role for stream in reader.facts.streams}
-    offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
-    if wanted is OdometrySource.AUTO:
-        return next((source for source, role in offered.items() if role in roles), OdometrySource.NONE)
-    if wanted in offered and offered[wanted] not in roles:
-        found = ", ".join(sorted(roles)) or "nothing"
-        raise DriveError(
-            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Leave the option out to "
-            "take what there is."
-        )
-    return wanted
 
 
 def _selection(options: ImportOptions, odometry: OdometrySource) -> FrameSelection:

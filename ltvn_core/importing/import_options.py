@@ -2,19 +2,9 @@
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 from ltvn_core.errors import OptionError
-
-
-class OdometrySource(StrEnum):
-    """Where the recorded odometry comes from."""
-
-    AUTO = "auto"
-    """The source's odometry, else its true poses, else none."""
-    SOURCE = "source"
-    TRUTH = "truth"
-    NONE = "none"
+from ltvn_core.importing.drive_odometry import OdometrySource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.importing.drive_findings import DriveFindings
+from ltvn_core.importing.drive_odometry import OdometrySource
 from ltvn_core.importing.drive_statistics import Drift, TiltRange, path_m
-from ltvn_core.importing.import_options import OdometrySource
 from ltvn_core.importing.raw_frame import DriveFacts
 
 

@@ -22,8 +22,8 @@ from ltvn_core.robots.robot_spec import RobotSpec
 
 METHODS = ("observe", "state", "drive", "stop")
 HOW_TO = (
-    "`--robot NAME` takes an installed robot, `--robot path/to/file.py:factory` one in a file, and `--robot "
-    "turtlebot4@tcp/HOST:7447` one of ROS 2 by its profile"
+    "`--robot NAME` takes an installed robot, `--robot path/to/file.py:factory` one in a file, `--robot "
+    "turtlebot4@tcp/HOST:7447` one of ROS 2 by its profile, and `--robot drive.mcap` plays a recorded drive that exists"
 )
 
 

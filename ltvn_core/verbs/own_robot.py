@@ -13,6 +13,7 @@ from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.continued_robot import ContinuedRobot
+from ltvn_core.robots.open_loop import open_loop_word
 from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
@@ -25,8 +26,11 @@ _LOG = logging.getLogger(__name__)
 
 
 def collect_with(options: CollectOptions, name: str) -> CollectSummary:
-    """Record what a robot sees while somebody else drives it, until Ctrl-C or for `options.seconds`."""
-    with opened_robot(name) as own:
+    """Record what a robot sees while somebody else drives it, until Ctrl-C or for `options.seconds`.
+
+    A recorded drive that plays the robot ends it, too.
+    """
+    with opened_robot(name, drives=False) as own:
         choice = ImageSource(camera=own.spec.camera).choose()
         robot = fit_camera(own, open_predictor(choice.name, camera=own.spec.camera).camera)
         scene = own.spec.name if options.scene == "demo" else options.scene
@@ -35,9 +39,10 @@ def collect_with(options: CollectOptions, name: str) -> CollectSummary:
         )
         begun_s = time.monotonic()
         has_depth: list[bool] = []
-        _LOG.info("Recording; drive the robot by its own controls. Ctrl-C ends it.")
+        _LOG.info(open_loop_word(own) or "Recording; drive the robot by its own controls. Ctrl-C ends it.")
         with run.open_writer(options.output) as writer:
-            images = watch_drive(robot, lambda: time.monotonic() - begun_s >= (options.seconds or np.inf))
+            most_s = options.seconds or np.inf
+            images = watch_drive(robot, lambda: getattr(own, "is_over", False) or time.monotonic() - begun_s >= most_s)
             with suppress(KeyboardInterrupt):
                 for image in record_images(images, writer):
                     has_depth.append(image.has_depth)

@@ -1,6 +1,7 @@
-"""`ltvn robot check`: looks a robot of ROS 2 over before anybody drives it."""
+"""`ltvn robot check`: looks a robot of ROS 2 over before anybody drives it, or a recorded drive that plays one."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from tyro.conf import Positional
@@ -19,24 +20,34 @@ class RobotVerb(Verb):
     command: Positional[Literal["check"]]
     """What to do with it."""
     robot: Positional[str]
-    """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447."""
+    """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447, or the file or folder of a recorded drive."""
     seconds: float = 3.0
     """How long to watch it."""
     drive: bool = False
     """Turn it on the spot a little, and measure how soon it moves and stands. Keep people and cables away."""
 
     def run(self) -> Summary:
-        """Watch, and drive where told to; raises OptionError and RobotError."""
+        """Watch, and drive where told to; raises OptionError, DriveError and RobotError."""
+        if not 0.5 <= self.seconds <= 600:
+            raise OptionError(f"--seconds is from 0.5 to 600, got {self.seconds}.")
+        return self._recorded() if "@" not in self.robot and Path(self.robot).exists() else self._live()
+
+    def _live(self) -> Summary:
         from ltvn_core.robots.ros2.robot_probe import look_over
         from ltvn_core.robots.ros2.ros_robot import open_ros_robot
 
-        if not 0.5 <= self.seconds <= 600:
-            raise OptionError(f"--seconds is from 0.5 to 600, got {self.seconds}.")
         robot = open_ros_robot(self.robot)
         try:
             return look_over(robot, seconds=self.seconds, drives=self.drive)
         finally:
             robot.close()
+
+    def _recorded(self) -> Summary:
+        from ltvn_core.importing.drive_check import look_over_drive
+
+        if self.drive:
+            raise OptionError(f"--drive: {self.robot} is a recorded drive, which can be watched alone.")
+        return look_over_drive(Path(self.robot), seconds=self.seconds)
 
     def exit_code(self, summary: Summary) -> int:
         """Return 1 where there are doubts."""

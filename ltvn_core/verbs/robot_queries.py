@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ltvn_core.composition import open_robot
 from ltvn_core.errors import RobotError
 from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -21,8 +22,8 @@ from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.open_loop import require_drivable
 from ltvn_core.robots.robot import Robot
-from ltvn_core.robots.robot_plugins import open_robot
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
 from ltvn_core.verbs.headless_runner import QueriesSummary
 
@@ -30,10 +31,15 @@ _LOG = logging.getLogger(__name__)
 
 
 @contextmanager
-def opened_robot(name: str) -> Iterator[Robot]:
-    """Open a robot; it is stopped and closed, whatever happens. Raises PluginError, RobotError."""
+def opened_robot(name: str, *, drives: bool = True) -> Iterator[Robot]:
+    """Open a robot; it is stopped and closed, whatever happens.
+
+    Raises PluginError, DriveError, RobotError, and OptionError where it `drives` and the robot obeys no command.
+    """
     robot = open_robot(name)
     try:
+        if drives:
+            require_drivable(robot)
         yield robot
     finally:
         robot.stop()

@@ -148,6 +148,8 @@ class AppState:
     """The simulated world that a person may change; None for a robot in a real one."""
     link: RobotLink | None = None
     """The link to a robot in a real world that tells of it; None in simulation."""
+    open_loop: str = ""
+    """Why the robot obeys no command; empty where it does."""
     story: StoryTeller | None = None
     """The story that is told, or was told last."""
     shown_stamp: float | None = None

@@ -46,7 +46,9 @@ def choose_goal(state: AppState, node: NodeId) -> None:
 
 
 def navigate(state: AppState, node: NodeId | None) -> None:
-    """Drive to a node, or to the goal that was chosen. Raises OptionError where none was."""
+    """Drive to a node, or to the goal that was chosen. Raises OptionError where none was, or where nothing drives."""
+    if state.open_loop:
+        raise OptionError(state.open_loop)
     goal = state.goals.selected if node is None else node
     if goal is None:
         raise OptionError("Choose a goal first: click a node in the scene or an image under “Go”.")

@@ -170,6 +170,8 @@ class Session:
             handle(state, c.TakeOver())
         if twist is not None and not isinstance(state.activity, Playback):
             show_now(state)  # Nobody drives by a picture of the past.
+        if twist is not None and state.open_loop:
+            state.say(state.open_loop, Severity.WARN)
         state.teleop.handle(twist if state.activity is state.teleop else None)
 
     def _advance(self) -> None:

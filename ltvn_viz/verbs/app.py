@@ -39,7 +39,7 @@ class AppVerb(Verb):
     demo apartment. With --robot: what recordings call the place, by default the robot's name."""
     robot: str | None = None
     """Drive a robot of your own instead of the simulated one: an installed robot's name, path/to/file.py:factory, or
-    PROFILE@ADDRESS (ROS 2), as in turtlebot4@tcp/192.168.0.7:7447."""
+    PROFILE@ADDRESS (ROS 2), as in turtlebot4@tcp/192.168.0.7:7447. A recorded drive, such as drive.mcap, is played."""
     map: Path | None = None
     """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
     recordings: Path = Path("recordings")

@@ -1,85 +1,30 @@
-"""Looks a robot over before anybody drives it: rates, ages, lens, tilt, and who listens. Drives only when told to.
-
-Owns what counts as good enough to navigate by.
-"""
+"""Looks a robot over before anybody drives it: rates, ages, lens, tilt, and who listens. Drives only when told to."""
 
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.robots.ros2.floor_fit import fit_floor
+from ltvn_core.robots.floor_fit import fit_floor
+from ltvn_core.robots.robot_report import DriveReport, RobotReport, TopicReport, report_doubts
 from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.sensor_inbox import Stream
 from ltvn_core.types import Twist
 
 LEAST_HZ = 5.0
-MOST_AGE_S = 0.3
-MOST_TILT_OFF_DEG = 3.0
 _TURN = Twist(0.0, 0.3)
 _TURNED_RAD = 0.01
 _STANDS_RAD_S = 0.02
 _PATIENCE_S = 3.0
 
 
-@dataclass(frozen=True)
-class TopicReport:
-    """What one topic does."""
-
-    topic: str
-    rate_hz: float
-    """Messages a second that could be used."""
-    longest_gap_s: float
-    publishers: tuple[str, ...]
-    """Nodes that say they send it."""
-
-
-@dataclass(frozen=True)
-class DriveReport:
-    """What came of a short turn on the spot."""
-
-    moves_after_s: float | None
-    """From the command until odometry shows it; None where the robot did not move."""
-    stands_after_s: float | None
-    """From the stop until odometry stands still; None where it went on."""
-
-
-@dataclass(frozen=True)
-class RobotReport:
-    """What was seen of a robot."""
-
-    robot: str
-    address: str
-    topics: tuple[TopicReport, ...]
-    image: str
-    """Size of its pictures."""
-    field_of_view_deg: tuple[float, float]
-    """Across and down."""
-    depth_share: float
-    """Share of pixels with depth."""
-    age_s: float
-    """How old the newest whole image was, at worst."""
-    pitch_off_deg: float | None
-    """The camera looks so much higher than the profile says; None where no floor is seen."""
-    roll_off_deg: float | None
-    height_off_m: float | None
-    """It stands so much higher than the profile says."""
-    commands_taken: bool
-    """Whether anybody listens to commands: the guard, or the robot."""
-    driving: DriveReport | None
-    """What a short turn showed, where it was allowed."""
-    doubts: tuple[str, ...] = ()
-    """What is not good enough, in words."""
-
-
 def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
     """Watch a robot, and turn it on the spot for at most 3 s where `drives`. Raises RobotError."""
     topics, age_s = _watch(robot, seconds)
     camera, depth = robot.spec.camera, robot.observe().require_depth("the check of a robot")
-    floor = fit_floor(depth, camera)
     taken = robot.has_listener
     report = RobotReport(
         robot=robot.spec.name,
@@ -89,9 +34,7 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
         field_of_view_deg=(math.degrees(camera.horizontal_fov_rad), math.degrees(camera.vertical_fov_rad)),
         depth_share=float(np.mean(depth > 0)),
         age_s=age_s,
-        pitch_off_deg=None if floor is None else floor.pitch_off_deg,
-        roll_off_deg=None if floor is None else floor.roll_off_deg,
-        height_off_m=None if floor is None else floor.height_off_m,
+        floor=fit_floor(depth, camera),
         commands_taken=taken,
         driving=_try_driving(robot) if drives and taken else None,
     )
@@ -117,17 +60,9 @@ def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], fl
 
 
 def _doubts(report: RobotReport, streams: tuple[Stream, ...]) -> list[str]:
-    words = [f"{each.topic} comes {each.rate_hz:.1f} times a second; at least {LEAST_HZ:g} are needed."
+    words = [f"{each.topic} comes {each.rate_hz:.1f} times a second; at least {LEAST_HZ:g} are needed to drive."
              for each in report.topics if each.rate_hz < LEAST_HZ]  # fmt: skip
-    words += [
-        f"{each.topic} has {len(each.publishers)} publishers." for each in report.topics if len(each.publishers) > 1
-    ]
-    words += [stream.refusal for stream in streams if stream.refusal]
-    if report.age_s > MOST_AGE_S:
-        words.append(f"Images were up to {report.age_s:.2f} s old; is the network slow? Send smaller ones.")
-    off = max(abs(report.pitch_off_deg or 0.0), abs(report.roll_off_deg or 0.0))
-    if off > MOST_TILT_OFF_DEG:
-        words.append(f"The floor seems tilted by {off:.1f} degrees: correct pitch_deg, roll_deg in the profile.")
+    words += [*report_doubts(report), *(stream.refusal for stream in streams if stream.refusal)]
     if not report.commands_taken:
         words.append(
             "Nobody listens to commands: start `ltvn guard` beside the robot, or see `guarded` in the profile."

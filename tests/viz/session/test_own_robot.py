@@ -255,3 +255,14 @@ def test_stamps_in_nanoseconds_are_said_and_end_nothing(
     frames = harness.now.moment.frames
     harness.drive(AHEAD, 1)
     assert harness.now.moment.frames > frames
+
+
+def test_of_a_recorded_drive_the_page_says_that_nothing_can_be_driven(harness: OwnRobotSession) -> None:
+    harness.state.open_loop = "bag.mcap is a recorded drive."
+    harness.drive(AHEAD, 0.2)
+    assert harness.now.message is not None
+    assert harness.now.message.text == harness.state.open_loop
+    harness.state.say("something else")
+    harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[0])))
+    assert harness.now.message.text == harness.state.open_loop
+    assert harness.now.mode is Mode.TELEOP

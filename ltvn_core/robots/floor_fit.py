@@ -1,6 +1,6 @@
 """How a camera seems to be tilted and how high it is, from the floor in its depth image. Owns the fit."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ _MOSTLY = 0.65
 """So much of what is near the floor must be floor, or it is the foot of a wall, or furniture."""
 
 
-class FloorFit(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class FloorFit:
     """What the floor says against a profile."""
 
     pitch_off_deg: float

@@ -1,0 +1,140 @@
+"""A recorded drive that plays a robot: its images come as they were taken, whatever anybody commands (open loop).
+
+Any format that can be imported can be played. Owns the pace; reading is the reader's, and fitting the camera that of
+`frame_preparation`.
+"""
+
+import logging
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from ltvn_core.errors import DriveError, ImageError
+from ltvn_core.importing.drive_odometry import chosen_odometry
+from ltvn_core.importing.frame_preparation import FramePreparation
+from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame
+from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.robots.robot import WallClock
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, RobotState, Twist
+
+_LOG = logging.getLogger(__name__)
+
+
+def play_drive(path: Path, clock: WallClock | None = None) -> "PlayedDrive":
+    """Open a drive of any format that can be imported, to play it. Raises DriveError where it cannot be used."""
+    try:
+        return PlayedDrive(open_drive(path), path.name, clock or WallClock())
+    except DriveError as error:
+        raise DriveError(
+            f"{error} Options are for `ltvn import`, which makes a recording of it; played, it is as it is."
+        ) from error
+
+
+class PlayedDrive:
+    """A drive as a robot of which nothing is known but its camera. Implements `ltvn_core.robots.robot.Robot`.
+
+    Its time begins at the second look: who opens a robot looks once, and may take long to open the rest. At its end the
+    last image stays.
+    """
+
+    def __init__(self, reader: DriveReader, name: str, clock: WallClock) -> None:
+        """Play what `reader` has read; `name` is for messages. Raises DriveError where no image can be used."""
+        self.clock = clock
+        self.open_loop = (
+            f"{name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals and "
+            "driving need a robot."
+        )
+        """Why commands do nothing."""
+        self._name = name
+        self._odometry = chosen_odometry(reader)
+        self._frames = (raw for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None)
+        self._lock = threading.RLock()
+        self._looks, self._begun_s, self._told = 0, 0.0, False
+        self._observation, self._seen_s = self._first(self._frames)
+        self._raw: RawFrame | None = None
+        """The newest frame, until somebody looks at it."""
+        self._pose = self._observation.odometry
+        self._next = next(self._frames, None)
+
+    @property
+    def spec(self) -> RobotSpec:
+        """A LoCoBot's size, for nobody says whose it is, with the drive's own camera, undistorted and upright."""
+        return replace(LOCOBOT, name=f"{self._name} (recorded)", camera=self._preparation.camera)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its last image was looked at."""
+        with self._lock:
+            self._play()
+            return self._looks > 1 and self._raw is None and self._next is None
+
+    def observe(self) -> Observation:
+        """Return the image that was taken last by now, at the recorded pace."""
+        with self._lock:
+            self._looks += 1
+            if self._looks == 2:
+                self._begun_s = self.clock.now()
+            self._play()
+            if self._raw is not None:
+                raw, self._raw = self._raw, None
+                self._look(raw)
+            return self._observation
+
+    def state(self) -> RobotState:
+        """Return the recorded odometry; the bumper is not known."""
+        with self._lock:
+            self._play()
+            step = max(self._observation.step, int(self._now_s / CONTROL_STEP_S))
+            return RobotState(self._pose, self._now_s, step, bumper_pressed=False)
+
+    def drive(self, twist: Twist) -> None:
+        """Do nothing; say so once."""
+        if not self._told and twist != ZERO_TWIST:
+            self._told = True
+            _LOG.warning(self.open_loop)
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+    @property
+    def _now_s(self) -> float:
+        """Seconds since the first image."""
+        return self.clock.now() - self._begun_s if self._looks > 1 else 0.0
+
+    def _first(self, frames: Iterator[RawFrame]) -> tuple[Observation, float]:
+        """Return the first image and its stamp, and learn the camera."""
+        fault = ""
+        for raw in frames:
+            try:
+                self._preparation = FramePreparation(raw)
+                return self._prepared(raw, step=0, begun_s=raw.stamp), raw.stamp
+            except ImageError as error:
+                fault = fault or f" {error}"
+        raise DriveError(f"None of the images of {self._name} can be used.{fault}")
+
+    def _play(self) -> None:
+        """Take the frames whose time has come; the newest is kept."""
+        while self._next is not None and self._next.stamp - self._seen_s <= self._now_s:
+            self._raw = self._next
+            pose = self._odometry.pose(FrameMoment.of(self._raw))
+            assert pose is not None  # Else it was left out.
+            self._pose = pose
+            self._next = next(self._frames, None)
+            if self._next is None:
+                _LOG.info("%s is over; its last image stays.", self._name)
+
+    def _look(self, raw: RawFrame) -> None:
+        """Prepare a frame; one that cannot be used is left out."""
+        step = max(self._observation.step + 1, int((raw.stamp - self._seen_s) / CONTROL_STEP_S))
+        try:
+            self._observation = self._prepared(raw, step=step, begun_s=self._seen_s)
+        except ImageError as error:
+            _LOG.warning("An image was left out: %s", error)
+
+    def _prepared(self, raw: RawFrame, *, step: int, begun_s: float) -> Observation:
+        pose = self._odometry.pose(FrameMoment.of(raw))
+        assert pose is not None  # Else it was left out.
+        prepared = self._preparation.observation(raw, step=step, odometry=pose)
+        return replace(prepared, stamp=raw.stamp - begun_s, exact_pose=None)

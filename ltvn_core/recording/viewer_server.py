@@ -1,7 +1,7 @@
 """Serves one recording with Rerun's web viewer to this machine only.
 
 Listens on 127.0.0.1, answers only under a random path and for its own Host, and forbids the page to talk to anybody
-else. Owns the page and the server; the viewer itself comes from `viewer_assets`.
+else. Owns the server; the viewer itself comes from `viewer_assets`, the page round it from `viewer_page`.
 """
 
 import http.server
@@ -22,6 +22,7 @@ from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.live_server import is_own_host, port_of
 from ltvn_core.recording.rrd_contents import require_rrd
 from ltvn_core.recording.viewer_assets import viewer_assets
+from ltvn_core.recording.viewer_page import SCRIPT, RecordingContents, contents_of, viewer_page
 
 _LOG = logging.getLogger(__name__)
 _BLOCK_BYTES = 1 << 16
@@ -32,35 +33,6 @@ _POLICY = (
     "img-src 'self' data: blob:; worker-src 'self' blob:; font-src 'self' data:; base-uri 'none'; "
     "frame-ancestors 'none'; form-action 'none'"
 )
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>LTVN recording</title>
-<style>
-  html, body { margin: 0; height: 100%; background: #18191c; color: #ccc; font: 16px sans-serif; overflow: hidden }
-  canvas { display: block; width: 100vw; height: 100vh }
-  #wait { position: absolute; inset: 0; display: grid; place-items: center }
-</style></head>
-<body><div id="wait">Loading the viewer; the first time takes some seconds.</div><canvas id="viewer"></canvas>
-<script src="re_viewer.js"></script><script src="page.js"></script></body></html>
-"""
-# WebHandle is what Rerun's own npm package wraps; it belongs to this one version of the wheel.
-_SCRIPT = """
-(async () => {
-  const wait = document.getElementById('wait');
-  try {
-    await wasm_bindgen({module_or_path: 're_viewer_bg.wasm'});
-    const handle = new wasm_bindgen.WebHandle({
-      url: [new URL('recording.rrd', location.href).href],
-      hide_welcome_screen: true, enable_history: false, notebook: false, persist: false, theme: 'dark',
-      panel_state_overrides: {top: 'Hidden', blueprint: 'Collapsed', selection: 'Collapsed', time: 'Collapsed'},
-      on_viewer_event: text => { if (JSON.parse(text).type === 'recording_open') document.body.dataset.open = 'yes' },
-    });
-    await handle.start(document.getElementById('viewer'));
-    wait.remove();
-  } catch (error) {
-    wait.textContent = 'The viewer could not start: ' + error + '. It needs WebGL 2 or WebGPU.';
-  }
-})();
-"""
 
 
 class _Response(NamedTuple):
@@ -90,6 +62,7 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
     on from there. Raises RecordingError for a file that is none, and ServerError when the port is taken.
     """
     live = str(path) if port_of(str(path)) is not None else None
+    contents = RecordingContents("A recording that is being written")
     if live is None:
         path = Path(path)
         require_rrd(path)
@@ -98,9 +71,11 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
             _LOG.warning("%s is cut or unfinished; the viewer shows what is whole.", path)
         elif found.damage is not None:
             _LOG.warning("%s is damaged (%s), and the viewer may show less or nothing of it.", path, found.damage)
+        contents = contents_of(path)
+        _LOG.info("%s", contents.text)
     token = secrets.token_urlsafe(16)
     source = Path(path) if live is None else live
-    server = _bound(port, _responses(source, token))
+    server = _bound(port, _responses(source, token, viewer_page(contents)))
     address = f"127.0.0.1:{server.server_address[1]}"
     thread = threading.Thread(target=server.serve_forever, name="recording-viewer", daemon=True)
     thread.start()
@@ -114,11 +89,11 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
         thread.join()
 
 
-def _responses(source: Path | str, token: str) -> Mapping[str, _Response]:
+def _responses(source: Path | str, token: str, page: str) -> Mapping[str, _Response]:
     assets = viewer_assets()
     return {
-        f"/{token}/": _Response("text/html; charset=utf-8", _PAGE.encode()),
-        f"/{token}/page.js": _Response("text/javascript", _SCRIPT.encode()),
+        f"/{token}/": _Response("text/html; charset=utf-8", page.encode()),
+        f"/{token}/page.js": _Response("text/javascript", SCRIPT.encode()),
         f"/{token}/re_viewer.js": _Response("text/javascript", assets.script, gzipped=True),
         f"/{token}/re_viewer_bg.wasm": _Response("application/wasm", assets.module, gzipped=True),
         f"/{token}/recording.rrd": _Response("application/octet-stream", source),

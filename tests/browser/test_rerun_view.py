@@ -14,7 +14,7 @@ import numpy as np
 import psutil
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, Request
+from playwright.sync_api import Browser, Page, Request, expect
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.live_server import live_address
@@ -45,8 +45,10 @@ def test_the_recording_is_drawn_and_no_request_leaves_the_machine(chromium: Brow
     page.on("response", lambda response: answered.append(response.url))
     page.on("request", lambda request: sent.append(request))
     page.goto(viewer.url)
+    expect(page.locator("#wait")).to_contain_text("small.rrd: 10 images, 3 nodes, 2 edges, 1 query")
 
-    _until(page, lambda: page.evaluate("document.body.dataset.open === 'yes'"), "the viewer opened the recording")
+    _until(page, lambda: page.evaluate("document.body.dataset.shown === 'yes'"), "all of the recording was read")
+    assert page.locator("progress").evaluate("bar => bar.value === bar.max")
     _until(page, lambda: _colours(page) > 500, "the canvas shows pictures")
 
     assert f"{viewer.url}re_viewer_bg.wasm" in answered

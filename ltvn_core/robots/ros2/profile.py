@@ -22,7 +22,8 @@ from ltvn_core.robots.robot_spec import AccelerationLimits, RobotSpec, SpeedLimi
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LAST_DOMAIN = 232
-_OPTIONAL = ("topics.battery", "topics.truth")
+_FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
+_OPTIONAL = ("topics.odometry", "topics.battery", "topics.truth")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,15 +36,36 @@ class Topics:
     """sensor_msgs/Image, aligned with the colours: 16UC1, or 32FC1 in metres."""
     camera_info: str
     """sensor_msgs/CameraInfo of the colours."""
-    odometry: str
-    """nav_msgs/Odometry."""
     command: str
     """geometry_msgs/Twist or TwistStamped: what moves the robot."""
+    odometry: str = ""
+    """nav_msgs/Odometry; empty where `odometry_transform` says where to find it."""
     battery: str = ""
     """sensor_msgs/BatteryState; empty where there is none."""
     truth: str = ""
     """nav_msgs/Odometry of where it really is, by motion capture or a simulator, to judge runs by; empty where nobody
     knows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OdometryTransform:
+    """Two frames of the tree that say where the robot is, in place of an odometry topic."""
+
+    topic: str = "/tf"
+    """tf2_msgs/TFMessage; many nodes may publish there."""
+    parent: str = "odom"
+    """The frame that stays where the robot began,"""
+    child: str = "base_link"
+    """and the robot's own, its child in the tree."""
+
+    def __post_init__(self) -> None:
+        """Check the names."""
+        for field_name in ("parent", "child"):
+            frame = getattr(self, field_name)
+            if not _FRAME.fullmatch(frame):
+                raise RobotError(f"odometry_transform.{field_name} is {frame!r:.60}; a frame is written as base_link.")
+        if self.parent == self.child:
+            raise RobotError(f"odometry_transform leads from {self.parent} to itself.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,13 +122,26 @@ class RobotProfile:
     camera: Mounting
     speeds: SpeedLimits = field(default_factory=SpeedLimits)
     accelerations: AccelerationLimits = field(default_factory=AccelerationLimits)
+    odometry_transform: OdometryTransform | None = None
+    """Where the tree of frames says where the robot is; None where `topics.odometry` does."""
     domain: int = 0
     """The robot's ROS_DOMAIN_ID."""
+
+    @property
+    def odometry_topic(self) -> str:
+        """Where the robot says where it is."""
+        return self.topics.odometry if self.odometry_transform is None else self.odometry_transform.topic
 
     def __post_init__(self) -> None:
         """Check what types alone do not."""
         named = {f"topics.{each.name}": getattr(self.topics, each.name) for each in fields(self.topics)}
         named["driving.guard_topic"] = self.driving.guard_topic
+        if self.odometry_transform is not None:
+            named["odometry_transform.topic"] = self.odometry_transform.topic
+        if bool(self.topics.odometry) == (self.odometry_transform is not None):
+            raise RobotError(
+                "either topics.odometry or the table odometry_transform says where the robot is, not both."
+            )
         for place, topic in named.items():
             if not _TOPIC.fullmatch(topic) and (topic or place not in _OPTIONAL):
                 raise RobotError(f"{place} is {topic!r:.60}; a topic is written as /camera/color/image_raw.")

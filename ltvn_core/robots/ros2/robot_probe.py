@@ -53,10 +53,17 @@ def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], fl
         now_s = time.monotonic()
         gaps = [max(gap, stream.age_s(now_s) or 0.0) for gap, stream in zip(gaps, streams, strict=True)]
     reports = [
-        TopicReport(stream.topic, (stream.count - count) / passed_s, gap, tuple(robot.link.publishers(stream.topic)))
+        TopicReport(stream.topic, (stream.count - count) / passed_s, gap, _publishers(robot, stream))
         for stream, count, gap in zip(streams, counts, gaps, strict=True)
     ]
     return tuple(reports), worst_s
+
+
+def _publishers(robot: RosRobot, stream: Stream) -> tuple[str, ...]:
+    """Return who says that they send a stream; of a tree of frames nobody, for each node sends its own part."""
+    if stream is robot.inbox.odometry and robot.profile.odometry_transform is not None:
+        return ()
+    return tuple(robot.link.publishers(stream.topic))
 
 
 def _doubts(report: RobotReport, streams: tuple[Stream, ...]) -> list[str]:

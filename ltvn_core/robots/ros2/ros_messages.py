@@ -12,7 +12,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED, type_store
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
 from ltvn_core.types import Depth, Pose, Rgb, Twist
 
 BASE_FRAME, ODOMETRY_FRAME, CAMERA_FRAME = "base_link", "odom", "camera_color_optical_frame"
@@ -30,9 +30,8 @@ def twist_message(twist: Twist, stamp_s: float | None) -> Any:
 def odometry_message(pose: Pose, speeds: Twist, stamp_s: float) -> Any:
     """Return where the robot is, (3,), and how fast it goes."""
     x, y, yaw = map(float, pose)
-    turn = _make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
     place = _make(
-        "geometry_msgs/msg/Pose", position=_make("geometry_msgs/msg/Point", x=x, y=y, z=0.0), orientation=turn
+        "geometry_msgs/msg/Pose", position=_make("geometry_msgs/msg/Point", x=x, y=y, z=0.0), orientation=_turn(yaw)
     )
     unknown = np.zeros(36)
     return _make(
@@ -42,6 +41,15 @@ def odometry_message(pose: Pose, speeds: Twist, stamp_s: float) -> Any:
         pose=_make("geometry_msgs/msg/PoseWithCovariance", pose=place, covariance=unknown),
         twist=_make("geometry_msgs/msg/TwistWithCovariance", twist=twist_message(speeds, None), covariance=unknown),
     )
+
+
+def transform_message(pose: Pose, stamp_s: float, parent: str, child: str) -> Any:
+    """Return where the robot is, (3,), as a transform between two frames."""
+    x, y, yaw = map(float, pose)
+    place = _make("geometry_msgs/msg/Transform", translation=_vector(x, y, 0.0), rotation=_turn(yaw))
+    head = header(stamp_s, parent)
+    stamped = _make("geometry_msgs/msg/TransformStamped", header=head, child_frame_id=child, transform=place)
+    return _make(TRANSFORMS, transforms=[stamped])
 
 
 def image_message(pixels: Rgb | Depth, stamp_s: float) -> Any:
@@ -121,21 +129,37 @@ def read_twist(message: Any, source: str) -> Twist:
 
 def read_odometry(message: Any, source: str) -> Pose:
     """Return x, y, yaw (3,) of an Odometry. Raises RobotError where they cannot be right."""
-    place = message.pose.pose
-    q = place.orientation
+    return _planar(message.pose.pose.position, message.pose.pose.orientation, source)
+
+
+def read_transform(message: Any, source: str) -> Pose:
+    """Return x, y, yaw (3,) of a TransformStamped. Raises RobotError where they cannot be right."""
+    return _planar(message.transform.translation, message.transform.rotation, source)
+
+
+def edges_of(message: Any) -> dict[tuple[str, str], Any]:
+    """Return the TransformStamped of a TFMessage by the names of parent and child; older robots put a slash before."""
+    return {(each.header.frame_id.lstrip("/"), each.child_frame_id.lstrip("/")): each for each in message.transforms}
+
+
+def _planar(place: Any, q: Any, source: str) -> Pose:
     length = math.hypot(q.x, q.y, q.z, q.w)
-    if not (math.isfinite(place.position.x) and math.isfinite(place.position.y)):
-        raise RobotError(f"{source}: odometry says x {place.position.x}, y {place.position.y}; both must be metres.")
+    if not (math.isfinite(place.x) and math.isfinite(place.y)):
+        raise RobotError(f"{source}: odometry says x {place.x}, y {place.y}; both must be metres.")
     if not abs(length - 1.0) <= _UNIT_QUATERNION_TOLERANCE:
         raise RobotError(f"{source}: odometry's quaternion has length {length:g} instead of 1, so it says no heading.")
     yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
-    return np.array([place.position.x, place.position.y, yaw])
+    return np.array([place.x, place.y, yaw])
 
 
 def read_battery(message: Any) -> float | None:
     """Return how full a BatteryState says that the battery is, in [0, 1]; None where it is not measured."""
     share = float(message.percentage)
     return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
+
+
+def _turn(yaw: float) -> Any:
+    return _make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
 
 
 def _vector(x: float, y: float, z: float) -> Any:

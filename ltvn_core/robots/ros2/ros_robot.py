@@ -21,7 +21,7 @@ from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_images import IMAGE, decode_colours, decode_metres
 from ltvn_core.robots.ros2.ros_messages import twist_message
-from ltvn_core.robots.ros2.ros_types import BATTERY, ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.ros_types import BATTERY, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink
@@ -170,8 +170,10 @@ class RosRobot:
         for stream in (inbox.colour, inbox.depth):
             take = partial(inbox.take_image, stream)
             self.link.subscribe(Topic(stream.topic, IMAGE, domain), take, partial(self._refuse, stream))
-        odometry = Topic(topics.odometry, ODOMETRY, domain)
-        self.link.subscribe(odometry, inbox.take_odometry, partial(self._refuse, inbox.odometry))
+        is_tree = self.profile.odometry_transform is not None
+        odometry = Topic(self.profile.odometry_topic, TRANSFORMS if is_tree else ODOMETRY, domain)
+        take_pose = inbox.take_transforms if is_tree else inbox.take_odometry
+        self.link.subscribe(odometry, take_pose, partial(self._refuse, inbox.odometry))
         info = Topic(topics.camera_info, CAMERA_INFO, domain)
         self.link.subscribe(info, inbox.take_camera_info, partial(self._refuse, inbox.colour))
         if topics.battery:

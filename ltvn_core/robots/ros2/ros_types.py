@@ -15,6 +15,7 @@ from ltvn_core.errors import RobotError
 TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 BATTERY = "sensor_msgs/msg/BatteryState"
 
 NO_HASH = "TypeHashNotSupported"

@@ -12,7 +12,13 @@ from ltvn_core.errors import RobotError
 from ltvn_core.robots.link_report import STALE_S
 from ltvn_core.robots.ros2.freshness import Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.ros_messages import read_battery, read_odometry, read_stamp
+from ltvn_core.robots.ros2.ros_messages import (
+    edges_of,
+    read_battery,
+    read_odometry,
+    read_stamp,
+    read_transform,
+)
 from ltvn_core.robots.ros2.zenoh_link import Received
 from ltvn_core.types import Pose
 
@@ -27,6 +33,7 @@ _JUMP_LASTS_S = 2 * STALE_S
 """where they come for so long: whoever drives is told first, however many come in a second."""
 _KEPT = 30
 _LATELY_S = 2.0
+_FRAMES_TOLD = 6
 
 
 class Stamped(NamedTuple):
@@ -121,7 +128,9 @@ class SensorInbox:
     def __init__(self, profile: RobotProfile) -> None:
         """Nothing came yet."""
         topics = profile.topics
-        self.colour, self.depth, self.odometry = map(Stream, (topics.colour, topics.depth, topics.odometry))
+        self.colour, self.depth, self.odometry = map(Stream, (topics.colour, topics.depth, profile.odometry_topic))
+        self._edge = profile.odometry_transform
+        self._other_edges: dict[tuple[str, str], None] = {}
         self.camera_info: Any = None
         """The last CameraInfo."""
         self.battery: float | None = None
@@ -147,6 +156,21 @@ class SensorInbox:
         with self._changed:
             self.odometry.add(received, pose)
             self._changed.notify_all()
+
+    def take_transforms(self, received: Received) -> None:
+        """Keep where the tree of frames says that the robot is; other parts of the tree are passed over."""
+        assert self._edge is not None  # Else nobody listens to them.
+        wanted = self._edge.parent, self._edge.child
+        edges = edges_of(received.message)
+        if wanted in edges:
+            pose = read_transform(edges[wanted], self.odometry.topic)
+            with self._changed:
+                self.odometry.add(received._replace(message=edges[wanted]), pose)
+                self._changed.notify_all()
+        elif not self.odometry.count:
+            self._other_edges = dict.fromkeys(list(self._other_edges | dict.fromkeys(edges))[:_FRAMES_TOLD])
+            told = ", ".join(f"{parent:.40} to {child:.40}" for parent, child in self._other_edges)
+            self.odometry.refusal = f"it has no {wanted[0]} to {wanted[1]}, but {told or 'nothing'}"
 
     def take_camera_info(self, received: Received) -> None:
         """Keep the lens."""

@@ -7,6 +7,7 @@ Has a drive lease of its own on the machine's steady clock. Owns the pace.
 import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 from ltvn_core.errors import RobotError
 from ltvn_core.geometry import relative
@@ -17,8 +18,14 @@ from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE
-from ltvn_core.robots.ros2.ros_messages import camera_info_message, image_message, odometry_message, read_twist
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.ros_messages import (
+    camera_info_message,
+    image_message,
+    odometry_message,
+    read_twist,
+    transform_message,
+)
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Twist
@@ -48,7 +55,9 @@ class ServedRobot:
         self._colour = link.publisher(Topic(topics.colour, IMAGE, domain), best_effort=True)
         self._depth = link.publisher(Topic(topics.depth, IMAGE, domain), best_effort=True)
         self._info = link.publisher(Topic(topics.camera_info, CAMERA_INFO, domain), best_effort=True)
-        self._odometry = link.publisher(Topic(topics.odometry, ODOMETRY, domain))
+        self._edge = profile.odometry_transform
+        place = ODOMETRY if self._edge is None else TRANSFORMS
+        self._odometry = link.publisher(Topic(profile.odometry_topic, place, domain))
         self._truth = truth if topics.truth else None
         if self._truth is not None:
             self._true_pose = link.publisher(Topic(topics.truth, ODOMETRY, domain))
@@ -77,13 +86,18 @@ class ServedRobot:
     def _look(self) -> None:
         stamp_s = time.time()
         seen = self._robot.observe()
-        self._odometry.put(odometry_message(seen.odometry, self._speeds(seen), stamp_s))
+        self._odometry.put(self._place(seen, stamp_s))
         if self._truth is not None:
             self._true_pose.put(odometry_message(self._truth(), ZERO_TWIST, stamp_s))
         self._info.put(camera_info_message(self._robot.spec.camera, stamp_s))
         self._colour.put(image_message(seen.rgb, stamp_s))
         if seen.depth is not None:
             self._depth.put(image_message(seen.depth, stamp_s))
+
+    def _place(self, seen: Observation, stamp_s: float) -> Any:
+        if self._edge is None:
+            return odometry_message(seen.odometry, self._speeds(seen), stamp_s)
+        return transform_message(seen.odometry, stamp_s, self._edge.parent, self._edge.child)
 
     def _speeds(self, seen: Observation) -> Twist:
         """Return how fast it went since the last look."""

@@ -9,7 +9,13 @@ from zenoh_ros2_sdk import ZenohSession, get_registry
 
 from ltvn_core.robots.ros2.zenoh_link import check_address
 
-_TYPES = ("geometry_msgs/msg/Twist", "sensor_msgs/msg/Image", "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo")
+_TYPES = (
+    "geometry_msgs/msg/Twist",
+    "sensor_msgs/msg/Image",
+    "nav_msgs/msg/Odometry",
+    "sensor_msgs/msg/CameraInfo",
+    "tf2_msgs/msg/TFMessage",
+)
 _RULE = "=" * 80
 
 

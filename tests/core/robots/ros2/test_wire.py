@@ -20,14 +20,17 @@ from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE, decode_colours, decode_metres
 from ltvn_core.robots.ros2.ros_messages import (
     camera_info_message,
+    edges_of,
     image_message,
     odometry_message,
     read_odometry,
     read_stamp,
+    read_transform,
     read_twist,
+    transform_message,
     twist_message,
 )
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED, decode, encode
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, decode, encode
 from ltvn_core.robots.ros2.topic_keys import Endpoint, Role, Topic, node_token
 from ltvn_core.types import Twist
 
@@ -109,6 +112,18 @@ def test_odometry_is_a_pose_and_speeds_with_their_covariances() -> None:
     message = odometry_message(np.array([1.0, 2.0, 0.5]), Twist(0.3, 0.1), STAMP_S)
 
     assert encode(message) == expected.bytes()
+
+
+def test_a_transform_is_a_list_of_one_pose_between_two_frames() -> None:
+    expected = Cdr().put("I", 1).header("odom").text("base_link")
+    expected.put("d", 1.0, 2.0, 0.0, 0.0, 0.0, math.sin(0.25), math.cos(0.25))
+    pose = np.array([1.0, 2.0, 0.5])
+
+    body = encode(transform_message(pose, STAMP_S, "odom", "base_link"))
+
+    assert body == expected.bytes()
+    edges = edges_of(decode(body, TRANSFORMS, "/tf"))
+    np.testing.assert_allclose(read_transform(edges["odom", "base_link"], "/tf"), pose)
 
 
 def test_camera_info_is_the_lens() -> None:

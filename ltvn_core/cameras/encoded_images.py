@@ -19,6 +19,12 @@ MAX_PIXELS = 64_000_000
 _FORMATS = ("JPEG", "PNG", "WEBP", "BMP", "PPM", "TIFF")
 
 
+def encoded_size(blob: bytes, source: str) -> tuple[int, int]:
+    """Return width and height of a compressed image, which is not decoded. Raises DriveError like `decode_colour`."""
+    with _libraries_silent():
+        return _check_container(blob, source)
+
+
 def decode_colour(blob: bytes, source: str) -> Rgb:
     """Return the colours (H, W, 3) of a JPEG, PNG or their like; one channel becomes grey.
 
@@ -72,8 +78,11 @@ def _libraries_silent() -> Iterator[None]:
         cv2_logging.setLogLevel(level)
 
 
-def _check_container(blob: bytes, source: str) -> None:
-    """Raise DriveError where an image is of no known format, unpacks to too much, or fails its own checksums."""
+def _check_container(blob: bytes, source: str) -> tuple[int, int]:
+    """Return width and height.
+
+    Raises DriveError where an image is of no known format, unpacks to too much, or fails its own checksums.
+    """
     try:
         with Image.open(io.BytesIO(blob), formats=_FORMATS) as header:
             width, height = header.size
@@ -87,6 +96,7 @@ def _check_container(blob: bytes, source: str) -> None:
         raise DriveError(f"{source} is no image that can be read ({kinds}): {len(blob):,} bytes.") from error
     if width * height > MAX_PIXELS:
         raise _too_large(source)
+    return width, height
 
 
 def _check_chunks(header: Image.Image, blob: bytes, source: str) -> None:

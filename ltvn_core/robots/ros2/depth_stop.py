@@ -11,7 +11,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
-from ltvn_core.robots.ros2.ros_images import decode_metres
+from ltvn_core.robots.ros2.sensor_images import sensor_depth, sensor_size
 from ltvn_core.robots.ros2.zenoh_link import Received
 from ltvn_core.types import Depth, Twist
 
@@ -53,10 +53,10 @@ class DepthStop:
         message, topic = received.message, self._profile.topics.depth
         if self._info is None or not is_calibrated(self._info):
             return
+        camera, size = self._profile.camera, sensor_size(message, topic)
+        depth = sensor_depth(message, topic, camera.depth_unit_m)
         try:
-            depth = decode_metres(message, topic)
-            size = depth.shape[1], depth.shape[0]
-            lens = ros_camera(self._info, *size, rectified=self._profile.camera.rectified, topic=topic)
+            lens = ros_camera(self._info, *size, rectified=camera.rectified, topic=topic)
         except LtvnError as error:
             raise RobotError(str(error)) from error
         reason = self._reason(depth, self._profile.mounted(lens))

@@ -14,9 +14,9 @@ from ltvn_core.robots.ros2.depth_stop import DepthStop
 from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
-from ltvn_core.robots.ros2.ros_images import IMAGE
 from ltvn_core.robots.ros2.ros_messages import read_stamp, read_twist, twist_message
 from ltvn_core.robots.ros2.ros_types import TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.sensor_topics import depth_topic
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
@@ -56,7 +56,7 @@ class Guard:
                 depth_stop.take_camera_info,
                 self._complaints.say,
             )
-            link.subscribe(Topic(profile.topics.depth, IMAGE, domain), depth_stop.take_depth, self._complaints.say)
+            link.subscribe(depth_topic(profile), depth_stop.take_depth, self._complaints.say)
         link.subscribe(Topic(self._source, kind, domain), self._take, self._refuse)
 
     def run(self, is_over: Callable[[], bool]) -> None:

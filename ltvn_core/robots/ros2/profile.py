@@ -31,9 +31,10 @@ class Topics:
     """Where the robot says what it sees and takes its commands."""
 
     colour: str
-    """sensor_msgs/Image."""
+    """sensor_msgs/Image, or CompressedImage where `camera.compressed_colour` says so."""
     depth: str
-    """sensor_msgs/Image, aligned with the colours: 16UC1, or 32FC1 in metres."""
+    """sensor_msgs/Image, aligned with the colours: 16UC1, or 32FC1 in metres; CompressedImage where
+    `camera.compressed_depth` says so."""
     camera_info: str
     """sensor_msgs/CameraInfo of the colours."""
     command: str
@@ -108,6 +109,10 @@ class Mounting:
     """The pictures have no distortion any more, so that only the P of CameraInfo holds."""
     depth_unit_m: float = MILLIMETRES
     """Metres per unit of a 16UC1 depth image."""
+    compressed_colour: bool = False
+    """The colours are sensor_msgs/CompressedImage (JPEG or PNG), as at /camera/color/image_raw/compressed."""
+    compressed_depth: bool = False
+    """Depth is sensor_msgs/CompressedImage (PNG or RVL), as at /camera/depth/image_raw/compressedDepth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import MILLIMETRES
-from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, encoded_size
 from ltvn_core.cameras.rvl_depth import decode_rvl
 from ltvn_core.errors import DriveError
 from ltvn_core.types import Depth, Rgb
@@ -19,7 +19,7 @@ from ltvn_core.types import Depth, Rgb
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
-_DEPTH_HEADER = struct.Struct("<iff")
+DEPTH_HEADER = struct.Struct("<iff")
 """Before the PNG of a `compressedDepth` message: which compression, and two constants for depth in floats."""
 _RVL_HEADER = struct.Struct("<II")
 
@@ -74,9 +74,15 @@ def shows_depth(message: Any) -> bool:
     return said.startswith(("16uc1", "32fc1", "64fc1")) or "compresseddepth" in said
 
 
-def image_size(message: Any) -> tuple[int, int] | None:
-    """Return width and height of an uncompressed image; None for a compressed one."""
-    return (int(message.width), int(message.height)) if hasattr(message, "encoding") else None
+def image_size(message: Any, source: str) -> tuple[int, int]:
+    """Return width and height of an image message, which is not decoded. Raises DriveError."""
+    if hasattr(message, "encoding"):
+        return int(message.width), int(message.height)
+    data, form = bytes(message.data), str(message.format)
+    if not _is_depth_format(form):
+        return encoded_size(data, source)
+    content = _behind_header(data, source)
+    return _rvl_size(content, source) if _is_rvl(form) else encoded_size(content, source)
 
 
 def decode_colours(message: Any, source: str) -> Rgb:
@@ -95,12 +101,15 @@ def decode_colours(message: Any, source: str) -> Rgb:
         raise DriveError(f"{source}: {image.shape} cannot be {message.encoding}.") from error
 
 
-def decode_metres(message: Any, source: str) -> Depth:
-    """Return depth (H, W) in metres, 0 = no return, of an image message. Raises DriveError."""
+def decode_metres(message: Any, source: str, unit_m: float = MILLIMETRES) -> Depth:
+    """Return depth (H, W) in metres, 0 = no return, of an image message whose whole numbers count `unit_m`.
+
+    Raises DriveError.
+    """
     if not hasattr(message, "encoding"):
-        return _clean(_compressed_metres(bytes(message.data), str(message.format), source))
+        return _clean(_compressed_metres(bytes(message.data), str(message.format), source, unit_m))
     image = _pixels(message, _layout(message, _DEPTHS, source), source)
-    return _clean(image * np.float32(MILLIMETRES) if image.dtype == np.uint16 else image.astype(np.float32))
+    return _clean(image * np.float32(unit_m) if image.dtype == np.uint16 else image.astype(np.float32))
 
 
 def _layout(message: Any, known: dict[str, _Layout], source: str) -> _Layout:
@@ -125,15 +134,13 @@ def _pixels(message: Any, layout: _Layout, source: str) -> NDArray:
     return pixels if layout.channels == 1 else pixels.reshape(rows, width, layout.channels)
 
 
-def _compressed_metres(data: bytes, form: str, source: str) -> Depth:
-    if "compresseddepth" not in form.lower():
-        return decode_depth(data, MILLIMETRES, source)
-    if len(data) <= _DEPTH_HEADER.size:
-        raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
-    _, scale, offset = _DEPTH_HEADER.unpack_from(data)
-    steps = _compressed_units(data[_DEPTH_HEADER.size :], form, source)
+def _compressed_metres(data: bytes, form: str, source: str, unit_m: float) -> Depth:
+    if not _is_depth_format(form):
+        return decode_depth(data, unit_m, source)
+    steps = _compressed_units(_behind_header(data, source), form, source)
+    _, scale, offset = DEPTH_HEADER.unpack_from(data)
     if not form.lower().startswith("32fc1"):
-        return steps * np.float32(MILLIMETRES)
+        return steps * np.float32(unit_m)
     # Floats are sent as 16 bits of inverse depth.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(steps > 0, np.float32(scale) / (steps - np.float32(offset)), 0).astype(np.float32)
@@ -141,12 +148,31 @@ def _compressed_metres(data: bytes, form: str, source: str) -> Depth:
 
 def _compressed_units(data: bytes, form: str, source: str) -> Depth:
     """Return the 16 bits of each pixel as they were compressed, by PNG or by RVL behind width and height."""
-    if not form.lower().rstrip().endswith("rvl"):
+    if not _is_rvl(form):
         return decode_depth(data, 1.0, source)
+    width, height = _rvl_size(data, source)
+    return decode_rvl(data[_RVL_HEADER.size :], width, height, source).astype(np.float32)
+
+
+def _is_depth_format(form: str) -> bool:
+    return "compresseddepth" in form.lower()
+
+
+def _is_rvl(form: str) -> bool:
+    return form.lower().rstrip().endswith("rvl")
+
+
+def _behind_header(data: bytes, source: str) -> bytes:
+    if len(data) <= DEPTH_HEADER.size:
+        raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
+    return data[DEPTH_HEADER.size :]
+
+
+def _rvl_size(data: bytes, source: str) -> tuple[int, int]:
     if len(data) < _RVL_HEADER.size:
         raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
     width, height = _RVL_HEADER.unpack_from(data)
-    return decode_rvl(data[_RVL_HEADER.size :], width, height, source).astype(np.float32)
+    return width, height
 
 
 def _clean(metres: Depth) -> Depth:

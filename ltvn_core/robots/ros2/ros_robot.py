@@ -6,11 +6,8 @@ Owns what counts as stale. Opened by `open_ros_robot` from PROFILE@ADDRESS, as i
 import math
 import time
 from functools import partial
-from typing import Any
 
-import numpy as np
-
-from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.robots.link_report import STALE_S, LinkReport
 from ltvn_core.robots.robot import WallClock
@@ -19,13 +16,14 @@ from ltvn_core.robots.ros2.command_sender import CommandSender
 from ltvn_core.robots.ros2.complaints import Complaints
 from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
-from ltvn_core.robots.ros2.ros_images import IMAGE, decode_colours, decode_metres
 from ltvn_core.robots.ros2.ros_messages import twist_message
-from ltvn_core.robots.ros2.ros_types import BATTERY, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.ros_types import BATTERY, ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.sensor_images import sensor_colours, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
+from ltvn_core.robots.ros2.sensor_topics import colour_topic, depth_topic, odometry_topic
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink
-from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, Pose, RobotState, Twist
+from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, RobotState, Twist
 
 _CLOCKS_APART_S = 1.0
 _FIRST_S = 3.0
@@ -167,13 +165,10 @@ class RosRobot:
 
     def _subscribe(self) -> None:
         topics, domain, inbox = self.profile.topics, self.profile.domain, self.inbox
-        for stream in (inbox.colour, inbox.depth):
-            take = partial(inbox.take_image, stream)
-            self.link.subscribe(Topic(stream.topic, IMAGE, domain), take, partial(self._refuse, stream))
-        is_tree = self.profile.odometry_transform is not None
-        odometry = Topic(self.profile.odometry_topic, TRANSFORMS if is_tree else ODOMETRY, domain)
-        take_pose = inbox.take_transforms if is_tree else inbox.take_odometry
-        self.link.subscribe(odometry, take_pose, partial(self._refuse, inbox.odometry))
+        for stream, topic in ((inbox.colour, colour_topic(self.profile)), (inbox.depth, depth_topic(self.profile))):
+            self.link.subscribe(topic, partial(inbox.take_image, stream), partial(self._refuse, stream))
+        take_pose = inbox.take_odometry if self.profile.odometry_transform is None else inbox.take_transforms
+        self.link.subscribe(odometry_topic(self.profile), take_pose, partial(self._refuse, inbox.odometry))
         info = Topic(topics.camera_info, CAMERA_INFO, domain)
         self.link.subscribe(info, inbox.take_camera_info, partial(self._refuse, inbox.colour))
         if topics.battery:
@@ -198,24 +193,27 @@ class RosRobot:
         info, topic = self.inbox.camera_info, self.profile.topics.camera_info
         if not is_calibrated(info):
             raise RobotError(f"{topic} says nothing of the lens: all zeros; calibrate the camera on the robot.")
-        size = int(moment.colour.width), int(moment.colour.height)
+        size = sensor_size(moment.colour, self.profile.topics.colour)
         try:
             return ros_camera(info, *size, rectified=self.profile.camera.rectified, topic=topic)
         except LtvnError as error:
             raise RobotError(str(error)) from error
 
     def _decoded(self, moment: Moment) -> Observation:
-        topics = self.profile.topics
-        try:
-            rgb = decode_colours(moment.colour, topics.colour)
-            depth = _metres(moment.depth, topics.depth, self.profile.camera.depth_unit_m)
-        except LtvnError as error:
-            raise RobotError(str(error)) from error
-        if depth.shape != rgb.shape[:2]:
+        topics, camera = self.profile.topics, self._spec.camera
+        size, depth_size = sensor_size(moment.colour, topics.colour), sensor_size(moment.depth, topics.depth)
+        if size != (camera.width, camera.height):
             raise RobotError(
-                f"{topics.depth} is {depth.shape[1]} x {depth.shape[0]} but {topics.colour} is {rgb.shape[1]} x "
-                f"{rgb.shape[0]}; name the topic of depth that is aligned with the colours."
+                f"{topics.colour} is {_words(size)} now, and was {camera.width} x {camera.height} at first; open the "
+                "robot again where its camera was set anew."
             )
+        if depth_size != size:
+            raise RobotError(
+                f"{topics.depth} is {_words(depth_size)} but {topics.colour} is {_words(size)}; name the topic of "
+                "depth that is aligned with the colours."
+            )
+        rgb = sensor_colours(moment.colour, topics.colour)
+        depth = sensor_depth(moment.depth, topics.depth, self.profile.camera.depth_unit_m)
         stamp = self._own_s(moment.stamp_s, moment.arrived_s)
         self._step = max(self._step + 1, int(stamp / CONTROL_STEP_S))
         return Observation(rgb=rgb, depth=depth, odometry=moment.odometry, stamp=stamp, step=self._step)
@@ -231,6 +229,5 @@ class RosRobot:
         self._commands.put(twist_message(twist, time.time() if self._kind == TWIST_STAMPED else None))
 
 
-def _metres(message: Any, topic: str, unit_m: float) -> Depth:
-    depth = decode_metres(message, topic)
-    return depth * np.float32(unit_m / MILLIMETRES) if str(message.encoding).upper() == "16UC1" else depth
+def _words(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"

@@ -14,10 +14,10 @@ from ltvn_core.geometry import relative
 from ltvn_core.robots.drive_lease import DriveLease
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.ros2.complaints import Complaints
+from ltvn_core.robots.ros2.compressed_images import compressed_colour_message, compressed_depth_message
 from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
-from ltvn_core.robots.ros2.ros_images import IMAGE
 from ltvn_core.robots.ros2.ros_messages import (
     camera_info_message,
     image_message,
@@ -25,7 +25,8 @@ from ltvn_core.robots.ros2.ros_messages import (
     read_twist,
     transform_message,
 )
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.sensor_topics import colour_topic, depth_topic, odometry_topic
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Twist
@@ -52,12 +53,14 @@ class ServedRobot:
         self._source = profile.topics.command
         self._seen: Observation | None = None
         topics, domain = profile.topics, profile.domain
-        self._colour = link.publisher(Topic(topics.colour, IMAGE, domain), best_effort=True)
-        self._depth = link.publisher(Topic(topics.depth, IMAGE, domain), best_effort=True)
+        camera = profile.camera
+        self._colour_message = compressed_colour_message if camera.compressed_colour else image_message
+        self._depth_message = compressed_depth_message if camera.compressed_depth else image_message
+        self._colour = link.publisher(colour_topic(profile), best_effort=True)
+        self._depth = link.publisher(depth_topic(profile), best_effort=True)
         self._info = link.publisher(Topic(topics.camera_info, CAMERA_INFO, domain), best_effort=True)
         self._edge = profile.odometry_transform
-        place = ODOMETRY if self._edge is None else TRANSFORMS
-        self._odometry = link.publisher(Topic(profile.odometry_topic, place, domain))
+        self._odometry = link.publisher(odometry_topic(profile))
         self._truth = truth if topics.truth else None
         if self._truth is not None:
             self._true_pose = link.publisher(Topic(topics.truth, ODOMETRY, domain))
@@ -90,9 +93,9 @@ class ServedRobot:
         if self._truth is not None:
             self._true_pose.put(odometry_message(self._truth(), ZERO_TWIST, stamp_s))
         self._info.put(camera_info_message(self._robot.spec.camera, stamp_s))
-        self._colour.put(image_message(seen.rgb, stamp_s))
+        self._colour.put(self._colour_message(seen.rgb, stamp_s))
         if seen.depth is not None:
-            self._depth.put(image_message(seen.depth, stamp_s))
+            self._depth.put(self._depth_message(seen.depth, stamp_s))
 
     def _place(self, seen: Observation, stamp_s: float) -> Any:
         if self._edge is None:

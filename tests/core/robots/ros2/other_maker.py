@@ -14,6 +14,7 @@ _TYPES = (
     "sensor_msgs/msg/Image",
     "nav_msgs/msg/Odometry",
     "sensor_msgs/msg/CameraInfo",
+    "sensor_msgs/msg/CompressedImage",
     "tf2_msgs/msg/TFMessage",
 )
 _RULE = "=" * 80

@@ -1,19 +1,25 @@
-"""What some robots of ROS 2 say in another way: where they are, by the tree of frames."""
+"""What some robots of ROS 2 say in another way: where they are, by the tree of frames, and what they see."""
 
 import time
 from dataclasses import replace
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from ltvn_core.errors import RobotError
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.ros2.attachment import Attachment
+from ltvn_core.robots.ros2.compressed_images import compressed_depth_message
+from ltvn_core.robots.ros2.depth_stop import DepthStop
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.ros_messages import transform_message
+from ltvn_core.robots.ros2.ros_messages import camera_info_message, transform_message
 from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.ros_types import TRANSFORMS
 from ltvn_core.robots.ros2.topic_keys import Topic
-from ltvn_core.robots.ros2.zenoh_link import ZenohLink
-from ltvn_core.types import Observation
+from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
+from ltvn_core.types import Observation, Twist
 from tests.core.flat_world import FlatRobot, one_room
 from tests.core.robots.ros2.served_here import changed_profile, served_here
 from tests.waiting import until
@@ -23,13 +29,16 @@ PLACE = (1.0, 1.5, 0.5)
 
 
 class PlacedRobot(FlatRobot):
-    """Stands where its odometry is not zero."""
+    """Stands where its odometry is not zero, and sees one colour at one distance."""
 
     def __init__(self) -> None:
         super().__init__(one_room(), PLACE)
+        self.size: tuple[int, int] = (72, 96)
 
     def observe(self) -> Observation:
-        return replace(super().observe(), odometry=np.array(PLACE))
+        rgb = np.full((*self.size, 3), (200, 100, 30), np.uint8)
+        depth = np.full(self.size, 1.5, np.float32)
+        return replace(super().observe(), odometry=np.array(PLACE), rgb=rgb, depth=depth)
 
 
 def opened(address: str, profile: RobotProfile, patience_s: float = 30.0) -> RosRobot:
@@ -68,3 +77,43 @@ def test_a_transform_that_never_comes_is_named_with_those_that_do() -> None:
         said = r"/tf never came \(it has no odom to base_link, but odom to base\)"
         with pytest.raises(RobotError, match=said):
             opened(address, asked, patience_s=1.0)
+
+
+def test_compressed_images_are_seen_and_a_change_of_their_size_is_refused() -> None:
+    profile = changed_profile(("[camera]", "[camera]\ncompressed_colour = true\ncompressed_depth = true"))
+    served = PlacedRobot()
+    with served_here(served, profile) as address:
+        robot = opened(address, profile)
+        try:
+            seen = robot.observe()
+            np.testing.assert_allclose(seen.rgb[40, 40], (200, 100, 30), atol=3)
+            np.testing.assert_allclose(seen.require_depth("a test"), 1.5, rtol=1e-5)
+            served.size = 144, 192
+            with pytest.raises(RobotError, match="image_raw is 192 x 144 now, and was 96 x 72 at first"):
+                until(lambda: robot.observe() is None)
+        finally:
+            robot.close()
+
+
+def test_plain_images_where_compressed_ones_were_promised_are_named() -> None:
+    profile = changed_profile(("[camera]", "[camera]\ncompressed_colour = true"))
+    with served_here(PlacedRobot(), changed_profile()) as address:
+        said = r"image_raw never came \(.* carries sensor_msgs/msg/Image, expected sensor_msgs/msg/CompressedImage"
+        with pytest.raises(RobotError, match=said):
+            opened(address, profile, patience_s=1.0)
+
+
+def test_the_guard_looks_at_compressed_depth_in_the_unit_of_its_robot() -> None:
+    profile = changed_profile(("[camera]", "[camera]\ncompressed_depth = true\ndepth_unit_m = 0.0001"))
+    guard, ahead = DepthStop(profile, 0.3), Twist(0.3, 0.0)
+    guard.take_camera_info(_received(camera_info_message(LOCOBOT.camera, 1.0)))
+    message = compressed_depth_message(np.full((72, 96), 0.35, np.float32), 1.0)
+    tenths = cv2.imencode(".png", np.full((72, 96), 3500, np.uint16))[1].tobytes()
+    message.data = np.frombuffer(bytes(12) + tenths, np.uint8)
+    guard.take_depth(_received(message))
+    assert guard.allows(ahead).linear_m_s == 0
+    assert "something stands 0.17 m before the robot" in str(guard.reason)
+
+
+def _received(message: Any) -> Received:
+    return Received(message, Attachment(1, 0, bytes(16)), time.monotonic())

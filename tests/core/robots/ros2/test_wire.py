@@ -5,6 +5,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
@@ -16,8 +17,9 @@ from zenoh_ros2_sdk.keyexpr import endpoint_liveliness_keyexpr, node_liveliness_
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError, RobotError
 from ltvn_core.robots.ros2.attachment import Attachment
+from ltvn_core.robots.ros2.compressed_images import compressed_colour_message, compressed_depth_message
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
-from ltvn_core.robots.ros2.ros_images import IMAGE, decode_colours, decode_metres
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, decode_colours, decode_metres
 from ltvn_core.robots.ros2.ros_messages import (
     camera_info_message,
     edges_of,
@@ -31,6 +33,7 @@ from ltvn_core.robots.ros2.ros_messages import (
     twist_message,
 )
 from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, decode, encode
+from ltvn_core.robots.ros2.sensor_images import sensor_colours, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.topic_keys import Endpoint, Role, Topic, node_token
 from ltvn_core.types import Twist
 
@@ -102,6 +105,71 @@ def test_depth_in_millimetres_is_read_from_either_end() -> None:
         image.body += struct.pack(f"{order}2H", 500, 12_000)
 
         np.testing.assert_allclose(decode_metres(decode(image.bytes(), IMAGE, "/depth"), "/depth"), [[0.5, 12.0]])
+
+
+def test_compressed_colours_are_a_jpeg_with_its_format_before() -> None:
+    message = compressed_colour_message(np.full((48, 64, 3), (200, 100, 30), np.uint8), STAMP_S)
+    jpeg = message.data.tobytes()
+    expected = Cdr().header("camera_color_optical_frame").text("rgb8; jpeg compressed bgr8").put("I", len(jpeg))
+    expected.body += jpeg
+
+    assert encode(message) == expected.bytes()
+    assert jpeg[:3] == b"\xff\xd8\xff"
+    received = decode(expected.bytes(), COMPRESSED_IMAGE, "/image")
+    assert sensor_size(received, "/image") == (64, 48)
+    np.testing.assert_allclose(sensor_colours(received, "/image")[20, 20], (200, 100, 30), atol=3)
+
+
+def test_compressed_depth_is_a_png_of_millimetres_behind_twelve_bytes() -> None:
+    metres = np.array([[0.5, 1.25, 0.0], [np.nan, 3.0, 9.75]], np.float32)
+    message = compressed_depth_message(metres, STAMP_S)
+    data = message.data.tobytes()
+
+    assert (message.format, data[:12], data[12:20]) == ("16UC1; compressedDepth png", bytes(12), b"\x89PNG\r\n\x1a\n")
+    received = decode(encode(message), COMPRESSED_IMAGE, "/depth")
+    assert sensor_size(received, "/depth") == (3, 2)
+    expected = [[0.5, 1.25, 0.0], [0.0, 3.0, 9.75]]
+    np.testing.assert_allclose(sensor_depth(received, "/depth", 0.001), expected, rtol=1e-5)
+    np.testing.assert_allclose(sensor_depth(received, "/depth", 0.0005), np.array(expected) / 2, rtol=1e-5)
+
+
+def compressed(data: bytes, form: str) -> Any:
+    message = compressed_colour_message(np.zeros((2, 2, 3), np.uint8), STAMP_S)
+    message.data, message.format = np.frombuffer(data, np.uint8), form
+    return message
+
+
+def test_an_image_that_unpacks_to_too_much_is_refused_before_it_is_decoded() -> None:
+    large = cv2.imencode(".png", np.zeros((5000, 5000), np.uint16))[1].tobytes()
+    assert len(large) < 100_000
+    for data, form in (
+        (large, "rgb8; png compressed"),
+        (bytes(12) + large, "16UC1; compressedDepth png"),
+        (bytes(12) + struct.pack("<II", 5000, 5000) + bytes(8), "16UC1; compressedDepth rvl"),
+    ):
+        with pytest.raises(RobotError, match="/image: 5000 x 5000 pixels are no image of a robot's camera"):
+            sensor_size(compressed(data, form), "/image")
+
+
+@pytest.mark.parametrize(
+    ("data", "form", "message"),
+    [
+        (b"", "jpeg", "is no image that can be read"),
+        (b"no image", "rgb8; jpeg compressed bgr8", "is no image that can be read"),
+        (bytes(12), "16UC1; compressedDepth png", "12 bytes are no compressed depth"),
+        (bytes(30), "16UC1; compressedDepth png", "is no image that can be read"),
+        (bytes(16), "16UC1; compressedDepth rvl", "4 bytes are no compressed depth"),
+    ],
+)
+def test_a_compressed_image_that_is_none_is_refused(data: bytes, form: str, message: str) -> None:
+    with pytest.raises(RobotError, match=f"^/image.* {message}"):
+        sensor_size(compressed(data, form), "/image")
+
+
+def test_colours_where_depth_belongs_are_refused() -> None:
+    message = compressed_colour_message(np.zeros((4, 4, 3), np.uint8), STAMP_S)
+    with pytest.raises(RobotError, match="/depth is no depth image"):
+        sensor_depth(message, "/depth", 0.001)
 
 
 def test_odometry_is_a_pose_and_speeds_with_their_covariances() -> None:

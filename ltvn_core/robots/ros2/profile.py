@@ -23,7 +23,7 @@ from ltvn_core.robots.robot_spec import AccelerationLimits, RobotSpec, SpeedLimi
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LAST_DOMAIN = 232
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
-_OPTIONAL = ("topics.odometry", "topics.battery", "topics.truth")
+_OPTIONAL = ("topics.odometry", "topics.battery", "topics.bumper", "topics.truth")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +43,8 @@ class Topics:
     """nav_msgs/Odometry; empty where `odometry_transform` says where to find it."""
     battery: str = ""
     """sensor_msgs/BatteryState; empty where there is none."""
+    bumper: str = ""
+    """std_msgs/Bool: whether it touches something now; empty where nobody feels it."""
     truth: str = ""
     """nav_msgs/Odometry of where it really is, by motion capture or a simulator, to judge runs by; empty where nobody
     knows."""

@@ -38,7 +38,10 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
         commands_taken=taken,
         driving=_try_driving(robot) if drives and taken else None,
     )
-    return replace(report, doubts=tuple(_doubts(report, robot.inbox.streams)))
+    doubts, bumper = _doubts(report, robot.inbox.streams), robot.profile.topics.bumper
+    if bumper and not robot.link.publishers(bumper):
+        doubts.append(f"Nobody publishes {bumper}, so no touch is felt; correct topics.bumper, or leave it out.")
+    return replace(report, doubts=tuple(doubts))
 
 
 def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], float]:

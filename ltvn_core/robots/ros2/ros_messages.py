@@ -12,7 +12,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
+from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
 from ltvn_core.types import Depth, Pose, Rgb, Twist
 
 BASE_FRAME, ODOMETRY_FRAME, CAMERA_FRAME = "base_link", "odom", "camera_color_optical_frame"
@@ -140,6 +140,11 @@ def read_transform(message: Any, source: str) -> Pose:
 def edges_of(message: Any) -> dict[tuple[str, str], Any]:
     """Return the TransformStamped of a TFMessage by the names of parent and child; older robots put a slash before."""
     return {(each.header.frame_id.lstrip("/"), each.child_frame_id.lstrip("/")): each for each in message.transforms}
+
+
+def bumper_message(*, pressed: bool) -> Any:
+    """Return whether the robot touches something."""
+    return _make(BUMPER, data=pressed)
 
 
 def _planar(place: Any, q: Any, source: str) -> Pose:

@@ -17,7 +17,7 @@ from ltvn_core.robots.ros2.complaints import Complaints
 from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import twist_message
-from ltvn_core.robots.ros2.ros_types import BATTERY, ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.ros_types import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED
 from ltvn_core.robots.ros2.sensor_images import sensor_colours, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
 from ltvn_core.robots.ros2.sensor_topics import colour_topic, depth_topic, odometry_topic
@@ -123,13 +123,14 @@ class RosRobot:
         return None if truth is None or time.monotonic() - truth.arrived_s > STALE_S else truth.content
 
     def state(self) -> RobotState:
-        """Return the newest odometry; the bumper is not known."""
+        """Return the newest odometry, and the bumper where the profile names its topic."""
         kept = self.inbox.odometry.kept
         if not kept:
             raise RobotError(f"{self.profile.name}: {self.inbox.complaint(time.monotonic())}.")
         newest = kept[-1]
         stamp = self._own_s(newest.stamp_s, newest.arrived_s)
-        return RobotState(newest.content, stamp, max(self._step, int(stamp / CONTROL_STEP_S)), False)
+        touches = self.inbox.bumper_pressed(time.monotonic())
+        return RobotState(newest.content, stamp, max(self._step, int(stamp / CONTROL_STEP_S)), touches)
 
     def drive(self, twist: Twist) -> None:
         """Command a velocity for the time of a lease; nothing after a break, until the driver has let go."""
@@ -173,6 +174,8 @@ class RosRobot:
         self.link.subscribe(info, inbox.take_camera_info, partial(self._refuse, inbox.colour))
         if topics.battery:
             self.link.subscribe(Topic(topics.battery, BATTERY, domain), inbox.take_battery, self._complaints.say)
+        if topics.bumper:
+            self.link.subscribe(Topic(topics.bumper, BUMPER, domain), inbox.take_bumper, self._complaints.say)
         if topics.truth:
             self.link.subscribe(Topic(topics.truth, ODOMETRY, domain), inbox.take_truth, self._complaints.say)
 

@@ -17,6 +17,7 @@ TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 BATTERY = "sensor_msgs/msg/BatteryState"
+BUMPER = "std_msgs/msg/Bool"
 
 NO_HASH = "TypeHashNotSupported"
 """What robots with ROS 2 Humble say in place of a hash."""

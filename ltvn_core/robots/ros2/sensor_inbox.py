@@ -4,6 +4,7 @@ Keeps a second of each at most. Filled by the link's threads, read by whoever ob
 for what is missing; decodes no image.
 """
 
+import math
 import threading
 from collections import deque
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from ltvn_core.robots.ros2.ros_messages import (
     read_transform,
 )
 from ltvn_core.robots.ros2.zenoh_link import Received
-from ltvn_core.types import Pose
+from ltvn_core.types import CONTROL_STEP_S, Pose
 
 TOGETHER_S = 0.05
 """What was taken within so much is of one moment."""
@@ -34,6 +35,8 @@ _JUMP_LASTS_S = 2 * STALE_S
 _KEPT = 30
 _LATELY_S = 2.0
 _FRAMES_TOLD = 6
+_TOUCH_LASTS_S = 2 * CONTROL_STEP_S
+"""Who navigates asks once in a control step."""
 
 
 class Stamped(NamedTuple):
@@ -135,6 +138,7 @@ class SensorInbox:
         """The last CameraInfo."""
         self.battery: float | None = None
         """How full it is, in [0, 1]; None where the robot does not say."""
+        self._is_touching, self._touched_s = False, -math.inf
         self.truth: Stamped | None = None
         """Where it really is, where somebody knows."""
         self._changed = threading.Condition(threading.RLock())
@@ -181,6 +185,18 @@ class SensorInbox:
     def take_battery(self, received: Received) -> None:
         """Keep how full the battery is."""
         self.battery = read_battery(received.message)
+
+    def take_bumper(self, received: Received) -> None:
+        """Keep whether it touches something."""
+        with self._changed:
+            self._is_touching = bool(received.message.data)
+            if self._is_touching:
+                self._touched_s = received.arrived_s
+
+    def bumper_pressed(self, now_s: float) -> bool:
+        """Tell whether it touches something, or did so short a time ago that nobody could have asked."""
+        with self._changed:
+            return self._is_touching or now_s - self._touched_s < _TOUCH_LASTS_S
 
     def take_truth(self, received: Received) -> None:
         """Keep where it really is."""

@@ -19,13 +19,14 @@ from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_messages import (
+    bumper_message,
     camera_info_message,
     image_message,
     odometry_message,
     read_twist,
     transform_message,
 )
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST, TWIST_STAMPED
+from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TWIST, TWIST_STAMPED
 from ltvn_core.robots.ros2.sensor_topics import colour_topic, depth_topic, odometry_topic
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
@@ -64,6 +65,7 @@ class ServedRobot:
         self._truth = truth if topics.truth else None
         if self._truth is not None:
             self._true_pose = link.publisher(Topic(topics.truth, ODOMETRY, domain))
+        self._bumper = link.publisher(Topic(topics.bumper, BUMPER, domain)) if topics.bumper else None
         kind = TWIST_STAMPED if profile.driving.stamped else TWIST
         link.subscribe(Topic(topics.command, kind, domain), self._take_command, self._refuse)
 
@@ -92,6 +94,8 @@ class ServedRobot:
         self._odometry.put(self._place(seen, stamp_s))
         if self._truth is not None:
             self._true_pose.put(odometry_message(self._truth(), ZERO_TWIST, stamp_s))
+        if self._bumper is not None:
+            self._bumper.put(bumper_message(pressed=self._robot.state().bumper_pressed))
         self._info.put(camera_info_message(self._robot.spec.camera, stamp_s))
         self._colour.put(self._colour_message(seen.rgb, stamp_s))
         if seen.depth is not None:

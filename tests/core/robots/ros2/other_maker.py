@@ -15,6 +15,7 @@ _TYPES = (
     "nav_msgs/msg/Odometry",
     "sensor_msgs/msg/CameraInfo",
     "sensor_msgs/msg/CompressedImage",
+    "std_msgs/msg/Bool",
     "tf2_msgs/msg/TFMessage",
 )
 _RULE = "=" * 80

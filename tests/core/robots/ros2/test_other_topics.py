@@ -14,12 +14,14 @@ from ltvn_core.robots.ros2.attachment import Attachment
 from ltvn_core.robots.ros2.compressed_images import compressed_depth_message
 from ltvn_core.robots.ros2.depth_stop import DepthStop
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.ros_messages import camera_info_message, transform_message
+from ltvn_core.robots.ros2.robot_probe import look_over
+from ltvn_core.robots.ros2.ros_messages import bumper_message, camera_info_message, transform_message
 from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.ros_types import TRANSFORMS
+from ltvn_core.robots.ros2.sensor_inbox import SensorInbox
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
-from ltvn_core.types import Observation, Twist
+from ltvn_core.types import Observation, RobotState, Twist
 from tests.core.flat_world import FlatRobot, one_room
 from tests.core.robots.ros2.served_here import changed_profile, served_here
 from tests.waiting import until
@@ -33,12 +35,16 @@ class PlacedRobot(FlatRobot):
 
     def __init__(self) -> None:
         super().__init__(one_room(), PLACE)
+        self.touches = False
         self.size: tuple[int, int] = (72, 96)
 
     def observe(self) -> Observation:
         rgb = np.full((*self.size, 3), (200, 100, 30), np.uint8)
         depth = np.full(self.size, 1.5, np.float32)
         return replace(super().observe(), odometry=np.array(PLACE), rgb=rgb, depth=depth)
+
+    def state(self) -> RobotState:
+        return super().state()._replace(bumper_pressed=self.touches)
 
 
 def opened(address: str, profile: RobotProfile, patience_s: float = 30.0) -> RosRobot:
@@ -117,3 +123,37 @@ def test_the_guard_looks_at_compressed_depth_in_the_unit_of_its_robot() -> None:
 
 def _received(message: Any) -> Received:
     return Received(message, Attachment(1, 0, bytes(16)), time.monotonic())
+
+
+def test_what_the_bumper_feels_is_in_the_state() -> None:
+    profile, served = changed_profile(), PlacedRobot()
+    with served_here(served, profile) as address:
+        robot = opened(address, profile)
+        try:
+            assert not robot.state().bumper_pressed
+            served.touches = True
+            until(lambda: robot.state().bumper_pressed)
+            served.touches = False
+            until(lambda: not robot.state().bumper_pressed)
+        finally:
+            robot.close()
+
+
+def test_a_touch_between_two_questions_is_felt() -> None:
+    inbox = SensorInbox(changed_profile())
+    for pressed in (True, False):
+        inbox.take_bumper(_received(bumper_message(pressed=pressed)))
+    now_s = time.monotonic()
+    assert inbox.bumper_pressed(now_s)
+    assert not inbox.bumper_pressed(now_s + 1.0)
+
+
+def test_the_check_names_a_bumper_that_nobody_publishes() -> None:
+    profile = changed_profile()
+    with served_here(PlacedRobot(), changed_profile(('bumper = "/bumper"\n', ""))) as address:
+        robot = opened(address, profile)
+        try:
+            doubts = look_over(robot, seconds=0.5, drives=False).doubts
+        finally:
+            robot.close()
+    assert [doubt for doubt in doubts if doubt.startswith("Nobody publishes /bumper")]

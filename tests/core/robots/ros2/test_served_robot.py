@@ -21,7 +21,7 @@ from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE
 from ltvn_core.robots.ros2.ros_messages import read_odometry, twist_message
 from ltvn_core.robots.ros2.ros_robot import RosRobot, open_ros_robot
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, type_hash
+from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TRANSFORMS, TWIST, type_hash
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.types import Twist
 from ltvn_core.verbs.robot import RobotVerb
@@ -103,7 +103,7 @@ def test_another_maker_lists_its_topics_reads_its_images_and_drives_it(address: 
     assert np.ptp(image.data) > 50
 
 
-@pytest.mark.parametrize("name", [TWIST, IMAGE, COMPRESSED_IMAGE, ODOMETRY, CAMERA_INFO, TRANSFORMS])
+@pytest.mark.parametrize("name", [TWIST, IMAGE, COMPRESSED_IMAGE, ODOMETRY, CAMERA_INFO, TRANSFORMS, BUMPER])
 def test_another_maker_computes_the_same_hashes(tmp_path: Path, name: str) -> None:
     write_definitions(tmp_path)
     get_registry().messages_dir = tmp_path

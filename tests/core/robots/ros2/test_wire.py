@@ -21,6 +21,7 @@ from ltvn_core.robots.ros2.compressed_images import compressed_colour_message, c
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, decode_colours, decode_metres
 from ltvn_core.robots.ros2.ros_messages import (
+    bumper_message,
     camera_info_message,
     edges_of,
     image_message,
@@ -32,7 +33,7 @@ from ltvn_core.robots.ros2.ros_messages import (
     transform_message,
     twist_message,
 )
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, decode, encode
+from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, decode, encode
 from ltvn_core.robots.ros2.sensor_images import sensor_colours, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.topic_keys import Endpoint, Role, Topic, node_token
 from ltvn_core.types import Twist
@@ -192,6 +193,12 @@ def test_a_transform_is_a_list_of_one_pose_between_two_frames() -> None:
     assert body == expected.bytes()
     edges = edges_of(decode(body, TRANSFORMS, "/tf"))
     np.testing.assert_allclose(read_transform(edges["odom", "base_link"], "/tf"), pose)
+
+
+def test_a_touch_is_one_byte() -> None:
+    assert encode(bumper_message(pressed=True)) == Cdr().put("B", 1).bytes()
+    assert encode(bumper_message(pressed=False)) == Cdr().put("B", 0).bytes()
+    assert decode(Cdr().put("B", 1).bytes(), BUMPER, "/bumper").data
 
 
 def test_camera_info_is_the_lens() -> None:

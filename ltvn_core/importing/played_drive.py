@@ -43,8 +43,8 @@ class PlayedDrive:
         """Play what `reader` has read; `name` is for messages. Raises DriveError where no image can be used."""
         self.clock = clock
         self.open_loop = (
-            f"{name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals and "
-            "driving need a robot."
+            f"{name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals need a "
+            "robot; where it led, `ltvn robot check --map` says."
         )
         """Why commands do nothing."""
         self._name = name

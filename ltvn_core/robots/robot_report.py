@@ -1,11 +1,13 @@
 """What is seen of a robot that is looked over before it is driven. Owns what counts as good enough to navigate by."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ltvn_core.robots.floor_fit import FloorFit
 
 MOST_AGE_S = 0.3
+LEAST_RECOGNISED = 0.5
+"""Of the images that a map is asked about."""
 MOST_TILT_OFF_DEG = 3.0
 
 
@@ -33,6 +35,37 @@ class DriveReport:
 
 
 @dataclass(frozen=True)
+class PlaceSeen:
+    """Where a map takes an image to be."""
+
+    stamp_s: float
+    """On the robot's clock."""
+    node: int | None
+    """None where it is nowhere in the map."""
+    reachability: float
+    """r of the best node, whether it is near enough or not."""
+
+
+@dataclass(frozen=True)
+class PlacesReport:
+    """Where a map takes images of a drive to be."""
+
+    images: tuple[PlaceSeen, ...]
+
+    @property
+    def recognised_share(self) -> float:
+        """Share of the images that are somewhere in the map."""
+        return sum(each.node is not None for each in self.images) / max(len(self.images), 1)
+
+    def __str__(self) -> str:
+        """Say it in one line: how many, and the way through the map, where ? is nowhere."""
+        nodes = ["?" if each.node is None else str(each.node) for each in self.images]
+        way = [node for before, node in zip(["", *nodes], nodes, strict=False) if node != before]
+        known = sum(each.node is not None for each in self.images)
+        return f"{known} of {len(nodes)} images recognised, at the nodes {' '.join(way)}"
+
+
+@dataclass(frozen=True)
 class RobotReport:
     """What was seen of a robot."""
 
@@ -53,8 +86,20 @@ class RobotReport:
     """Whether anybody listens to commands: the guard, or the robot."""
     driving: DriveReport | None
     """What a short turn showed, where it was allowed."""
+    places: PlacesReport | None = None
+    """Where it is in a map, where somebody named one."""
     doubts: tuple[str, ...] = ()
     """What is not good enough, in words."""
+
+
+def with_places(report: RobotReport, places: PlacesReport) -> RobotReport:
+    """Return a report with where the robot is, and a doubt where that is unknown for the most part."""
+    share = places.recognised_share
+    if share >= LEAST_RECOGNISED:
+        return replace(report, places=places)
+    few = f"The map recognises only {share:.0%} of the images."
+    doubt = few if len(places.images) > 1 else "The map does not recognise what the robot sees now."
+    return replace(report, places=places, doubts=(*report.doubts, doubt))
 
 
 def report_doubts(report: RobotReport) -> Iterator[str]:

@@ -7,6 +7,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
+from ltvn_core.robots.robot_report import with_places
 from ltvn_core.verbs.verb import Summary, Verb
 
 
@@ -23,11 +24,13 @@ class RobotVerb(Verb):
     """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447, or the file or folder of a recorded drive."""
     seconds: float = 3.0
     """How long to watch it."""
+    map: Path | None = None
+    """Say where in this map the robot stands, or where a recorded drive led."""
     drive: bool = False
     """Turn it on the spot a little, and measure how soon it moves and stands. Keep people and cables away."""
 
     def run(self) -> Summary:
-        """Watch, and drive where told to; raises OptionError, DriveError and RobotError."""
+        """Watch, and drive where told to; raises OptionError, DriveError, RobotError and MapError."""
         if not 0.5 <= self.seconds <= 600:
             raise OptionError(f"--seconds is from 0.5 to 600, got {self.seconds}.")
         return self._recorded() if "@" not in self.robot and Path(self.robot).exists() else self._live()
@@ -38,7 +41,12 @@ class RobotVerb(Verb):
 
         robot = open_ros_robot(self.robot)
         try:
-            return look_over(robot, seconds=self.seconds, drives=self.drive)
+            report = look_over(robot, seconds=self.seconds, drives=self.drive)
+            if self.map is None:
+                return report
+            from ltvn_core.verbs.robot_places import place_of_robot
+
+            return with_places(report, place_of_robot(robot, self.map))
         finally:
             robot.close()
 
@@ -47,7 +55,12 @@ class RobotVerb(Verb):
 
         if self.drive:
             raise OptionError(f"--drive: {self.robot} is a recorded drive, which can be watched alone.")
-        return look_over_drive(Path(self.robot), seconds=self.seconds)
+        report = look_over_drive(Path(self.robot), seconds=self.seconds)
+        if self.map is None:
+            return report
+        from ltvn_core.verbs.robot_places import places_of_drive
+
+        return with_places(report, places_of_drive(Path(self.robot), self.map))
 
     def exit_code(self, summary: Summary) -> int:
         """Return 1 where there are doubts."""

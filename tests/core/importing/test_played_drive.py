@@ -14,6 +14,7 @@ from ltvn_core.errors import DriveError, PluginError
 from ltvn_core.importing.played_drive import PlayedDrive, play_drive
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot import WallClock
+from ltvn_core.robots.robot_report import PlaceSeen, PlacesReport
 from ltvn_core.types import Twist
 from tests.core.importing.rosbag.bag_examples import FOCAL, bag, colours, metres, straight_drive
 
@@ -138,3 +139,19 @@ def test_collect_records_it_to_its_end(path: Path, tmp_path: Path) -> None:
     recording = Recording.open(output)
     assert len(recording.frames) >= FRAMES // 2  # One every 12 cm.
     assert recording.observation(recording.frames[-1]).has_depth
+
+
+def test_the_check_says_where_in_a_map_it_led(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive, known = tmp_path / "drive.rrd", tmp_path / "map.rrd"
+    assert main(["import", str(path), "--output", str(drive), "--json", "-"]) == 0
+    assert main(["build", str(drive), "--output", str(known), "--json", "-"]) == 0
+    capsys.readouterr()
+    assert main(["robot", "check", str(path), "--map", str(known), "--json", "-"]) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert len(report["places"]["images"]) == FRAMES // 2  # One every 12 cm.
+    assert report["doubts"] == ["The map recognises only 0% of the images."]  # They show plain slopes of colour.
+
+
+def test_the_way_through_a_map_is_said_in_a_line() -> None:
+    seen = [PlaceSeen(0.1 * number, node, 0.9) for number, node in enumerate([3, 3, None, 5, 5, 3])]
+    assert str(PlacesReport(tuple(seen))) == "5 of 6 images recognised, at the nodes 3 ? 5 3"

@@ -1,0 +1,30 @@
+"""Where in a map the images of a drive were taken that somebody else steers, or that is over. Drives nothing."""
+
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import Localisation, LocalisationPrior
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.observation_trail import ObservationTrail
+from ltvn_core.types import Observation, Predictor, is_usable
+
+
+class PassiveLocaliser:
+    """Localises one image after the other, as the navigator does at the beginning of a query."""
+
+    def __init__(
+        self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor, system: NavigationSystem
+    ) -> None:
+        """Localise in `graph`, which stays as it is."""
+        self._graph, self._predictor, self._system = graph, predictor, system
+        self._matcher = Matcher(predictor, keyframes, system.method.matching)
+        self._trail = ObservationTrail()
+
+    def localise(self, seen: Observation) -> Localisation | None:
+        """Return where the next image of the drive was taken; None where it cannot be compared, as without depth."""
+        if not is_usable(seen, self._predictor):
+            return None
+        features = self._predictor.encode([seen])
+        self._trail.add(seen.odometry, features)
+        prior = LocalisationPrior(trail=self._trail.relative_to(seen.odometry))
+        return self._system.localise(features, self._graph, prior, self._matcher)

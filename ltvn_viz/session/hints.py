@@ -32,6 +32,8 @@ def hint(snapshot: Snapshot) -> str:
 
 def _driving(snapshot: Snapshot) -> str:
     moment = snapshot.moment
+    if snapshot.is_open_loop:
+        return "A recorded drive plays the robot. Watch the map grow, or ask under “Why” where the robot is."
     if snapshot.recording.name is not None:
         return "Recording. Drive through the rooms with W A S D; then keep the recording (N) or discard it."
     if snapshot.fine_tuning.phase is FineTuningPhase.LEARNED:

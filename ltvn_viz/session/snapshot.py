@@ -179,6 +179,8 @@ class Snapshot:
     """Why the app itself paused a query; empty when it did not."""
     keeps_going: bool | None = None
     """A query goes on when the last page closes; None where that is not on offer."""
+    is_open_loop: bool = False
+    """A recorded drive plays the robot, so that nothing can be driven."""
     destination: NodeId | None = None
     """Where a query under way drives to, also while it is paused; None when the robot is a person's."""
     selected: NodeId | None = None

@@ -90,6 +90,7 @@ class SnapshotBuilder:
             destination=activity.goal if isinstance(activity, Navigation) and not activity.is_stopping else None,
             pause_notice=activity.held_because if isinstance(activity, Navigation) else "",
             keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
+            is_open_loop=bool(state.open_loop),
             message=state.message,
             fine_tuning=_learning(state),
             inspection=state.debugger.shown,

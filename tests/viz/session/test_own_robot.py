@@ -14,6 +14,7 @@ from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import CONTROL_STEP_S, Features, Observation, RobotState, Twist
 from ltvn_viz.session import commands as c
+from ltvn_viz.session.hints import hint
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
@@ -262,6 +263,7 @@ def test_of_a_recorded_drive_the_page_says_that_nothing_can_be_driven(harness: O
     harness.drive(AHEAD, 0.2)
     assert harness.now.message is not None
     assert harness.now.message.text == harness.state.open_loop
+    assert "A recorded drive plays the robot" in hint(harness.now)
     harness.state.say("something else")
     harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[0])))
     assert harness.now.message.text == harness.state.open_loop

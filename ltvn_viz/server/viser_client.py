@@ -17,6 +17,9 @@ _WITHOUT_SPLATS = (
 """The sorter of Gaussian splats, which nothing of ours shows, is set up when the application starts and evaluates text
 as code; a policy that allows no such thing stops it with an EvalError. It is left waiting instead."""
 
+_WITHOUT_NOTICE = "<style>#webgl-software-rendering { display: none; }</style></head>"
+"""viser's notice that the processor draws stays for ever, over what stands at the top right. The page says so itself."""
+
 
 def viser_page() -> str:
     """Return the HTML of viser's page, mended."""
@@ -24,7 +27,7 @@ def viser_page() -> str:
 
 
 def mended(html: str) -> str:
-    """Return a page of viser, live or exported, that evaluates no text as code."""
-    if html.count(_UNPACKED) != 1:
+    """Return a page of viser, live or exported, that evaluates no text as code and covers nothing."""
+    if html.count(_UNPACKED) != 1 or html.count("</head>") != 1:
         raise RuntimeError(f"viser {viser.__version__} has another page than the one this was written for")
-    return html.replace(_UNPACKED, _WITHOUT_SPLATS)
+    return html.replace(_UNPACKED, _WITHOUT_SPLATS).replace("</head>", _WITHOUT_NOTICE)

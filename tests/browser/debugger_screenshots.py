@@ -188,7 +188,7 @@ def _complete(viewer: Page) -> None:
     deadline, before = time.monotonic() + PATIENCE_S, None
     while time.monotonic() < deadline:
         now = shown(viewer)
-        is_open = viewer.evaluate("document.body.dataset.open === 'yes'")
+        is_open = viewer.evaluate("document.body.dataset.shown === 'yes'")
         if is_open and now == before and len(now.getcolors(2**24) or ()) >= _COLOURS:
             return
         before = now

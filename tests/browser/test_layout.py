@@ -178,6 +178,8 @@ def test_what_the_layout_knows_of_viser_is_there_once(page: Page) -> None:
     known = (PARTS["scene"], PARTS["panel"], "[data-ltvn-viser=handle]", "[data-ltvn-viser=inner]")
     assert [page.locator(selector).count() for selector in known] == [1] * len(known)
     assert page.locator("[data-ltvn-viser=handle] button").count() == 1
+    expect(page.locator("#webgl-software-rendering")).to_be_hidden()
+    assert page.locator("#webgl-software-rendering").count() == 1
 
 
 def test_a_finger_drives_and_is_told_of_no_keys(app: FlatApp, chromium: Browser) -> None:

@@ -77,6 +77,8 @@ def blue(shown: Image.Image) -> int:
 def test_walls_and_graph_are_drawn_without_any_request(page: Page, sent: list[Request], file: Path) -> None:
     drawn(page, lambda shown: is_full(shown) and blue(shown) > 80)
     assert "327 nodes, 1,306 edges" in page.locator("body").inner_text()
+    notice = page.locator("#webgl-software-rendering")
+    assert (notice.count(), notice.is_visible()) == (1, False)
     outside = [request.url for request in sent if not request.url.startswith((file.as_uri(), "blob:", "data:"))]
     assert outside == []
     assert file.stat().st_size < MOST_BYTES

@@ -12,7 +12,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.locobot_model import locobot_glb
 from ltvn_core.types import Pose
 from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.layers.lights_and_camera import set_initial_camera
+from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.scene_assets import added_glb, floor_bounds, scene_glb
 from ltvn_viz.page_layout import PageAssets, build_layout
 from ltvn_viz.painter import Painter
@@ -43,10 +43,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     server.add_route("/thumb/", thumbnails.get)
     server.add_route("/marks/", state.strips.rows_from, ending="json")
     robot = state.live.robot
-    set_initial_camera(
-        server.viser,
-        *(floor_bounds(state.scene) or _driven_floor(state, options) or _floor_around(robot.drawn_pose)),
-    )
+    floor = floor_bounds(state.scene) or _driven_floor(state, options) or _floor_around(robot.drawn_pose)
     state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
     screen = _Screen()
     session = Session(
@@ -60,6 +57,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
         server.viser,
         SessionPages(server, session),
         PageAssets(scene_glb, locobot_glb() if robot.spec.name == LOCOBOT.name else None, robot.spec, added_glb),
+        Floor(*floor),
     )
     screen.painter = Painter(parts, server.viser.atomic)
     screen.painter.start()

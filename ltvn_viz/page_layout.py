@@ -17,8 +17,9 @@ from ltvn_viz.layers.boxes_layer import BoxesLayer
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.doors_layer import DoorsLayer
+from ltvn_viz.layers.first_view import FirstView, Floor
 from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, EdgesLayer, NodesLayer
-from ltvn_viz.layers.lights_and_camera import add_lights, fit_first_view
+from ltvn_viz.layers.lights import add_lights
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layer import RobotLayer
 from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
@@ -86,15 +87,19 @@ class Pages(Protocol):
         ...
 
 
-def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets) -> Sequence[PagePart]:
-    """Put all layers and panels onto a page; returns them in the order in which they should be drawn."""
+def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets, floor: Floor) -> Sequence[PagePart]:
+    """Put all layers and panels onto a page that begins with a view of a floor.
+
+    Returns them in the order in which they should be drawn.
+    """
+    floor.begin(server)
     accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=accent)
     server.gui.set_panel_label(TITLE)
-    return [*_panels(server, pages), *_layers(server.scene, pages, assets)]
+    return [*_panels(server, pages, floor), *_layers(server.scene, pages, assets)]
 
 
-def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
+def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PagePart]:
     gui, send = server.gui, pages.send
 
     def clients() -> list[viser.ClientHandle]:
@@ -116,13 +121,13 @@ def _panels(server: viser.ViserServer, pages: Pages) -> list[PagePart]:
     camera = CameraPanel(gui, pages.show_picture)
 
     def own_parts(client: viser.ClientHandle) -> Sequence[PagePart]:
-        fit_first_view(server, client)
+        view = FirstView(floor, server, client)
         with drive_tab:
             follow = FollowCamera(client.gui, lambda: [client])
         with why_tab:
             why = DebuggerPanel(client.gui, partial(pages.send_from, client.client_id))
         legend = LegendPanel(client.gui)
-        return [follow, why, legend, DebuggerLayer(client.scene), OwnNotices(client)]
+        return [view, follow, why, legend, DebuggerLayer(client.scene), OwnNotices(client)]
 
     own = OwnParts(clients, own_parts, pages.number_of)
     return [

@@ -17,8 +17,9 @@ from ltvn_core.evaluation.map_layout import MapLayout
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.map_legend import bar_length_m
 from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
+from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.graph_layers import offset_right
-from ltvn_viz.layers.lights_and_camera import add_lights, set_initial_camera
+from ltvn_viz.layers.lights import add_lights
 from ltvn_viz.layers.line_segments import LineSegments
 from ltvn_viz.layers.pose_geometry import points
 from ltvn_viz.layers.pose_markers import PoseMarkers
@@ -50,9 +51,9 @@ def scene_html(recording: Recording, drawn: MapLayout) -> str:
         poses = np.array([row[1:] for row in drawn.plan.nodes])
         _draw(server.scene, drawn, poses)
         known = floor_bounds(recording.meta.scene)
-        floor = known or (poses[:, :2].min(axis=0) - 1.0, poses[:, :2].max(axis=0) + 1.0)
-        _lay_scale_bar(server.scene, *floor)
-        set_initial_camera(server.viser, *floor)
+        low, high = known or (poses[:, :2].min(axis=0) - 1.0, poses[:, :2].max(axis=0) + 1.0)
+        _lay_scale_bar(server.scene, low, high)
+        Floor(low - (0.0, 2 * BAR_BEFORE_M), high).begin(server.viser)
         return _finished(server.scene.as_html(dark_mode=True), drawn)
 
 

@@ -18,7 +18,7 @@ _WITHOUT_SPLATS = (
 as code; a policy that allows no such thing stops it with an EvalError. It is left waiting instead."""
 
 _WITHOUT_NOTICE = "<style>#webgl-software-rendering { display: none; }</style></head>"
-"""viser's notice that the processor draws stays for ever, over what stands at the top right. The page says so itself."""
+"""viser's notice that the processor draws never goes, and covers our own words. The page has a line for it."""
 
 
 def viser_page() -> str:

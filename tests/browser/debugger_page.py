@@ -177,11 +177,11 @@ class DebuggerPage:
         self.until(lambda: len(self._clients) == 1 and not before & set(self._clients))
         self.page.get_by_role("tab", name="Why").click()
 
-    def looks_from(self, position: Point, look_at: Point) -> bool:
+    def looks_from(self, position: Point | np.ndarray, look_at: Point | np.ndarray) -> bool:
         """Tell whether that is where the page's camera stands, to the centimetre."""
         (client,) = self._clients.values()
-        seen = client.camera.position, client.camera.look_at
-        return np.allclose(seen, (position, look_at), atol=0.01) and client.camera.up_direction[2] > 0.99
+        seen = np.array([client.camera.position, client.camera.look_at])
+        return np.allclose(seen, np.array([position, look_at]), atol=0.01) and client.camera.up_direction[2] > 0.99
 
     @property
     def _clients(self) -> dict[int, viser.ClientHandle]:

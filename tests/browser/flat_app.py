@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from ltvn_core.simulation.locobot_model import locobot_glb
-from ltvn_viz.layers.lights_and_camera import set_initial_camera
+from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.page_layout import PageAssets, build_layout
 from ltvn_viz.painter import Painter
 from ltvn_viz.server.driver_seat import IDLE_S, DriverSeat
@@ -28,6 +28,8 @@ from tests.waiting import PATIENCE_S, until
 
 WAY = ((1.0, 1.0), (1.0, 2.0), (3.0, 2.0), (5.0, 2.0), (5.0, 3.2))
 """A tour through the door of the two rooms."""
+
+FLOOR = Floor((0, 0), (6, 4))
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,6 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     with GuardedServer(seat=None if lease_s is None else DriverSeat(lease_s=lease_s, idle_s=idle_s)) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         server.add_route("/marks/", harness.state.strips.rows_from, ending="json")
-        set_initial_camera(server.viser, (0, 0), (6, 4))
         painters: list[Painter] = []
         session = Session(
             harness.state,
@@ -61,7 +62,8 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
             watchers=lambda: server.watchers,
         )
         assets = PageAssets(lambda _name, _state: _glb(harness.world), locobot_glb())
-        painters.append(Painter(build_layout(server.viser, SessionPages(server, session), assets), server.viser.atomic))
+        parts = build_layout(server.viser, SessionPages(server, session), assets, FLOOR)
+        painters.append(Painter(parts, server.viser.atomic))
         painters[0].start()
         server.listen(drive_listener(session))
         thread = threading.Thread(target=session.run, name="session")

@@ -8,7 +8,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, FloatRect, Page, expect
 
-from tests.browser.flat_app import FlatApp, serving
+from tests.browser.flat_app import FLOOR, FlatApp, serving
 from tests.browser.pages import draw_nothing, open_page
 from tests.waiting import PATIENCE_S, until
 
@@ -105,6 +105,20 @@ def test_nothing_covers_anything_and_nothing_is_cut_off(page: Page, width: int, 
         explain=lambda: (overlapping(page), rectangles(page)),
     )
     assert {"scene", "pictures", "pad", "timeline"} <= rectangles(page).keys()
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (1400, 900), (3840, 2160)])
+def test_the_first_view_is_fitted_to_the_scene(app: FlatApp, page: Page, width: int, height: int) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+
+    def is_fitted() -> bool:
+        (client,) = app.server.viser.get_clients().values()
+        box, camera = rectangles(page)["scene"], client.camera
+        aspect = box["width"] / box["height"]
+        position = FLOOR.view(aspect, camera.fov).position
+        return abs(camera.aspect / aspect - 1) < 0.01 and np.allclose(camera.position, position, rtol=0.02)
+
+    until(is_fitted)
 
 
 def resize(page: Page, width: int, height: int) -> None:

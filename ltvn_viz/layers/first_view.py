@@ -1,0 +1,103 @@
+"""The view that a page begins with: the whole floor, as large as the page's scene allows.
+
+Owns where the camera stands. Once a person has moved it, it is theirs.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import viser
+from numpy.typing import ArrayLike, NDArray
+
+from ltvn_viz.layers.cutaway import CUT_HEIGHT_M
+from ltvn_viz.session.snapshot import Snapshot
+
+MARGIN = 0.05
+"""Share of the scene that stays empty on each side, at least."""
+USUAL_ASPECT = 1.35
+"""Width by height of a scene of which nothing is known yet, and of an exported map."""
+BACK = np.array([0.0, -0.35, 1.0]) / np.hypot(0.35, 1.0)
+"""From the floor to the camera, a unit vector. Steep, so that walls hide little."""
+RIGHT = np.array([1.0, 0.0, 0.0])
+UP = np.cross(BACK, RIGHT)
+_SAME_PLACE_M = 1e-3
+_REMEMBERED = 32
+
+Corner = ArrayLike
+"""(2,) x_m, y_m."""
+
+
+class View(NamedTuple):
+    """Where a camera stands and what it looks at, each (3,), metres."""
+
+    position: NDArray[np.float64]
+    look_at: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """What is to be seen: the floor between two corners, with walls as they are drawn."""
+
+    low: Corner
+    high: Corner
+
+    def view(self, aspect: float, fov: float) -> View:
+        """Return the nearest view of all of it.
+
+        Args:
+            aspect: Width of the scene by its height.
+            fov: Vertical angle of the camera, radians.
+        """
+        (x0, y0), (x1, y1) = np.asarray(self.low, float), np.asarray(self.high, float)
+        corners = np.array(list(product((x0, x1), (y0, y1), (0.0, CUT_HEIGHT_M))))
+        slope = np.tan(fov / 2) * (1 - 2 * MARGIN)
+        up, up_back = _between(corners, UP, slope)
+        right, right_back = _between(corners, RIGHT, slope * aspect)
+        position = right * RIGHT + up * UP + max(up_back, right_back) * BACK
+        return View(position, position - BACK * position[2] / BACK[2])
+
+    def begin(self, server: viser.ViserServer) -> None:
+        """Let pages begin with a view that suits most of them."""
+        first = server.initial_camera
+        view = self.view(USUAL_ASPECT, first.fov)
+        first.position, first.look_at = tuple(view.position), tuple(view.look_at)
+
+
+class FirstView:
+    """Fits the view of one page to its scene, again when the window changes, for as long as nobody moved it.
+
+    A view that came with a link stays as it is.
+    """
+
+    def __init__(self, floor: Floor, server: viser.ViserServer, client: viser.ClientHandle) -> None:
+        """Show all of `floor`."""
+        self._floor, self._camera = floor, client.camera
+        self._ours = deque([np.asarray(server.initial_camera.position)], maxlen=_REMEMBERED)
+        """Where we put it; a page tells late what it took."""
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Fit the view."""
+        camera = self._camera
+        view = self._floor.view(camera.aspect, camera.fov)
+        if _is_at(camera, [view.position]) or not _is_at(camera, self._ours):
+            return
+        camera.position, camera.look_at = view
+        if not np.allclose(self._ours[-1], view.position):
+            self._ours.append(view.position)
+
+
+def _is_at(camera: viser.CameraHandle, places: Sequence[NDArray[np.float64]]) -> bool:
+    return bool((np.abs(np.array(places) - camera.position).max(axis=1) < _SAME_PLACE_M).any())
+
+
+def _between(corners: NDArray[np.float64], across: NDArray[np.float64], slope: float) -> tuple[float, float]:
+    """Return where a camera stands along `across`, and how far back at least, so that it sees all corners (N, 3).
+
+    It sees what is at most `slope` times as far to a side as in front of it.
+    """
+    low, high = (float((side * corners @ across + slope * corners @ BACK).max()) for side in (-1, 1))
+    return (high - low) / 2, (high + low) / 2 / slope

@@ -106,15 +106,16 @@ def open_simulation(
 def open_robot(wanted: str) -> Robot:
     """Make a robot by its name, by `path/to/file.py:factory` or by PROFILE@ADDRESS, or let a recorded drive play one.
 
-    A drive is named by its file or folder, of any format that can be imported. One image is taken; nothing is driven.
-    Raises PluginError, RobotError and DriveError.
+    A drive is named by its file or folder, of any format that can be imported, or by PROFILE@PATH. One image is taken;
+    nothing is driven. Raises PluginError, RobotError and DriveError.
     """
-    path = Path(wanted)
-    if "@" in wanted or path.suffix == ".py" or wanted in find_plugins(ROBOTS) or not path.exists():
-        return open_live_robot(wanted)
+    from ltvn_core.importing.named_drive import NamedDrive
     from ltvn_core.importing.played_drive import play_drive
 
-    robot = play_drive(path)
+    drive = None if wanted in find_plugins(ROBOTS) else NamedDrive.find(wanted)
+    if drive is None:
+        return open_live_robot(wanted)
+    robot = play_drive(drive)
     check_robot(robot, wanted)
     return robot
 

@@ -3,23 +3,22 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from ltvn_core.importing.drive_odometry import OdometrySource, chosen_odometry
+from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.played_drive import play_drive
 from ltvn_core.importing.raw_frame import DriveReader
-from ltvn_core.importing.reader_registry import open_drive
 from ltvn_core.robots.floor_fit import fit_floor
 from ltvn_core.robots.robot_report import RobotReport, TopicReport, report_doubts
 
 
-def look_over_drive(path: Path, *, seconds: float) -> RobotReport:
+def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
     """Look at the first seconds of a drive, and at its first image. Raises DriveError where it cannot be used."""
-    robot = play_drive(path)
+    robot = play_drive(drive)
     camera, seen = robot.spec.camera, robot.observe()
-    reader = open_drive(path)
+    reader = drive.open()
     report = RobotReport(
         robot=robot.spec.name,
         address="",

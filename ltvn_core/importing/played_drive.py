@@ -8,48 +8,51 @@ import logging
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 from ltvn_core.errors import DriveError, ImageError
 from ltvn_core.importing.drive_odometry import chosen_odometry
 from ltvn_core.importing.frame_preparation import FramePreparation
-from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame
-from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.importing.named_drive import NamedDrive
+from ltvn_core.importing.raw_frame import FrameMoment, RawFrame
 from ltvn_core.robots.robot import WallClock
-from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, RobotState, Twist
 
 _LOG = logging.getLogger(__name__)
 
 
-def play_drive(path: Path, clock: WallClock | None = None) -> "PlayedDrive":
+def play_drive(drive: NamedDrive, clock: WallClock | None = None) -> "PlayedDrive":
     """Open a drive of any format that can be imported, to play it. Raises DriveError where it cannot be used."""
     try:
-        return PlayedDrive(open_drive(path), path.name, clock or WallClock())
+        return PlayedDrive(drive, clock or WallClock())
     except DriveError as error:
         raise DriveError(
-            f"{error} Options are for `ltvn import`, which makes a recording of it; played, it is as it is."
+            f"{error} Options are for `ltvn import`, which makes a recording of it; a robot's profile says topics and "
+            "mounting here, too (PROFILE@drive.mcap)."
         ) from error
 
 
 class PlayedDrive:
-    """A drive as a robot of which nothing is known but its camera. Implements `ltvn_core.robots.robot.Robot`.
+    """A drive as a robot. Implements `ltvn_core.robots.robot.Robot`.
 
     Its time begins at the second look: who opens a robot looks once, and may take long to open the rest. At its end the
     last image stays.
     """
 
-    def __init__(self, reader: DriveReader, name: str, clock: WallClock) -> None:
-        """Play what `reader` has read; `name` is for messages. Raises DriveError where no image can be used."""
+    def __init__(self, drive: NamedDrive, clock: WallClock) -> None:
+        """Play a drive. Raises DriveError where no image can be used."""
         self.clock = clock
+        self._drive, self._name = drive, drive.path.name
+        reader = drive.open()
         self.open_loop = (
-            f"{name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals need a "
-            "robot; where it led, `ltvn robot check --map` says."
+            f"{self._name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals "
+            "need a robot; where it led, `ltvn robot check --map` says."
         )
         """Why commands do nothing."""
-        self._name = name
         self._odometry = chosen_odometry(reader)
-        self._frames = (raw for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None)
+        self._frames = (
+            drive.mounted(raw) for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None
+        )
         self._lock = threading.RLock()
         self._looks, self._begun_s, self._told = 0, 0.0, False
         self._observation, self._seen_s = self._first(self._frames)
@@ -60,8 +63,8 @@ class PlayedDrive:
 
     @property
     def spec(self) -> RobotSpec:
-        """A LoCoBot's size, for nobody says whose it is, with the drive's own camera, undistorted and upright."""
-        return replace(LOCOBOT, name=f"{self._name} (recorded)", camera=self._preparation.camera)
+        """The robot's size, with the drive's own camera, undistorted and upright."""
+        return self._drive.spec(self._preparation.camera)
 
     @property
     def is_over(self) -> bool:

@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
 from ltvn_core.robots.robot_report import with_places
 from ltvn_core.verbs.verb import Summary, Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.importing.named_drive import NamedDrive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +24,7 @@ class RobotVerb(Verb):
     command: Positional[Literal["check"]]
     """What to do with it."""
     robot: Positional[str]
-    """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447, or the file or folder of a recorded drive."""
+    """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447, or the path of a recorded drive, also PROFILE@PATH."""
     seconds: float = 3.0
     """How long to watch it."""
     map: Path | None = None
@@ -33,7 +36,10 @@ class RobotVerb(Verb):
         """Watch, and drive where told to; raises OptionError, DriveError, RobotError and MapError."""
         if not 0.5 <= self.seconds <= 600:
             raise OptionError(f"--seconds is from 0.5 to 600, got {self.seconds}.")
-        return self._recorded() if "@" not in self.robot and Path(self.robot).exists() else self._live()
+        from ltvn_core.importing.named_drive import NamedDrive
+
+        drive = NamedDrive.find(self.robot)
+        return self._live() if drive is None else self._recorded(drive)
 
     def _live(self) -> Summary:
         from ltvn_core.robots.ros2.robot_probe import look_over
@@ -50,17 +56,17 @@ class RobotVerb(Verb):
         finally:
             robot.close()
 
-    def _recorded(self) -> Summary:
+    def _recorded(self, drive: "NamedDrive") -> Summary:
         from ltvn_core.importing.drive_check import look_over_drive
 
         if self.drive:
             raise OptionError(f"--drive: {self.robot} is a recorded drive, which can be watched alone.")
-        report = look_over_drive(Path(self.robot), seconds=self.seconds)
+        report = look_over_drive(drive, seconds=self.seconds)
         if self.map is None:
             return report
         from ltvn_core.verbs.robot_places import places_of_drive
 
-        return with_places(report, places_of_drive(Path(self.robot), self.map))
+        return with_places(report, places_of_drive(drive, self.map))
 
     def exit_code(self, summary: Summary) -> int:
         """Return 1 where there are doubts."""

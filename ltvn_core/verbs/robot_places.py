@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ltvn_core.errors import MapError
+from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.played_drive import play_drive
 from ltvn_core.navigation.passive_localisation import PassiveLocaliser
 from ltvn_core.robots.rectified_robot import fit_camera
@@ -20,7 +21,7 @@ def place_of_robot(robot: Robot, path: Path) -> PlacesReport:
     return _places(known, [fit_camera(robot, known.predictor.camera).observe()])
 
 
-def places_of_drive(drive: Path, path: Path) -> PlacesReport:
+def places_of_drive(drive: NamedDrive, path: Path) -> PlacesReport:
     """Say where in the map of a file a recorded drive led, every 12 cm or 10 degrees, as fast as that goes.
 
     Raises DriveError, MapError and RecordingError.

@@ -11,10 +11,12 @@ import pytest
 from ltvn_core.cli import main
 from ltvn_core.composition import open_robot
 from ltvn_core.errors import DriveError, PluginError
+from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.played_drive import PlayedDrive, play_drive
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_report import PlaceSeen, PlacesReport
+from ltvn_core.robots.ros2.profile import shipped_profiles
 from ltvn_core.types import Twist
 from tests.core.importing.rosbag.bag_examples import FOCAL, bag, colours, metres, straight_drive
 
@@ -46,7 +48,7 @@ def wall() -> Wall:
 
 @pytest.fixture
 def played(path: Path, wall: Wall) -> PlayedDrive:
-    return play_drive(path, wall.clock())
+    return play_drive(NamedDrive(path), wall.clock())
 
 
 def test_images_come_in_recorded_order_and_time(played: PlayedDrive, wall: Wall) -> None:
@@ -95,6 +97,17 @@ def test_it_is_opened_by_its_path_and_has_the_camera_of_the_bag(path: Path) -> N
     robot = open_robot(str(path))
     assert robot.spec.name == "drive (recorded)"
     assert (robot.spec.camera.fx, robot.spec.camera.height_m) == pytest.approx((FOCAL, 0.6))
+
+
+def test_a_profile_says_which_topics_and_how_the_camera_sits(path: Path, tmp_path: Path) -> None:
+    profile = tmp_path / "mine.toml"
+    profile.write_text(shipped_profiles()["nav2"].replace("height_m = 0.4", "height_m = 0.9\npitch_deg = -10"))
+    robot = open_robot(f"{profile}@{path}")
+    assert robot.spec.radius_m == 0.25
+    assert (robot.spec.camera.height_m, np.degrees(robot.spec.camera.pitch_rad)) == pytest.approx((0.9, -10))
+    profile.write_text(profile.read_text().replace("/camera/color/image_raw", "/front/image_raw"))
+    with pytest.raises(DriveError, match=r"/front/image_raw.*/camera/color/image_raw"):
+        open_robot(f"{profile}@{path}")
 
 
 def test_a_file_that_is_not_there_or_no_drive_is_refused(tmp_path: Path) -> None:

@@ -39,6 +39,11 @@ class RobotVerb(Verb):
         from ltvn_core.importing.named_drive import NamedDrive
 
         drive = NamedDrive.find(self.robot)
+        if drive is None and "@" not in self.robot:
+            raise OptionError(
+                f"There is no file or folder {self.robot}; name a recorded drive, or a robot as PROFILE@ADDRESS, as in "
+                "turtlebot4@tcp/192.168.0.7:7447."
+            )
         return self._live() if drive is None else self._recorded(drive)
 
     def _live(self) -> Summary:

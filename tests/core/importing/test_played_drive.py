@@ -146,6 +146,11 @@ def test_nothing_that_drives_takes_it(path: Path, tmp_path: Path, capsys: pytest
     assert "open loop: it shows what was seen, and obeys no command" in capsys.readouterr().err
 
 
+def test_the_check_of_nothing_says_what_can_be_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["robot", "check", "gone.mcap"]) == 1
+    assert "There is no file or folder gone.mcap" in capsys.readouterr().err
+
+
 def test_collect_records_it_to_its_end(path: Path, tmp_path: Path) -> None:
     output = tmp_path / "seen.rrd"
     assert main(["collect", "--robot", str(path), "--output", str(output)]) == 0

@@ -157,11 +157,6 @@ class GuardedServer:
         """Let the pages that wait open their sockets."""
         self._is_loading = False
 
-    def stop_robot(self) -> None:
-        """Stop and latch for the app itself, as if somebody had pressed Space. Tells the listener."""
-        self.seat.stop()
-        self._drive.settle()
-
     def close(self) -> None:
         """Stop the robot and serve no more."""
         self._drive.close()

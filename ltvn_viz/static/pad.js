@@ -105,10 +105,11 @@ function status() {
     return ["other", `${what}${isHolding() || refusedBy ? ": take over first" : ""}`];
   }
   if (!seat.armed && isHolding()) return ["lost", `${whyLatched()}: ${BY_TOUCH.matches ? "let go" : "release the keys"} to go on`];
-  if (isTyping(document.activeElement)) return ["free", "Typing: click the scene to drive"];
+  if (does !== "" && activity.goal === null) return ["free", does];
+  const typing = isTyping(document.activeElement);
   const how = BY_TOUCH.matches ? "an arrow" : "W A S D or an arrow";
-  if (activity.goal !== null) return ["robot", `${does}. Hold ${how} to take over`];
-  if (does !== "") return ["free", does];
+  if (activity.goal !== null) return ["robot", `${does}. ${typing ? "Click the scene, then hold" : "Hold"} ${how} to take over`];
+  if (typing) return ["free", "Typing: click the scene to drive"];
   if (isHolding()) return ["you", "You drive"];
   return [seat.driver === seat.you ? "you" : "free", `Hold ${how} to drive`];
 }

@@ -20,7 +20,7 @@ from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.debugger_page import WINDOW, DebuggerPage, open_debugger
 from tests.browser.pages import wait_until_drawn
-from tests.browser.screenshots import save, shown
+from tests.browser.screenshots import save, show_auto, shown
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
@@ -156,6 +156,7 @@ def main(names: list[str]) -> int:
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
         with open_debugger(browser, Path(folder), "demo-fault.rrd") as debugger:
             _clear_the_view(debugger.page)
+            show_auto(debugger.page)
             for name, show in PICTURES.items():
                 if not names or name in names:
                     show(debugger)

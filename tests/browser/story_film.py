@@ -23,7 +23,7 @@ from ltvn_viz.session.modes import Mode
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
 from tests.browser.pages import open_page, wait_until_drawn
-from tests.browser.screenshots import shown
+from tests.browser.screenshots import show_auto, shown
 from tests.repository import ROOT
 from tests.waiting import until
 
@@ -129,6 +129,7 @@ def _opened(folder: Path) -> Iterator[Film]:
             with open_page(browser, app.server.url, **WINDOW) as page:
                 page.get_by_text("Next:").wait_for()
                 page.add_style_tag(content=_STYLE)
+                show_auto(page)
                 yield Film(app, page, folder)
         finally:
             app.session.close()

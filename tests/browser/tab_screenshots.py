@@ -30,12 +30,13 @@ from tests.browser.conftest import FLAGS
 from tests.browser.debugger_page import DebuggerPage
 from tests.browser.pages import draw_seldom, open_page, wait_until_drawn
 from tests.browser.running_app import running_app
-from tests.browser.screenshots import save, save_image, shown
+from tests.browser.screenshots import save, save_image, show_auto, shown
 from tests.repository import RECORDINGS, ROOT
 from tests.waiting import PATIENCE_MS, until
 
 FOLDER = ROOT / "docs" / "images" / "page"
 WINDOW: ViewportSize = {"width": 1400, "height": 900}
+SMALL: ViewportSize = {"width": 1000, "height": 700}
 LARGE: ViewportSize = {"width": 1920, "height": 1080}
 TELEPHONE: ViewportSize = {"width": 390, "height": 844}
 DRIVEN_M, UNDERWAY_M = 0.8, 2.0
@@ -54,10 +55,12 @@ def main() -> int:
         options = AppOptions(port=0, recordings=Path(folder), seed=1)
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
         with running_app(options) as app:
+            _draw_lightly(app, browser)
             telephone = _on_telephone(app, browser, (None, "Go"))
             with open_page(browser, app.server.url, **WINDOW) as page:
                 page.get_by_text("Next:").wait_for()
                 page.add_style_tag(content=_NO_NOTICES)
+                show_auto(page)
                 _drive(app, page)
                 _go(app, page)
                 _change_the_world(app, page)
@@ -131,6 +134,18 @@ def _ask_why(app: RunningApp, page: Page, folder: Path) -> None:
     _take(app, page, "why")
 
 
+def _draw_lightly(app: RunningApp, browser: Browser) -> None:
+    """Show the page as the processor draws it when nobody asks for more."""
+    page = browser.new_page(viewport=SMALL)
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(app.server.url)
+    page.get_by_text("Light drawing: this computer draws slowly").wait_for()
+    page.add_style_tag(content=_NO_NOTICES)
+    _take(app, page, "light")
+    page.close()
+    until(lambda: not app.server.viser.get_clients())
+
+
 def _take(app: RunningApp, page: Page, name: str) -> None:
     """Take a picture as soon as the browser has drawn the scene anew."""
     wait_until_drawn(app.server.viser)
@@ -147,6 +162,7 @@ def _on_telephone(app: RunningApp, browser: Browser, tabs: Sequence[str | None])
     page.goto(app.server.url)
     page.locator("#ltvn-nav").get_by_role("button").first.wait_for()
     page.add_style_tag(content=_NO_NOTICES)
+    show_auto(page)
     for tab in tabs:
         if tab is not None:
             page.locator("#ltvn-nav").get_by_role("button", name=tab).click()

@@ -1,9 +1,13 @@
 """What the tests of panels draw on."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import viser
+
+from ltvn_viz.session.snapshot import Snapshot
+from tests.viz.session_harness import SessionHarness
 
 
 @pytest.fixture(scope="module")
@@ -12,3 +16,9 @@ def server() -> Iterator[viser.ViserServer]:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     yield server
     server.stop()
+
+
+@pytest.fixture
+def snapshot(tmp_path: Path) -> Snapshot:
+    """What the page shows of a flat world in which nothing has happened yet."""
+    return SessionHarness(tmp_path).wait(2)

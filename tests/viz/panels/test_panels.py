@@ -1,8 +1,8 @@
 """Panels against a real viser server without a browser."""
 
+import json
 import re
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,43 +12,30 @@ import viser
 
 from ltvn_core.navigation.events import Severity
 from ltvn_viz.painter import Painter
-from ltvn_viz.panels.camera_panel import CameraPanel, colour_beside_depth, depth_colours
+from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.drive_panel import DrivePanel
 from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
-from ltvn_viz.panels.follow_camera import FollowCamera
-from ltvn_viz.panels.html_widgets import HtmlBlock, with_keys
+from ltvn_viz.panels.html_widgets import with_keys
 from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
 from ltvn_viz.panels.notifications import SECONDS, Notifications
+from ltvn_viz.panels.pad_panel import PadPanel
 from ltvn_viz.panels.replay_panel import ReplayPanel
 from ltvn_viz.panels.status_panel import StatusPanel
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.server.thumbnails import LIMIT, ThumbnailStore
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.goals import farthest_points
 from ltvn_viz.session.inspection import QuestionAnswer
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.overlay import Overlay
 from ltvn_viz.session.snapshot import (
-    CameraImage,
-    FineTuningPhase,
-    FineTuningStatus,
     JobProgress,
     Message,
     PlaybackStatus,
     RecordingStatus,
     Snapshot,
 )
-from tests.viz.session_harness import SessionHarness
-
-
-@pytest.fixture
-def snapshot(tmp_path: Path) -> Snapshot:
-    return SessionHarness(tmp_path).wait(2)
-
-
-def nothing(_: c.Command | bytes) -> None:
-    """Take a command and forget it."""
+from tests.viz.panels.panel_contents import controls, is_enabled, nothing
 
 
 def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) -> None:
@@ -116,12 +103,6 @@ def test_work_is_shown_with_what_is_done_of_how_much(server: viser.ViserServer, 
     assert "Importing a.mp4… 840 images so far" in status.message.content
 
 
-def is_enabled(html: str, action: Action) -> bool:
-    """Tell whether the first button of an action can be pressed."""
-    button = next(part for part in html.split("<button") if f'data-ltvn-action="{action}"' in part)
-    return " disabled" not in button.split(">")[0]
-
-
 def test_recording_buttons_follow_what_makes_sense(server: viser.ViserServer, snapshot: Snapshot) -> None:
     panel = DrivePanel(server.gui)
     panel.show(snapshot)
@@ -161,63 +142,6 @@ def test_the_legend_is_bright_for_what_is_shown_now(server: viser.ViserServer, s
     answer = QuestionAnswer("", overlay=Overlay(is_of_likeness=True))
     panel.show(replace(snapshot, inspection=replace(snapshot.inspection, answer=answer)))
     assert "alike" in panel.legend.content
-
-
-def controls(*panels: object) -> int:
-    """Count the buttons and boxes that panels of one tab show."""
-    parts = [part for panel in panels for part in vars(panel).values()]
-    shown = [part for part in parts if isinstance(part, viser.GuiInputHandle) and part.visible]
-    return len(shown) + sum(part.content.count("<button") for part in parts if isinstance(part, HtmlBlock))
-
-
-def test_learning_asks_for_minutes_shows_how_far_it_is_and_offers_what_came_of_it(
-    server: viser.ViserServer, snapshot: Snapshot
-) -> None:
-    drive, learn, follow = DrivePanel(server.gui), FineTuningPanel(server.gui), FollowCamera(server.gui, list)
-    learn.minutes.value = 5
-    for status, expected in (
-        (FineTuningStatus(drive="a.rrd"), 'data-ltvn-action="learn" data-id="5"'),
-        (FineTuningStatus(FineTuningPhase.LEARNING, "a.rrd", 0.42, "learning"), 'data-ltvn-action="stop_learning"'),
-        (
-            FineTuningStatus(FineTuningPhase.LEARNED, "a.rrd", lines=("Here: fine.",), path="b"),
-            'data-ltvn-action="use_weights"',
-        ),
-        (FineTuningStatus(FineTuningPhase.WORSE, "a.rrd", lines=("Here: bad.",), path="b"), 'data-ltvn-action="learn"'),
-        (FineTuningStatus(FineTuningPhase.FAILED, "a.rrd", lines=("<b>no</b>",)), 'data-ltvn-action="learn"'),
-    ):
-        now = replace(snapshot, fine_tuning=status, weights="abc")
-        drive.show(now)
-        learn.show(now)
-        assert expected in learn.buttons.content
-        assert "use_weights" not in learn.buttons.content or status.phase is FineTuningPhase.LEARNED
-        assert controls(drive, learn, follow) <= 7
-        if status.phase is FineTuningPhase.LEARNING:
-            assert 'aria-valuenow="42"' in learn.state.content
-    assert "&lt;b&gt;no" in learn.state.content
-    assert "abc" not in learn.about.content
-
-
-def test_learning_is_not_offered_where_there_are_no_weights_to_teach(
-    server: viser.ViserServer, snapshot: Snapshot
-) -> None:
-    learn = FineTuningPanel(server.gui)
-    learn.show(replace(snapshot, fine_tuning=FineTuningStatus(drive="a.rrd", is_possible=False), weights="geometric-1"))
-    assert controls(learn) == 0
-    assert "geometric-1" in learn.about.content
-    learn.show(replace(snapshot, fine_tuning=FineTuningStatus(drive="a.rrd")))
-    assert controls(learn) == 2
-
-
-def test_new_weights_wait_while_a_recording_or_a_query_is_under_way(
-    server: viser.ViserServer, snapshot: Snapshot
-) -> None:
-    panel = FineTuningPanel(server.gui)
-    offer = replace(snapshot, fine_tuning=FineTuningStatus(FineTuningPhase.LEARNED))
-    panel.show(offer)
-    assert is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
-    for busy in (replace(offer, mode=Mode.NAVIGATING), replace(offer, recording=RecordingStatus("a.rrd", 1, 0.1))):
-        panel.show(busy)
-        assert not is_enabled(panel.buttons.content, Action.USE_WEIGHTS)
 
 
 def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: Snapshot) -> None:
@@ -267,6 +191,19 @@ def test_the_replay_tab_leaves_time_to_the_timeline(server: viser.ViserServer, s
     assert "a.rrd: 21.0 of 42.0 s" in panel.about.content
 
 
+def test_the_pad_hears_once_where_the_robot_drives_by_itself(snapshot: Snapshot) -> None:
+    told: list[str] = []
+    panel = PadPanel(told.append)
+    under_way = replace(snapshot, mode=Mode.NAVIGATING, destination=snapshot.gallery[0])
+    for shown in (snapshot, snapshot, under_way, snapshot):
+        panel.show(shown)
+    assert [(said["mode"], said["goal"]) for said in map(json.loads, told)] == [
+        ("driving", None),
+        ("navigating", snapshot.gallery[0]),
+        ("driving", None),
+    ]
+
+
 def test_each_message_is_notified_once_to_every_page() -> None:
     told: list[str] = []
 
@@ -278,31 +215,6 @@ def test_each_message_is_notified_once_to_every_page() -> None:
     for number in (1, 1, 2, 2):
         notices.show(Snapshot(message=Message("same words", Severity.INFO, number)))
     assert told == ["same words"] * 4
-
-
-def test_camera_and_depth_are_shown_side_by_side_and_crisp() -> None:
-    rgb = np.full((72, 96, 3), 200, np.uint8)
-    depth = np.full((72, 96), 1.0, np.float32)
-    picture = colour_beside_depth(CameraImage(rgb, depth))
-    assert picture.shape == (240, 646, 3)
-    np.testing.assert_array_equal(picture[120, 160], [200, 200, 200])
-
-
-def test_near_is_lighter_than_far_and_no_return_is_black() -> None:
-    near, far, none = depth_colours(np.array([[0.5, 4.0, 0.0]], np.float32))[0].astype(int)
-    assert near.sum() > far.sum() > none.sum() == 0
-
-
-def test_the_camera_is_sent_at_most_fifteen_times_a_second(server: viser.ViserServer) -> None:
-    now = [0.0]
-    panel = CameraPanel(server.gui, nothing, clock=lambda: now[0])
-    views = [CameraImage(np.full((72, 96, 3), k, np.uint8), np.ones((72, 96), np.float32)) for k in range(30)]
-    shown = []
-    for view in views:
-        now[0] += 1 / 30
-        panel.show(Snapshot(camera=view))
-        shown.append(panel.shown)
-    assert 10 <= len({id(view) for view in shown}) <= 16
 
 
 def test_gallery_images_lie_far_apart() -> None:

@@ -42,7 +42,7 @@ class HistoryQuestion(Question[Never]):
     name = QuestionName.TIME
     word = QuestionName.TIME.word
     is_for_watchers = True
-    about = "All that is notable, by kind. In the scene: faded red edges were pruned, green nodes came in lately."
+    about = "All that is notable, by kind. In the scene: fading magenta edges were pruned, green nodes came in lately."
 
     def __init__(self) -> None:
         """Begin with nothing drawn."""

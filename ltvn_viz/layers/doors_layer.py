@@ -16,7 +16,7 @@ HANDLE_M = (0.12, 0.12)
 
 
 class DoorsLayer:
-    """Bars above doorways, green where one can go through and red where not."""
+    """Bars above doorways, green where one can go through and magenta where not."""
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[int, int], None]) -> None:
         """`on_pick` gets a door and viser's number of the page, and must return at once."""

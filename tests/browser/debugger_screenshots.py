@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -152,9 +153,12 @@ PICTURES: dict[str, Callable[[DebuggerPage], None]] = {
 
 def main(names: list[str]) -> int:
     """Take the named pictures, or all."""
-    with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
+    # The page names the folder, as it was given.
+    with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder, chdir(folder):
+        recordings = Path("recordings")
+        recordings.mkdir()
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
-        with open_debugger(browser, Path(folder), "demo-fault.rrd") as debugger:
+        with open_debugger(browser, recordings, "demo-fault.rrd") as debugger:
             _clear_the_view(debugger.page)
             show_auto(debugger.page)
             for name, show in PICTURES.items():

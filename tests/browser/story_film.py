@@ -49,6 +49,12 @@ _POINTER = """([x, y]) => {
 }"""
 _STYLE = ".mantine-Notification-root {display: none !important} .lt-health {visibility: hidden}"
 """Captions stand in the panel too; and how well the app keeps up means nothing where time waits for pictures."""
+_HAS_WALLS = """() => {
+  let found = false;
+  window.__viserMutable?.nodeRefFromName["/apartment"]?.traverse((part) => (found = found || part.isMesh === true));
+  return found;
+}"""
+"""A world that changed is built anew by the page, which takes the processor seconds."""
 _NO_POINTER = "document.getElementById('film-pointer')?.remove()"
 
 
@@ -64,6 +70,7 @@ class Film:
 
     def take(self, stays_ms: int) -> None:
         """Take a picture of the page as it is now."""
+        until(lambda: self.page.evaluate(_HAS_WALLS))
         wait_until_drawn(self.app.server.viser)
         path = self.folder / f"{len(self.pictures):03}-{stays_ms}.png"
         shown(self.page).save(path)
@@ -137,6 +144,8 @@ def _opened(folder: Path) -> Iterator[Film]:
 
 
 def _send_to_a_goal(film: Film) -> None:
+    parts = [film.page.locator(part) for part in ("#ltvn-caption", "#ltvn-legend")]
+    film.tick_until(lambda: all(each.inner_text() for each in parts))
     film.take(CLICKING_MS)
     film.click(film.page.get_by_role("tab", name="Go"))
     film.click(film.page.locator(".lt-gallery img").nth(GOAL))

@@ -1,5 +1,6 @@
 """The scene with its ceiling cut away and what stands in it for now, or a plain floor where nobody has a model."""
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,13 +11,22 @@ from ltvn_core.worlds.world_change import ThingKind
 from ltvn_core.worlds.world_state import AS_MADE, WorldState
 from ltvn_viz.session.snapshot import Snapshot
 
+LINGER_S = 1.5
+"""A scene that was changed stays under the new one for so long, because a page takes a while to unpack that."""
+NAMES = ("/apartment", "/apartment-again")
+
 
 class SceneLayer:
     """The place in which all of it happens; exchanged when a replay was made elsewhere."""
 
-    def __init__(self, scene: viser.SceneApi, load: Callable[[str, WorldState], bytes]) -> None:
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        load: Callable[[str, WorldState], bytes],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         """Remember how to `load` the GLB of a scene by its name and state; only the hidden floor is drawn yet."""
-        self._scene, self._load = scene, load
+        self._scene, self._load, self._clock = scene, load, clock
         self._shown: tuple[str, WorldState] = ("", AS_MADE)
         self.floor = scene.add_grid(
             "/floor",
@@ -30,6 +40,8 @@ class SceneLayer:
             visible=False,
         )
         self.handle: viser.GlbHandle | None = None
+        self._before: viser.GlbHandle | None = None
+        self._before_until = 0.0
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the scene that the snapshot names; for one that this machine does not have, a floor in metres."""
@@ -37,8 +49,11 @@ class SceneLayer:
         # What stands in it is `AddedLayer`'s.
         own = tuple(each for each in world.things if each.kind is ThingKind.FURNITURE)
         shown = snapshot.scene, replace(world, closed_doors=frozenset(), things=own, people=())
+        if self._before is not None and self._clock() >= self._before_until:
+            self._take_before_away()
         if shown == self._shown:
             return
+        is_elsewhere = shown[0] != self._shown[0]
         self._shown = shown
         try:
             glb = self._load(*shown)
@@ -48,7 +63,21 @@ class SceneLayer:
         if self.handle is not None:
             self.handle.visible = glb is not None
         if glb is not None:
-            self.handle = self._scene.add_glb("/apartment", glb, cast_shadow=False, receive_shadow=False)
+            self._exchange(glb)
+        if is_elsewhere:
+            self._take_before_away()
+
+    def _exchange(self, glb: bytes) -> None:
+        """Draw another scene, over the one that is drawn."""
+        self._take_before_away()
+        free = next(name for name in NAMES if self.handle is None or name != self.handle.name)
+        self._before, self._before_until = self.handle, self._clock() + LINGER_S
+        self.handle = self._scene.add_glb(free, glb, cast_shadow=False, receive_shadow=False)
+
+    def _take_before_away(self) -> None:
+        if self._before is not None:
+            self._before.remove()
+        self._before = None
 
 
 class AddedLayer:

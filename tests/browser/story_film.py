@@ -51,7 +51,9 @@ _STYLE = ".mantine-Notification-root {display: none !important} .lt-health {visi
 """Captions stand in the panel too; and how well the app keeps up means nothing where time waits for pictures."""
 _HAS_WALLS = """() => {
   let found = false;
-  window.__viserMutable?.nodeRefFromName["/apartment"]?.traverse((part) => (found = found || part.isMesh === true));
+  for (const [name, node] of Object.entries(window.__viserMutable?.nodeRefFromName ?? {})) {
+    if (name.startsWith("/apartment")) node?.traverse((part) => (found = found || part.isMesh === true));
+  }
   return found;
 }"""
 """A world that changed is built anew by the page, which takes the processor seconds."""

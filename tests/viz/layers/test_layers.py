@@ -12,9 +12,7 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.analysis.graph_history import FadingEdges, GraphArrays
-from ltvn_core.errors import SceneError
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.worlds.world_state import WorldState
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, EdgesLayer, NodesLayer, offset_right
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
@@ -231,21 +229,6 @@ def test_pruned_edges_rise_and_fade(server: viser.ViserServer) -> None:
     assert brightness == sorted(brightness, reverse=True)
     layer.show(Snapshot())
     assert not layer.removed.handle.visible
-
-
-def test_a_scene_that_is_not_here_leaves_the_rest_on_show(server: viser.ViserServer) -> None:
-    def load(name: str, _state: WorldState) -> bytes:
-        if name == "foreign":
-            raise SceneError("no such scene")
-        return b"glTF"
-
-    layer = SceneLayer(server.scene, load)
-    layer.show(Snapshot(scene="here"))
-    layer.show(Snapshot(scene="foreign"))
-    assert layer.handle is not None
-    assert not layer.handle.visible
-    layer.show(Snapshot(scene="here"))
-    assert layer.handle.visible
 
 
 def test_there_and_back_are_two_lines() -> None:

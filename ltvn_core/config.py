@@ -59,6 +59,10 @@ class BuildingConfig:
     image that agrees with them best, as an edge that is hardly believed (ours)."""
     odometry_drift: float = 0.04
     """Metres that odometry may drift per metre driven; what contradicts it by more is no edge. 0 = not used (ours)."""
+    close_loops: bool = True
+    """Correct the drive's odometry where it passes a place again, before anything is compared by it (ours)."""
+    turning_edges: bool = True
+    """Join nodes of one place that see nothing in common, where that makes a way much shorter (ours)."""
     keep_merged: bool = True
     """Keep merged images in the reserve T', which Algorithm 1 would otherwise leave nearly empty (ours)."""
     restarts: int = 4
@@ -276,6 +280,8 @@ PAPER = Method(
         bridges=False,
         tie_goals=False,
         odometry_drift=0.0,
+        close_loops=False,
+        turning_edges=False,
         keep_merged=False,
         restarts=0,
     ),

@@ -13,14 +13,17 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
+from ltvn_core.graph.drive_closures import ClosureSearch
 from ltvn_core.graph.drive_links import DriveLinkSearch
 from ltvn_core.graph.goal_ties import GoalTies
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
+from ltvn_core.graph.turning_edges import turning_edges
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
 _MERGE_CANDIDATES = 3
@@ -50,7 +53,7 @@ def build(
     keyframes.add(observations)
     matcher = Matcher(predictor, keyframes, method.matching)
     loop_closures = LoopClosureVerifier(matcher)
-    odometry_gate = _odometry_gate(observations, matcher, loop_closures, method)
+    observations, odometry_gate = _with_closed_loops(observations, matcher, loop_closures, method)
     best: _BuildRun | None = None
     for start in _starts(observations, goals, method.building.restarts, rng):
         attempt = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
@@ -63,18 +66,30 @@ def build(
     if method.building.tie_goals:
         best.tie_goals()
     keyframes.keep_only([*best.nodes, *best.reserve])
-    return best.finish()
+    deltas = best.finish()
+    if not method.building.turning_edges:
+        return deltas
+    return (*deltas, *turning_edges(TopologicalGraph(deltas), odometry_gate, method))
 
 
-def _odometry_gate(
+def _with_closed_loops(
     observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, method: Method
-) -> OdometryGate:
-    """Return what odometry knows, of several drives with the links between them."""
-    starts = matcher.keyframes.drive_starts
-    if not starts or not method.building.odometry_drift:
-        return OdometryGate(observations, method.building, drive_starts=starts)
-    search = DriveLinkSearch(observations, starts, matcher, loop_closures, method.building)
-    return OdometryGate(observations, method.building, drive_starts=starts, links=search.links())
+) -> tuple[Sequence[Observation], OdometryGate]:
+    """Return the images, their odometry corrected where a drive passed a place again, and what odometry knows then."""
+    config, keyframes = method.building, matcher.keyframes
+    starts = keyframes.drive_starts
+    gate = OdometryGate(observations, config, drive_starts=starts)
+    if not config.odometry_drift:
+        return observations, gate
+    closures: tuple[DriveLink, ...] = ()
+    if config.close_loops:
+        observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config).closed()
+        keyframes.correct(observations)
+        gate = OdometryGate(observations, config, drive_starts=starts, closures=closures)
+    if not starts:
+        return observations, gate
+    links = DriveLinkSearch(observations, starts, matcher, loop_closures, config).links()
+    return observations, OdometryGate(observations, config, drive_starts=starts, links=links, closures=closures)
 
 
 def _no_progress(done: int, total: int) -> None:

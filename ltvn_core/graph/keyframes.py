@@ -66,6 +66,15 @@ class KeyframeStore:
         for seen, row in zip(new, encoded, strict=True):
             self._store(seen, row)
 
+    def correct(self, observations: Iterable[Observation]) -> None:
+        """Put observations in the place of those of the same frames; only their odometry may differ.
+
+        Raises MapError if one is not held.
+        """
+        for seen in observations:
+            self.observation(seen.step)
+            self._observations[seen.step] = seen
+
     def drop(self, frames: Iterable[FrameId]) -> None:
         """Forget images; unknown ones are ignored."""
         for frame in frames:

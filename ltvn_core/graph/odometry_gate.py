@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import shortest_path
 
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import compose, invert, relative, wrap_angle
@@ -24,11 +26,13 @@ _SLACK_M, _SLACK_RAD = 0.6, 0.6
 _PAUSE_S = 5.0
 """In a longer pause between two images a robot may be carried away without its odometry knowing."""
 _DRIFT_RAD_PER_M = 0.02
+_STEP_M = 0.05
+"""What a closure counts as, in metres driven."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriveLink:
-    """Two images of different stretches of odometry that surely show one place."""
+    """Two images that surely show one place, of one stretch of odometry or of two."""
 
     frame: FrameId
     other: FrameId
@@ -46,8 +50,11 @@ class OdometryGate:
         *,
         drive_starts: Collection[FrameId] = (),
         links: Sequence[DriveLink] | None = None,
+        closures: Sequence[DriveLink] = (),
     ) -> None:
         """Take the images in the order of their frames.
+
+        Odometry that was corrected by `closures` knows what it knows by the shortest way, of which they are steps.
 
         Images of linked stretches must fit to the link that is nearest along the ways. Images of two drives that no
         link joins are held to be of different places if links were searched; `links` is None where nobody did. A drive
@@ -63,6 +70,7 @@ class OdometryGate:
         self._moves = _moves(self._poses, self._drive)
         breaks = (steps_m > _JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
         self._segment = np.concatenate([[0], np.cumsum(breaks)])
+        self._ways = _ShortestWays(self._path_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
         self._separates = links is not None
         self._links = [(self._row[each.frame], self._row[each.other], each.waypoint) for each in links or ()]
         self._stamps_s = np.array([seen.stamp for seen in ordered])
@@ -103,6 +111,18 @@ class OdometryGate:
             return None
         return relative(self._poses[here], self._poses[there])
 
+    def seen_from(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[Waypoint, NDArray[np.float64]]:
+        """Return where nodes lie seen from a frame (N, 3), and by how long a way odometry knows it (N,), in metres.
+
+        The way is infinite where it does not know.
+        """
+        driven, path_m = self._way(self._row[frame], self._rows(nodes))
+        return driven, np.where(np.isneginf(path_m), np.inf, path_m)
+
+    def same_stretch(self, frame: FrameId, other: FrameId) -> bool:
+        """Tell whether odometry does not break off between two images."""
+        return bool(self._segment[self._row[frame]] == self._segment[self._row[other]])
+
     def knows(self, frame: FrameId, other: FrameId) -> bool:
         """Tell whether odometry, with what links say, knows how two images lie to each other."""
         _, path_m = self._way(self._row[frame], self._rows([other]))
@@ -119,12 +139,12 @@ class OdometryGate:
         driven = relative(self._poses[here], self._poses[there])
         same = self._segment[there] == self._segment[here]
         apart = self._separates & (self._drive[there] != self._drive[here]) & self._moves[there] & self._moves[here]
-        path_m = np.where(same, np.abs(self._path_m[there] - self._path_m[here]), np.where(apart, -np.inf, np.inf))
+        path_m = np.where(same, self._ways.between(here, there), np.where(apart, -np.inf, np.inf))
         for first, second, waypoint in self._links:
             for near, far, step in ((first, second, waypoint), (second, first, invert(waypoint))):
                 if self._segment[near] != self._segment[here]:
                     continue
-                length = abs(self._path_m[near] - self._path_m[here]) + np.abs(self._path_m[there] - self._path_m[far])
+                length = self._ways.between(here, np.array([near])) + self._ways.between(far, there)
                 linked = ~same & (self._segment[there] == self._segment[far])
                 linked &= (length < path_m) | np.isneginf(path_m)
                 onward = relative(self._poses[far], self._poses[there[linked]])
@@ -138,6 +158,44 @@ class OdometryGate:
     @staticmethod
     def _allowance_rad(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return _SLACK_RAD + _DRIFT_RAD_PER_M * path_m
+
+
+class _ShortestWays:
+    """How long the shortest way along a drive is, where closures are steps from one pass to another."""
+
+    def __init__(self, path_m: NDArray[np.float64], closures: Sequence[tuple[int, int]]) -> None:
+        """Take (N,) how far had been driven at each image, and the rows of the images that closures join."""
+        self._path_m = path_m
+        self._ends = np.unique(np.array([row for pair in closures for row in pair], np.intp))
+        if not len(self._ends):
+            return
+        pairs = np.searchsorted(self._ends, np.array(closures))
+        chain = np.arange(len(self._ends) - 1)
+        first, second = np.concatenate([chain, pairs[:, 0]]), np.concatenate([chain + 1, pairs[:, 1]])
+        lengths = np.concatenate([np.diff(path_m[self._ends]), np.zeros(len(pairs))])
+        lengths = np.maximum(lengths, _STEP_M)  # A length of zero would be no way at all.
+        count = len(self._ends)
+        steps = coo_array((lengths, (first, second)), shape=(count, count))
+        self._between = shortest_path(csr_array(steps), directed=False).astype(np.float32)
+
+    def between(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return (M,) the lengths of the shortest ways from one row to others."""
+        straight = np.abs(self._path_m[there] - self._path_m[here])
+        if not len(self._ends):
+            return straight
+        own, others = self._beside(np.array([here])), self._beside(there)
+        return np.minimum(
+            straight,
+            np.min(
+                [to_m[0] + self._between[end[0], far] + from_m for end, to_m in own for far, from_m in others], axis=0
+            ),
+        )
+
+    def _beside(self, rows: NDArray[np.intp]) -> tuple[tuple[NDArray[np.intp], NDArray[np.float64]], ...]:
+        """Return the next closure before and after each row (M,), and how far it is to them."""
+        after = np.minimum(np.searchsorted(self._ends, rows), len(self._ends) - 1)
+        before = np.maximum(after - 1, 0)
+        return tuple((k, np.abs(self._path_m[self._ends[k]] - self._path_m[rows])) for k in (before, after))
 
 
 def _moves(poses: Pose, drive: NDArray[np.intp]) -> NDArray[np.bool_]:

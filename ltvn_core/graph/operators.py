@@ -85,7 +85,7 @@ def node_with_edges(observation: Observation, matches: Matches, config: BeliefCo
     ]
 
 
-def bidirectional_edges(source: NodeId, matches: Matches, config: BeliefConfig, cause: Cause) -> Iterable[GraphDelta]:
+def bidirectional_edges(source: NodeId, matches: Matches, config: BeliefConfig, cause: Cause) -> Iterable[EdgeAdded]:
     """Yield an edge to each match and the same edge driven backwards, whose waypoint is the inverse."""
     for k, target in enumerate(matches.nodes):
         belief = initial_belief(matches.reachability[k], matches.distances[k], config)

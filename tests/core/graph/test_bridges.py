@@ -15,6 +15,7 @@ from ltvn_core.types import Features, FrameId, Observation, Prediction
 from tests.core.flat_world import FlatPredictor, one_room, tour
 
 NEAR_SIGHTED_M = 0.4
+WITHOUT_TURNS = replace(ROBUST, building=replace(ROBUST.building, turning_edges=False))
 WITHOUT = replace(ROBUST, building=replace(ROBUST.building, bridges=False))
 
 
@@ -62,7 +63,7 @@ def test_a_near_sighted_predictor_leaves_no_image_over() -> None:
 def test_where_images_in_a_row_share_nothing_odometry_joins_them() -> None:
     images = line()
     gap = images[len(images) // 2].step
-    graph = built(images, gap_predictor(gap))
+    graph = built(images, gap_predictor(gap), WITHOUT_TURNS)
     across = [(source, target) for source, target in graph.edges if source < gap <= target]
     (edge,) = across
     poses = {seen.step: seen.odometry for seen in images}

@@ -1,0 +1,139 @@
+"""Where a drive comes past a place again, and what that says of its odometry.
+
+Odometry drifts, so after a long way it no longer tells a room from the one beside it, and where rooms look alike the
+network does not either. But all the places that a drive passes twice must agree on one course of it. Those closures
+that the others contradict are perceptual aliases (`graph.pose_graph`), and by the rest the course is known to within
+decimetres everywhere. Owns which images are asked about, and the correction of their odometry (ours).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.config import BuildingConfig
+from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
+from ltvn_core.graph.operators import OperatorThresholds, connectable
+from ltvn_core.graph.pose_graph import RelativePoses, optimise
+from ltvn_core.types import FrameId, Observation
+
+_KEY_GAP = 0.5
+"""Images of a drive nearer than this d are asked about once."""
+_AGAIN_M = 4.0
+"""Two images say something about drift if so much was driven between them."""
+_BEST = 3
+_CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
+"""Standard deviations of the network's waypoint over an edge, in m, m and rad."""
+_LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
+_DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
+"""Standard deviations of odometry: of the way and the heading per metre driven, and of the angle turned."""
+
+
+class ClosedDrives(NamedTuple):
+    """Images whose odometry agrees wherever a drive passed a place again."""
+
+    observations: Sequence[Observation]
+    closures: tuple[DriveLink, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosureSearch:
+    """Searches loop closures within the drives of one map."""
+
+    observations: Sequence[Observation]
+    matcher: Matcher
+    loop_closures: LoopClosureVerifier
+    gate: OdometryGate
+    config: BuildingConfig
+
+    def closed(self) -> ClosedDrives:
+        """Return the images with corrected odometry; where odometry breaks off, each stretch is corrected by itself."""
+        corrected, closures = dict[FrameId, Observation](), list[DriveLink]()
+        for stretch in self._stretches():
+            seen, agreed = self._closed_stretch(stretch)
+            corrected |= {each.step: each for each in seen}
+            closures += agreed
+        return ClosedDrives([corrected[seen.step] for seen in self.observations], tuple(closures))
+
+    def _stretches(self) -> Iterator[list[Observation]]:
+        """Yield the images between which odometry does not break off."""
+        stretch = list[Observation]()
+        for seen in sorted(self.observations, key=lambda seen: seen.step):
+            if stretch and not self.gate.same_stretch(stretch[-1].step, seen.step):
+                yield stretch
+                stretch = []
+            stretch.append(seen)
+        yield stretch
+
+    def _closed_stretch(self, stretch: Sequence[Observation]) -> ClosedDrives:
+        odometry = np.array([seen.odometry for seen in stretch])
+        rows = _key_rows(odometry)
+        keys = [stretch[row].step for row in rows]
+        found = list(self._closures(keys, _driven_m(odometry)[rows]))
+        if not found:
+            return ClosedDrives(stretch, ())
+        place = {frame: k for k, frame in enumerate(keys)}
+        closures = RelativePoses(
+            first=np.array([place[link.frame] for link in found]),
+            second=np.array([place[link.other] for link in found]),
+            poses=np.array([link.waypoint for link in found]),
+            deviations=np.tile(_CLOSURE_DEVIATIONS, (len(found), 1)),
+        )
+        result = optimise(odometry[rows], _odometry_between(odometry[rows]), closures)
+        moved = _carried(odometry, rows, result.poses)
+        corrected = [replace(seen, odometry=pose) for seen, pose in zip(stretch, moved, strict=True)]
+        return ClosedDrives(corrected, tuple(link for link, kept in zip(found, result.kept, strict=True) if kept))
+
+    def _closures(self, keys: Sequence[FrameId], driven_m: NDArray[np.float64]) -> Iterator[DriveLink]:
+        """Yield what looks like a place that was passed before, and fits along both ways."""
+        thresholds = OperatorThresholds.building(self.config)
+        for k, frame in enumerate(keys):
+            earlier = keys[: int(np.searchsorted(driven_m, driven_m[k] - _AGAIN_M))]
+            others = self.matcher.promising(frame, self.gate.may_be_near(frame, earlier))
+            found = self.matcher.match(self.matcher.keyframes.features([frame]), others)
+            found = found.take(connectable(found, thresholds))
+            found = found.take(self.gate.plausible(frame, found))
+            found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
+            found = self.loop_closures.connections(frame, found, thresholds)
+            yield from (DriveLink(frame, other, found.waypoints[k]) for k, other in enumerate(found.nodes))
+
+
+def _key_rows(odometry: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the rows of poses (N, 3) that are apart from each other, the first and the last among them."""
+    rows = [0]
+    for row in range(1, len(odometry)):
+        if distance(relative(odometry[rows[-1]], odometry[row])) >= _KEY_GAP:
+            rows.append(row)
+    return np.unique([*rows, len(odometry) - 1])
+
+
+def _driven_m(odometry: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(odometry[:, :2], axis=0).T))])
+
+
+def _odometry_between(poses: NDArray[np.float64]) -> RelativePoses:
+    """Return what odometry measured between poses in a row (N, 3)."""
+    steps = relative(poses[:-1], poses[1:])
+    driven, turned = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    drift = np.stack(
+        [_DRIFT_M_PER_M * driven, _DRIFT_M_PER_M * driven, _DRIFT_RAD_PER_M * driven + _DRIFT_PER_RAD * turned], axis=1
+    )
+    rows = np.arange(len(steps))
+    return RelativePoses(first=rows, second=rows + 1, poses=steps, deviations=drift + _LEAST_DEVIATIONS)
+
+
+def _carried(odometry: NDArray[np.float64], rows: NDArray[np.intp], poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where all images (N, 3) are, once the key images are at `poses` (K, 3): between two, half by each way."""
+    before = np.clip(np.searchsorted(rows, np.arange(len(odometry)), side="right") - 1, 0, max(len(rows) - 2, 0))
+    after = np.minimum(before + 1, len(rows) - 1)
+    ahead = compose(poses[before], relative(odometry[rows[before]], odometry))
+    back = compose(poses[after], relative(odometry[rows[after]], odometry))
+    span = np.maximum(rows[after] - rows[before], 1)
+    share = ((np.arange(len(odometry)) - rows[before]) / span)[:, None]
+    gap = relative(ahead, back)
+    return compose(ahead, gap * share)

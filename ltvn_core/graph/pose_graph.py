@@ -1,0 +1,121 @@
+"""A robust pose graph in the plane: poses that a chain of odometry and uncertain loop closures agree on best.
+
+Closures that contradict the rest lose all weight, by graduated non-convexity with truncated least squares (Yang,
+Antonante, Tzoumas and Carlone, Graduated Non-Convexity for Robust Spatial Perception, RA-L 2020, eq. 14 and remark 5).
+Owns the optimisation; where closures come from is `graph.drive_closures`.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import spsolve
+
+from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.types import Pose, Waypoint
+
+_TRUNCATED_ABOVE = 11.34
+"""Squared error, in standard deviations, above which a closure is false: 99 % of the true ones are below."""
+_GROWTH = 1.4
+_MOST_ROUNDS, _STEPS_PER_ROUND, _LAST_STEPS = 60, 3, 10
+_CONVERGED = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelativePoses:
+    """Measurements of how pairs of poses lie to each other."""
+
+    first: NDArray[np.intp]
+    """(M,) rows of the poses measured from,"""
+    second: NDArray[np.intp]
+    """(M,) and of those measured."""
+    poses: Waypoint
+    """(M, 3): the second, seen from the first."""
+    deviations: NDArray[np.float64]
+    """(M, 3): standard deviations in m, m and rad."""
+
+    def errors(self, poses: Pose) -> NDArray[np.float64]:
+        """Return how far poses (N, 3) are off, (M, 3) in standard deviations."""
+        gap = relative(poses[self.first], poses[self.second]) - self.poses
+        gap[:, 2] = wrap_angle(gap[:, 2])
+        return gap / self.deviations
+
+
+class OptimisedPoses(NamedTuple):
+    """What a pose graph agrees on."""
+
+    poses: Pose
+    """(N, 3); the first stays where it was."""
+    kept: NDArray[np.bool_]
+    """(K,) which closures are believed."""
+
+
+def optimise(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> OptimisedPoses:
+    """Return the poses that odometry and closures agree on, from a first guess (N, 3), without the false closures.
+
+    Odometry must join all poses.
+    """
+    worst = _squared(closures.errors(poses)).max(initial=0.0)
+    weights = np.ones(len(closures.first))
+    control = _TRUNCATED_ABOVE / max(2 * worst - _TRUNCATED_ABOVE, _TRUNCATED_ABOVE)
+    for _ in range(_MOST_ROUNDS):
+        poses = _least_squares(poses, odometry, closures, weights, _STEPS_PER_ROUND)
+        weights = _truncated_weights(_squared(closures.errors(poses)), control)
+        if ((weights == 0) | (weights == 1)).all():
+            break
+        control *= _GROWTH
+    kept = weights > 0.5
+    return OptimisedPoses(_least_squares(poses, odometry, closures, kept.astype(float), _LAST_STEPS), kept)
+
+
+def _truncated_weights(squared: NDArray[np.float64], control: float) -> NDArray[np.float64]:
+    """Return the weights (K,) of closures with these squared errors: 1 for the small ones, 0 for the large."""
+    between = np.sqrt(_TRUNCATED_ABOVE * control * (control + 1) / np.maximum(squared, 1e-12)) - control
+    sure, lost = _TRUNCATED_ABOVE * control / (control + 1), _TRUNCATED_ABOVE * (control + 1) / control
+    return np.where(squared <= sure, 1.0, np.where(squared >= lost, 0.0, between))
+
+
+def _least_squares(
+    poses: Pose, odometry: RelativePoses, closures: RelativePoses, weights: NDArray[np.float64], most_steps: int
+) -> Pose:
+    """Take up to so many steps of Gauss and Newton."""
+    for _ in range(most_steps):
+        first = _linearised(poses, odometry, np.ones(len(odometry.first)))
+        second = _linearised(poses, closures, weights)
+        normal = (first.jacobian.T @ first.jacobian + second.jacobian.T @ second.jacobian)[3:, 3:]
+        gradient = (first.jacobian.T @ first.errors + second.jacobian.T @ second.errors)[3:]
+        step = spsolve(csc_array(normal), -gradient).reshape(-1, 3)
+        poses = np.concatenate([poses[:1], poses[1:] + step])
+        if np.abs(step).max(initial=0.0) < _CONVERGED:
+            break
+    return poses
+
+
+class _Linearised(NamedTuple):
+    jacobian: csc_array
+    """(3 M, 3 N)."""
+    errors: NDArray[np.float64]
+    """(3 M,)."""
+
+
+def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float64]) -> _Linearised:
+    """Return the weighted errors of M measurements and how they change with the poses (N, 3)."""
+    count, scale = len(measured.first), np.sqrt(weights)[:, None] / measured.deviations
+    here, there = poses[measured.first], poses[measured.second]
+    cos, sin, zero = np.cos(here[:, 2]), np.sin(here[:, 2]), np.zeros(count)
+    dx, dy = (there - here)[:, :2].T
+    by_first = np.array([[-cos, -sin, cos * dy - sin * dx], [sin, -cos, -cos * dx - sin * dy], [zero, zero, zero - 1]])
+    by_second = np.array([[cos, sin, zero], [-sin, cos, zero], [zero, zero, zero + 1]])
+    values = np.concatenate([each.transpose(2, 0, 1) * scale[:, :, None] for each in (by_first, by_second)])
+    rows = np.broadcast_to(np.arange(3 * count).reshape(count, 3, 1), (count, 3, 3))
+    ends = np.concatenate([measured.first, measured.second])[:, None, None]
+    columns = np.broadcast_to(3 * ends + np.arange(3), (2 * count, 3, 3))
+    places = np.concatenate([rows, rows]).ravel(), columns.ravel()
+    jacobian = csc_array((values.ravel(), places), shape=(3 * count, 3 * len(poses)))
+    return _Linearised(jacobian, (measured.errors(poses) * np.sqrt(weights)[:, None]).ravel())
+
+
+def _squared(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return (errors**2).sum(axis=1)

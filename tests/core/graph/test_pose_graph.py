@@ -1,0 +1,71 @@
+"""A drive that passes its places again is put right, however many of its loop closures are false."""
+
+import numpy as np
+import pytest
+
+from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.pose_graph import RelativePoses, optimise
+from ltvn_core.types import Pose
+
+LAPS, CORNERS = 3, 4
+STEP = np.array([1.0, 0.0, 0.0])
+TURN = np.array([1.0, 0.0, np.pi / 2])
+
+
+def square() -> Pose:
+    """Return the poses of three rounds along a square of 8 m."""
+    poses = [np.zeros(3)]
+    for k in range(1, LAPS * CORNERS * 8 + 1):
+        poses.append(compose(poses[-1], TURN if k % 8 == 0 else STEP))
+    return np.array(poses)
+
+
+def drifted(poses: Pose) -> Pose:
+    """Return what a robot with a bias in its wheels would measure."""
+    steps = relative(poses[:-1], poses[1:]) * np.array([1.03, 1.0, 1.0]) + np.array([0.0, 0.0, 0.01])
+    measured = [poses[0]]
+    for step in steps:
+        measured.append(compose(measured[-1], step))
+    return np.array(measured)
+
+
+def measured(poses: Pose, first: np.ndarray, second: np.ndarray, deviation: float) -> RelativePoses:
+    return RelativePoses(first, second, relative(poses[first], poses[second]), np.full((len(first), 3), deviation))
+
+
+def in_a_row(poses: Pose) -> RelativePoses:
+    rows = np.arange(len(poses) - 1)
+    return measured(poses, rows, rows + 1, 0.04)
+
+
+@pytest.mark.parametrize("false", [0, 30])
+def test_true_closures_put_a_drive_right_and_false_ones_are_found_out(false: int) -> None:
+    truth, odometry, rng = square(), drifted(square()), np.random.default_rng(0)
+    lap = CORNERS * 8
+    again = np.arange(lap, len(truth), 2)
+    closures = measured(truth, again, again % lap, 0.1)
+    wrong = rng.integers(len(truth), size=(false, 2))
+    lies = RelativePoses(wrong[:, 0], wrong[:, 1], rng.normal(scale=0.4, size=(false, 3)), np.full((false, 3), 0.1))
+    far = np.hypot(*relative(truth[wrong[:, 0]], truth[wrong[:, 1]])[:, :2].T) > 2.0
+    both = RelativePoses(
+        *(np.concatenate(pair) for pair in zip(_fields(closures), _fields(lies), strict=True))  # type: ignore[arg-type]
+    )
+
+    found = optimise(odometry, in_a_row(odometry), both)
+
+    assert np.abs(odometry - truth)[:, :2].max() > 3.0
+    assert np.abs(found.poses - truth)[:, :2].max() < 0.6
+    assert found.kept[: len(again)].all()
+    assert not found.kept[len(again) :][far].any()
+
+
+def test_without_closures_odometry_is_all_there_is() -> None:
+    odometry = drifted(square())
+    nothing = np.empty(0, np.intp)
+    found = optimise(odometry, in_a_row(odometry), measured(odometry, nothing, nothing, 0.1))
+    assert np.allclose(found.poses, odometry)
+    assert found.kept.shape == (0,)
+
+
+def _fields(measured: RelativePoses) -> tuple[np.ndarray, ...]:
+    return measured.first, measured.second, measured.poses, measured.deviations

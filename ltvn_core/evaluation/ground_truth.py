@@ -1,12 +1,13 @@
 """The ground truth of a map in simulation: exact poses of its nodes, and which of its edges are drivable.
 
-`ltvn_core.simulation.oracle_predictor` defines "drivable". Edges are directed: the two directions of one prediction are
-two edges, and driving in reverse counts as driving.
+`ltvn_core.simulation.oracle_predictor` defines "drivable"; a turn on the spot is so, too. Edges are directed: the two
+directions of one prediction are two edges, and driving in reverse counts as driving.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.evaluation.results import EdgeCalibrationBin, MapDrawing, MapTruthMetrics
@@ -16,7 +17,7 @@ from ltvn_core.graph.goal_standing import Standing, reached_from_most, standings
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.network.metrics.binned_metrics import calibration_table
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable
+from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable, is_line_free
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 MISLOCALISED_M = 1.5
@@ -25,6 +26,8 @@ MISLOCALISED_YAW_RAD = float(np.deg2rad(60))
 """nor is one whose heading differs by more than this,"""
 MISLOCALISED_PATH_M = 2.0
 """nor one with a longer path to it than this, around a wall."""
+AT_ONE_PLACE_M = 0.5
+"""Between poses nearer than this, with nothing in between, the robot mostly turns."""
 RECOGNISABLE_DISTANCE = 0.75
 """A robot closer to a node than this d (Eq. 2) should recognise it: half a metre and 20 degrees (ours; within D_l)."""
 
@@ -103,7 +106,14 @@ class GroundTruth:
         fresh = [edge for edge in edges if edge not in self._drivable]
         if fresh:
             sources, targets = (self.poses(ends) for ends in zip(*fresh, strict=True))
-            self._drivable.update(zip(fresh, is_drivable(self.clearance, sources, targets).tolist(), strict=True))
+            drivable = is_drivable(self.clearance, sources, targets) | _is_turn(self.clearance, sources, targets)
+            self._drivable.update(zip(fresh, drivable.tolist(), strict=True))
+
+
+def _is_turn(clearance: ClearanceMap, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
+    """Tell for N pairs of poses (N, 3) whether they are at one place: there a robot can turn, however far."""
+    apart_m = np.hypot(*(targets - sources)[:, :2].T)
+    return (apart_m <= AT_ONE_PLACE_M) & is_line_free(clearance, sources, targets)
 
 
 def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:

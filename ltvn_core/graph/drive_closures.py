@@ -27,6 +27,8 @@ _KEY_GAP = 0.5
 _AGAIN_M = 4.0
 """Two images say something about drift if so much was driven between them."""
 _BEST = 3
+_BATCH = 200
+"""After so many images what was found is put to use."""
 _CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
 """Standard deviations of the network's waypoint over an edge, in m, m and rad."""
 _LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
@@ -71,36 +73,55 @@ class ClosureSearch:
         yield stretch
 
     def _closed_stretch(self, stretch: Sequence[Observation]) -> ClosedDrives:
+        """Correct a stretch as it goes on, so that what comes later is compared with what is near alone."""
         odometry = np.array([seen.odometry for seen in stretch])
         rows = _key_rows(odometry)
-        keys = [stretch[row].step for row in rows]
-        found = list(self._closures(keys, _driven_m(odometry)[rows]))
-        if not found:
-            return ClosedDrives(stretch, ())
-        place = {frame: k for k, frame in enumerate(keys)}
-        closures = RelativePoses(
-            first=np.array([place[link.frame] for link in found]),
-            second=np.array([place[link.other] for link in found]),
-            poses=np.array([link.waypoint for link in found]),
-            deviations=np.tile(_CLOSURE_DEVIATIONS, (len(found), 1)),
-        )
-        result = optimise(odometry[rows], _odometry_between(odometry[rows]), closures)
-        moved = _carried(odometry, rows, result.poses)
-        corrected = [replace(seen, odometry=pose) for seen, pose in zip(stretch, moved, strict=True)]
-        return ClosedDrives(corrected, tuple(link for link, kept in zip(found, result.kept, strict=True) if kept))
+        keys, driven_m = [stretch[row].step for row in rows], _driven_m(odometry)[rows]
+        closed, gate, found = ClosedDrives(stretch, ()), self.gate, list[DriveLink]()
+        for first in range(0, len(keys), _BATCH):
+            fresh = [
+                link
+                for k in range(first, min(first + _BATCH, len(keys)))
+                for link in self._again(k, keys, driven_m, gate)
+            ]
+            if not fresh:
+                continue
+            found += fresh
+            closed = _corrected(stretch, odometry, rows, found)
+            gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
+        return closed
 
-    def _closures(self, keys: Sequence[FrameId], driven_m: NDArray[np.float64]) -> Iterator[DriveLink]:
-        """Yield what looks like a place that was passed before, and fits along both ways."""
-        thresholds = OperatorThresholds.building(self.config)
-        for k, frame in enumerate(keys):
-            earlier = keys[: int(np.searchsorted(driven_m, driven_m[k] - _AGAIN_M))]
-            others = self.matcher.promising(frame, self.gate.may_be_near(frame, earlier))
-            found = self.matcher.match(self.matcher.keyframes.features([frame]), others)
-            found = found.take(connectable(found, thresholds))
-            found = found.take(self.gate.plausible(frame, found))
-            found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
-            found = self.loop_closures.connections(frame, found, thresholds)
-            yield from (DriveLink(frame, other, found.waypoints[k]) for k, other in enumerate(found.nodes))
+    def _again(
+        self, row: int, keys: Sequence[FrameId], driven_m: NDArray[np.float64], gate: OdometryGate
+    ) -> Iterator[DriveLink]:
+        """Yield where the place of a key image was passed before, as far as that fits along both ways."""
+        frame, thresholds = keys[row], OperatorThresholds.building(self.config)
+        earlier = keys[: int(np.searchsorted(driven_m, driven_m[row] - _AGAIN_M))]
+        others = self.matcher.promising(frame, gate.may_be_near(frame, earlier))
+        found = self.matcher.match(self.matcher.keyframes.features([frame]), others)
+        found = found.take(connectable(found, thresholds))
+        found = found.take(gate.plausible(frame, found))
+        found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
+        found = self.loop_closures.connections(frame, found, thresholds)
+        for other, waypoint in zip(found.nodes, found.waypoints, strict=True):
+            yield DriveLink(frame, other, waypoint)
+
+
+def _corrected(
+    stretch: Sequence[Observation], odometry: NDArray[np.float64], rows: NDArray[np.intp], found: Sequence[DriveLink]
+) -> ClosedDrives:
+    """Return the images where odometry (N, 3) and the closures found between those of `rows` agree best."""
+    place = {stretch[row].step: k for k, row in enumerate(rows)}
+    closures = RelativePoses(
+        first=np.array([place[link.frame] for link in found]),
+        second=np.array([place[link.other] for link in found]),
+        poses=np.array([link.waypoint for link in found]),
+        deviations=np.tile(_CLOSURE_DEVIATIONS, (len(found), 1)),
+    )
+    result = optimise(odometry[rows], _odometry_between(odometry[rows]), closures)
+    moved = _carried(odometry, rows, result.poses)
+    observations = [replace(seen, odometry=pose) for seen, pose in zip(stretch, moved, strict=True)]
+    return ClosedDrives(observations, tuple(link for link, kept in zip(found, result.kept, strict=True) if kept))
 
 
 def _key_rows(odometry: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import shortest_path
+from scipy.sparse.csgraph import dijkstra
 
 from ltvn_core.config import BuildingConfig
 from ltvn_core.geometry import compose, invert, relative, wrap_angle
@@ -174,22 +174,24 @@ class _ShortestWays:
         first, second = np.concatenate([chain, pairs[:, 0]]), np.concatenate([chain + 1, pairs[:, 1]])
         lengths = np.concatenate([np.diff(path_m[self._ends]), np.zeros(len(pairs))])
         lengths = np.maximum(lengths, _STEP_M)  # A length of zero would be no way at all.
-        count = len(self._ends)
-        steps = coo_array((lengths, (first, second)), shape=(count, count))
-        self._between = shortest_path(csr_array(steps), directed=False).astype(np.float32)
+        self._steps = csr_array(coo_array((lengths, (first, second)), shape=(len(self._ends), len(self._ends))))
+        self._from_end: dict[int, NDArray[np.float32]] = {}
 
     def between(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return (M,) the lengths of the shortest ways from one row to others."""
-        straight = np.abs(self._path_m[there] - self._path_m[here])
+        shortest = np.abs(self._path_m[there] - self._path_m[here])
         if not len(self._ends):
-            return straight
-        own, others = self._beside(np.array([here])), self._beside(there)
-        return np.minimum(
-            straight,
-            np.min(
-                [to_m[0] + self._between[end[0], far] + from_m for end, to_m in own for far, from_m in others], axis=0
-            ),
-        )
+            return shortest
+        for own, to_m in self._beside(np.array([here])):
+            onward = self._ways_from(int(own[0]))
+            for far, from_m in self._beside(there):
+                shortest = np.minimum(shortest, to_m[0] + onward[far] + from_m)
+        return shortest
+
+    def _ways_from(self, end: int) -> NDArray[np.float32]:
+        if end not in self._from_end:
+            self._from_end[end] = dijkstra(self._steps, directed=False, indices=end).astype(np.float32)
+        return self._from_end[end]
 
     def _beside(self, rows: NDArray[np.intp]) -> tuple[tuple[NDArray[np.intp], NDArray[np.float64]], ...]:
         """Return the next closure before and after each row (M,), and how far it is to them."""

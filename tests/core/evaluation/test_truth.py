@@ -32,6 +32,10 @@ def test_an_edge_that_asks_too_much_is_spurious(edge: tuple[NodeId, NodeId]) -> 
     assert truth().is_spurious(edge)
 
 
+def test_a_turn_on_the_spot_is_not_spurious_however_far_it_is() -> None:
+    assert not truth().is_spurious((4, 7))
+
+
 def test_truth_follows_a_map_that_changes() -> None:
     graph, known = map_with_edges((1, 2), (5, 6)), truth()
     assert known.spurious(graph) == {(5, 6)}

@@ -13,7 +13,7 @@ from ltvn_core.analysis.perceptual_aliases import PerceptualAlias, find_perceptu
 from ltvn_core.geometry import distance
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.connectivity import strongly_connected_components
-from ltvn_core.graph.deltas import GraphDelta, NodeAdded
+from ltvn_core.graph.deltas import Edge, GraphDelta, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import NO_PRIOR
 from ltvn_core.graph.matching import Matcher
@@ -43,7 +43,7 @@ class MapAccuracy:
     """Share of the images, those of the largest part of the drive, that are in the map's largest piece or recognised
     as one of its nodes."""
     false_edges: int | None
-    """Edges between far images."""
+    """Edges between far images, but for turns on the spot."""
     perceptual_aliases: int | None
     """Pairs of nodes that the method takes for near each other and that are far."""
 
@@ -80,6 +80,13 @@ class JudgedMap:
         """Tell whether two images are truly far from each other; only where that is known."""
         assert self.views is not None
         return bool(LIMITS.far(self.views.move(self.row_of[first], self.row_of[second])))
+
+    def is_false(self, edge: Edge) -> bool:
+        """Tell whether an edge joins far images; one that says itself that it is a turn on the spot may do so there."""
+        assert self.views is not None
+        move = self.views.move(self.row_of[edge.source], self.row_of[edge.target])
+        turns = abs(edge.waypoint.yaw_rad) > LIMITS.near_rad and np.hypot(move[0], move[1]) < LIMITS.near_m
+        return bool(LIMITS.far(move)) and not turns
 
 
 def build_judged_map(
@@ -121,7 +128,7 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
         pieces=len(pieces),
         true_pieces=None if groups is None else int(groups.max()) + 1,
         largest_piece_share=_share_in(built, set(pieces[0]), groups, progress),
-        false_edges=sum(built.are_far(*edge) for edge in built.graph.edges) if known else None,
+        false_edges=sum(map(built.is_false, built.graph.edges.values())) if known else None,
         perceptual_aliases=len(true_aliases(built)) if known else None,
     )
 

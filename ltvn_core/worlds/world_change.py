@@ -139,12 +139,12 @@ def change_text(change: WorldChange) -> str:
         case DoorMoved(door, is_open):
             return f"door {door} {'opened' if is_open else 'closed'}"
         case ThingPlaced(thing, kind, (x, y, _)):
-            name = thing if kind is ThingKind.FURNITURE else f"{kind} {thing}"
+            name = _plain_name(thing) if kind is ThingKind.FURNITURE else f"{kind} {thing}"
             return f"{name} put at x {x:.2f} m, y {y:.2f} m"
         case ThingRemoved(thing):
-            return f"{thing} taken away"
+            return f"{_plain_name(thing)} taken away"
         case ThingReturned(thing):
-            return f"{thing} put back"
+            return f"{_plain_name(thing)} put back"
         case LightChanged(level, warmth):
             tint = "" if abs(warmth) < 0.05 else ", warm" if warmth > 0 else ", cold"
             return f"light at {level:.0%}{tint}"
@@ -156,6 +156,11 @@ def change_text(change: WorldChange) -> str:
             return f"{person} left"
         case TimePassed(duration_s):
             return f"{duration_s / 60:.0f} minutes passed"
+
+
+def _plain_name(thing: str) -> str:
+    """Return the name of a thing as a person says it: a scene's own furniture is named by what it is."""
+    return thing.removeprefix(OWN_PREFIX).replace("-", " ") if thing.startswith(OWN_PREFIX) else thing
 
 
 def subject(change: WorldChange) -> str:

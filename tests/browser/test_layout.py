@@ -8,6 +8,9 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, FloatRect, Page, expect
 
+from ltvn_viz.session import commands as c
+from ltvn_viz.session.modes import Mode
+from tests.browser.actions import wait_for_rest
 from tests.browser.flat_app import FLOOR, FlatApp, serving
 from tests.browser.pages import draw_nothing, open_page
 from tests.waiting import PATIENCE_S, until
@@ -202,7 +205,7 @@ def test_a_finger_drives_and_is_told_of_no_keys(app: FlatApp, chromium: Browser)
     page = telephone.new_page()
     page.goto(app.server.url)
     forward = page.get_by_role("button", name="drive forward")
-    expect(page.locator("#ltvn-hint")).to_contain_text("Pick a goal")
+    expect(page.locator("#ltvn-hint")).to_contain_text("ick a goal")
     box = forward.bounding_box()
     assert "W A S D" not in page.locator("body").inner_text()
     assert box is not None
@@ -215,6 +218,25 @@ def test_a_finger_drives_and_is_told_of_no_keys(app: FlatApp, chromium: Browser)
     until(lambda: float(np.hypot(*(app.harness.robot.pose[:2] - before))) > 0.1)
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     telephone.close()
+
+
+def test_the_longest_words_of_the_pad_move_nothing_out_of_the_window(app: FlatApp, page: Page) -> None:
+    app.session.send(c.NavigateTo(int(app.harness.now.moment.graph.ids[-1])))
+    until(lambda: app.session.mode is Mode.NAVIGATING)
+    app.session.send(c.Pause())
+    try:
+        expect(page.locator(".ltvn-status")).to_contain_text("The robot waits on its way to node")
+        for width, height in ((390, 844), (820, 1180), (1100, 700)):
+            page.set_viewport_size({"width": width, "height": height})
+            until(
+                lambda size=(width, height): fits(page, *size),
+                patience_s=PATIENCE_S / 8,
+                explain=lambda: rectangles(page),
+            )
+            assert page.locator("#ltvn-colour").evaluate("picture => picture.clientWidth") >= LEAST_SCENE_PX
+    finally:
+        app.session.send(c.Cancel())
+        wait_for_rest(app)
 
 
 def test_the_console_is_clean(page: Page, trouble: list[str]) -> None:

@@ -97,3 +97,8 @@ def test_log_marks_breakpoints_and_debugger_show_the_same_words() -> None:
     assert logged[0].text is not None
     assert logged[0].text.as_arrow_array().to_pylist() == [collision.text]
     assert failure.text == describe_event(event).sentence
+
+
+def test_furniture_of_a_scene_is_named_as_a_person_says_it() -> None:
+    assert w.change_text(w.ThingRemoved("own/high-table-1")) == "high table 1 taken away"
+    assert w.change_text(w.ThingReturned("my-box")) == "my-box put back"

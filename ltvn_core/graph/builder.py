@@ -31,6 +31,8 @@ _NEAR_IN_TIME = 12
 
 ProgressCallback = Callable[[int, int], None]
 """Called with images done and images in all."""
+_CLOSING_SHARE = 0.3
+"""Share of the work that is to put odometry right."""
 
 
 def build(
@@ -45,19 +47,25 @@ def build(
 ) -> tuple[GraphDelta, ...]:
     """Return the deltas that build a map from a trajectory, Algorithm 1.
 
-    Images of several drives, whose first frames `keyframes` knows, are joined where these recognise each other.
-    Puts the images into `keyframes` and afterwards drops those that are neither nodes nor in reserve. Frames in `goals`
-    never merge. Images without depth are left out where the predictor needs it. Raises MapError as `usable_trajectory`.
+    The robust method first puts the odometry of the images right, as far as the drive passed places again, and in
+    `keyframes` they keep it so. Images of several drives, whose first frames `keyframes` knows, are joined where these
+    recognise each other. Puts the images into `keyframes` and afterwards drops those that are neither nodes nor in
+    reserve. Frames in `goals` never merge. Images without depth are left out where the predictor needs it. Raises
+    MapError as `usable_trajectory`.
     """
     observations = usable_trajectory(observations, predictor, goals)
     keyframes.add(observations)
     matcher = Matcher(predictor, keyframes, method.matching)
     loop_closures = LoopClosureVerifier(matcher)
-    observations, odometry_gate = _with_closed_loops(observations, matcher, loop_closures, method)
+    count, tell = len(observations), progress or _no_progress
+    observations, odometry_gate = _with_closed_loops(
+        observations, matcher, loop_closures, method, lambda share: tell(round(_CLOSING_SHARE * share * count), count)
+    )
+    closing = _CLOSING_SHARE if method.building.close_loops else 0.0
     best: _BuildRun | None = None
     for start in _starts(observations, goals, method.building.restarts, rng):
         attempt = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
-        attempt.run(start, rng, progress or _no_progress)
+        attempt.run(start, rng, lambda done, total: tell(round(closing * total + (1 - closing) * done), total))
         if best is None or len(attempt.nodes) > len(best.nodes):
             best = attempt
         if best.coverage >= method.building.tiny_share:
@@ -73,7 +81,11 @@ def build(
 
 
 def _with_closed_loops(
-    observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, method: Method
+    observations: Sequence[Observation],
+    matcher: Matcher,
+    loop_closures: LoopClosureVerifier,
+    method: Method,
+    progress: Callable[[float], None],
 ) -> tuple[Sequence[Observation], OdometryGate]:
     """Return the images, their odometry corrected where a drive passed a place again, and what odometry knows then."""
     config, keyframes = method.building, matcher.keyframes
@@ -83,7 +95,7 @@ def _with_closed_loops(
         return observations, gate
     closures: tuple[DriveLink, ...] = ()
     if config.close_loops:
-        observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config).closed()
+        observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
         keyframes.correct(observations)
         gate = OdometryGate(observations, config, drive_starts=starts, closures=closures)
     if not starts:

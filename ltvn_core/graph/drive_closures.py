@@ -6,7 +6,7 @@ that the others contradict are perceptual aliases (`graph.pose_graph`), and by t
 decimetres everywhere. Owns which images are asked about, and the correction of their odometry (ours).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -52,6 +52,8 @@ class ClosureSearch:
     loop_closures: LoopClosureVerifier
     gate: OdometryGate
     config: BuildingConfig
+    progress: Callable[[float], None]
+    """Called with the share of the images that were asked about."""
 
     def closed(self) -> ClosedDrives:
         """Return the images with corrected odometry; where odometry breaks off, each stretch is corrected by itself."""
@@ -84,12 +86,16 @@ class ClosureSearch:
                 for k in range(first, min(first + _BATCH, len(keys)))
                 for link in self._again(k, keys, driven_m, gate)
             ]
+            self.progress(self._share(keys[min(first + _BATCH, len(keys)) - 1]))
             if not fresh:
                 continue
             found += fresh
             closed = _corrected(stretch, odometry, rows, found)
             gate = OdometryGate(closed.observations, self.config, closures=closed.closures)
         return closed
+
+    def _share(self, frame: FrameId) -> float:
+        return sum(seen.step <= frame for seen in self.observations) / len(self.observations)
 
     def _again(
         self, row: int, keys: Sequence[FrameId], driven_m: NDArray[np.float64], gate: OdometryGate

@@ -157,6 +157,8 @@ class JudgingConfig:
     """Least r for the goal to be reached (ours)."""
     arrive_yaw_rad: float = 0.25
     """Greatest yaw to the goal; pi switches the gate off (ours)."""
+    by_plan: bool = True
+    """Believe the goal only about where the last plan puts it (ours)."""
     second_look: bool = True
     """Turn a little, observe again, and believe the goal only if both observations agree (ours)."""
 
@@ -298,7 +300,9 @@ PAPER = Method(
         bends=0,
         back_off_m=0.1,
     ),
-    judging=JudgingConfig(success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, second_look=False),
+    judging=JudgingConfig(
+        success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, by_plan=False, second_look=False
+    ),
     believing=BeliefConfig(
         one_failure_per_query=False,
         hindered_weight=1.0,

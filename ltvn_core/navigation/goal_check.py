@@ -3,6 +3,9 @@
 Owns the order of these questions. The rules are in `navigation.judgement` and `graph.loop_closures`.
 """
 
+import numpy as np
+
+from ltvn_core.geometry import relative
 from ltvn_core.graph.localiser import fits_trail
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.dead_reckoning import DeadReckoning
@@ -14,6 +17,10 @@ from ltvn_core.navigation.query_memory import QueryMemory
 from ltvn_core.types import NodeId
 
 _RECHECK_TURN_RAD = 0.26
+_PLAN_GAP_M, _PLAN_GAP_RAD = 0.8, 0.6
+"""The goal may be so far from where the plan puts it,"""
+_GAP_PER_EDGE_M, _GAP_PER_EDGE_RAD = 0.06, 0.04
+"""and so much farther for each edge that the plan had left."""
 _MAX_REJECTIONS = 4
 """After so many disagreeing second observations in one query, the first one is believed."""
 
@@ -45,6 +52,9 @@ class GoalCheck:
             return self._reckoning.is_at(self._goal)
         if self._perception.with_node_support(self._goal).reachability <= self._judging.success_reachability:
             return False
+        if not self._fits_plan(first):
+            yield Note("It looked like the goal, but by the plan the goal is somewhere else.", Severity.WARN)
+            return False
         if not self._fits_trail(first):
             self._memory.plan = ()
             yield Note("It looked like the goal, but what it saw on the way here does not fit.", Severity.WARN)
@@ -52,6 +62,16 @@ class GoalCheck:
         if not self._judging.second_look or self._memory.goal_rejections >= _MAX_REJECTIONS:
             return True
         return (yield from self._confirm_from_aside(first))
+
+    def _fits_plan(self, goal: NodeMatch) -> bool:
+        """Tell whether the goal is about where the plan puts it, which knows rooms apart that look alike."""
+        expected = self._memory.expected_goal
+        if not self._judging.by_plan or expected is None:
+            return True
+        gap = relative(relative(self._motion.odometry, expected.pose), goal.waypoint)
+        allowed_m = _PLAN_GAP_M + _GAP_PER_EDGE_M * expected.edges
+        allowed_rad = _PLAN_GAP_RAD + _GAP_PER_EDGE_RAD * expected.edges
+        return bool(np.hypot(gap[0], gap[1]) <= allowed_m and abs(gap[2]) <= allowed_rad)
 
     def _fits_trail(self, goal: NodeMatch) -> bool:
         config = self._context.method.localising

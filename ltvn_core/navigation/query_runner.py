@@ -33,11 +33,11 @@ from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
 from ltvn_core.navigation.map_learner import MapLearner
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import NodeMatch, Perception
-from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.navigation.query_memory import ExpectedGoal, QueryMemory
 from ltvn_core.navigation.recovery import Recovery
 from ltvn_core.navigation.view_learner import ViewLearner
 from ltvn_core.navigation.way_planner import WayPlanner
-from ltvn_core.types import NodeId
+from ltvn_core.types import NodeId, Waypoint
 
 _AT_NODE_DISTANCE = 0.3
 """A node nearer than this d need not be approached once more."""
@@ -88,6 +88,7 @@ class QueryRunner:
                 yield from self._recover(Outcome.NO_PATH)
                 continue
             self._memory.consecutive_failures = 0
+            self._memory.expected_goal = self._expected_goal(localisation, path)
             if (yield from self._follow(localisation, path)):
                 return Outcome.ARRIVED
 
@@ -179,10 +180,18 @@ class QueryRunner:
             return None
         if not driving.through_map:
             return node_match
-        aim = localisation.waypoint
-        for edge in itertools.pairwise(segment):
-            aim = compose(aim, np.array(self._context.graph.edges[edge].waypoint))
-        return node_match.with_waypoint(aim)
+        return node_match.with_waypoint(self._along(localisation.waypoint, segment))
+
+    def _expected_goal(self, localisation: Localisation, path: GraphPath) -> ExpectedGoal:
+        """Return where the goal is if the robot is where it was localised."""
+        ahead = self._along(localisation.waypoint, path.nodes)
+        return ExpectedGoal(compose(self._motion.odometry, ahead), len(path.nodes) - 1)
+
+    def _along(self, waypoint: Waypoint, nodes: Sequence[NodeId]) -> Waypoint:
+        """Return where the last of some nodes is (3,), by their edges, if the first is at a waypoint (3,)."""
+        for edge in itertools.pairwise(nodes):
+            waypoint = compose(waypoint, np.array(self._context.graph.edges[edge].waypoint))
+        return waypoint
 
     def _drive(self, segment: tuple[NodeId, ...], node_match: NodeMatch) -> EventGenerator[AttemptResult]:
         """Make one attempt and learn from it."""

@@ -13,13 +13,12 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
-from ltvn_core.graph.drive_closures import ClosureSearch
-from ltvn_core.graph.drive_links import DriveLinkSearch
+from ltvn_core.graph.drive_closures import with_closed_loops
 from ltvn_core.graph.goal_ties import GoalTies
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
+from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
@@ -58,7 +57,7 @@ def build(
     matcher = Matcher(predictor, keyframes, method.matching)
     loop_closures = LoopClosureVerifier(matcher)
     count, tell = len(observations), progress or _no_progress
-    observations, odometry_gate = _with_closed_loops(
+    observations, odometry_gate = with_closed_loops(
         observations, matcher, loop_closures, method, lambda share: tell(round(_CLOSING_SHARE * share * count), count)
     )
     closing = _CLOSING_SHARE if method.building.close_loops else 0.0
@@ -78,30 +77,6 @@ def build(
     if not method.building.turning_edges:
         return deltas
     return (*deltas, *turning_edges(TopologicalGraph(deltas), odometry_gate, method))
-
-
-def _with_closed_loops(
-    observations: Sequence[Observation],
-    matcher: Matcher,
-    loop_closures: LoopClosureVerifier,
-    method: Method,
-    progress: Callable[[float], None],
-) -> tuple[Sequence[Observation], OdometryGate]:
-    """Return the images, their odometry corrected where a drive passed a place again, and what odometry knows then."""
-    config, keyframes = method.building, matcher.keyframes
-    starts = keyframes.drive_starts
-    gate = OdometryGate(observations, config, drive_starts=starts)
-    if not config.odometry_drift:
-        return observations, gate
-    closures: tuple[DriveLink, ...] = ()
-    if config.close_loops:
-        observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
-        keyframes.correct(observations)
-        gate = OdometryGate(observations, config, drive_starts=starts, closures=closures)
-    if not starts:
-        return observations, gate
-    links = DriveLinkSearch(observations, starts, matcher, loop_closures, config).links()
-    return observations, OdometryGate(observations, config, drive_starts=starts, links=links, closures=closures)
 
 
 def _no_progress(done: int, total: int) -> None:

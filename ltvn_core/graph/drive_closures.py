@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.config import BuildingConfig
+from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.graph.drive_links import DriveLinkSearch
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
@@ -34,6 +35,33 @@ _CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
 _LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
 _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
 """Standard deviations of odometry: of the way and the heading per metre driven, and of the angle turned."""
+
+
+def with_closed_loops(
+    observations: Sequence[Observation],
+    matcher: Matcher,
+    loop_closures: LoopClosureVerifier,
+    method: Method,
+    progress: Callable[[float], None],
+) -> tuple[Sequence[Observation], OdometryGate]:
+    """Return the images, their odometry corrected where a drive passed a place again, and what odometry knows then.
+
+    The images in the matcher's keyframes are corrected, too. `progress` is called with the share that is done.
+    """
+    config, keyframes = method.building, matcher.keyframes
+    starts = keyframes.drive_starts
+    gate = OdometryGate(observations, config, drive_starts=starts)
+    if not config.odometry_drift:
+        return observations, gate
+    closures: tuple[DriveLink, ...] = ()
+    if config.close_loops:
+        observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
+        keyframes.correct(observations)
+        gate = OdometryGate(observations, config, drive_starts=starts, closures=closures)
+    if not starts:
+        return observations, gate
+    links = DriveLinkSearch(observations, starts, matcher, loop_closures, config).links()
+    return observations, OdometryGate(observations, config, drive_starts=starts, links=links, closures=closures)
 
 
 class ClosedDrives(NamedTuple):

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
-from ltvn_core.robots.robot_report import with_places
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
@@ -55,6 +54,7 @@ class RobotVerb(Verb):
             report = look_over(robot, seconds=self.seconds, drives=self.drive)
             if self.map is None:
                 return report
+            from ltvn_core.robots.robot_report import with_places
             from ltvn_core.verbs.robot_places import place_of_robot
 
             return with_places(report, place_of_robot(robot, self.map))
@@ -69,6 +69,7 @@ class RobotVerb(Verb):
         report = look_over_drive(drive, seconds=self.seconds)
         if self.map is None:
             return report
+        from ltvn_core.robots.robot_report import with_places
         from ltvn_core.verbs.robot_places import places_of_drive
 
         return with_places(report, places_of_drive(drive, self.map))

@@ -112,8 +112,9 @@ class GroundTruth:
 
 def _is_turn(clearance: ClearanceMap, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
     """Tell for N pairs of poses (N, 3) whether they are at one place: there a robot can turn, however far."""
-    apart_m = np.hypot(*(targets - sources)[:, :2].T)
-    return (apart_m <= AT_ONE_PLACE_M) & is_line_free(clearance, sources, targets)
+    turns = np.hypot(*(targets - sources)[:, :2].T) <= AT_ONE_PLACE_M
+    turns[turns] = is_line_free(clearance, sources[turns], targets[turns])
+    return turns
 
 
 def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:

@@ -93,5 +93,4 @@ class BridgeSearch:
             if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:
                 continue
             # No image speaks for it, so it is believed no more than the least edge that images speak for.
-            least = np.array([self._thresholds.connect_reachability])
-            yield Bridge(frame, Matches((other,), least, driven[None], distance(driven)[None], np.ones(1, bool)))
+            yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven))

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
-from ltvn_core.graph.drive_links import DriveLinkSearch
+from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
-from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.graph.pose_graph import RelativePoses, optimise
 from ltvn_core.types import FrameId, Observation
 
@@ -27,7 +26,6 @@ _KEY_GAP = 0.5
 """Images of a drive nearer than this d are asked about once."""
 _AGAIN_M = 4.0
 """Two images say something about drift if so much was driven between them."""
-_BEST = 3
 _BATCH = 200
 """After so many images what was found is put to use."""
 _CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
@@ -127,18 +125,12 @@ class ClosureSearch:
 
     def _again(
         self, row: int, keys: Sequence[FrameId], driven_m: NDArray[np.float64], gate: OdometryGate
-    ) -> Iterator[DriveLink]:
-        """Yield where the place of a key image was passed before, as far as that fits along both ways."""
-        frame, thresholds = keys[row], OperatorThresholds.building(self.config)
+    ) -> list[DriveLink]:
+        """Return where the place of a key image was passed before, as far as that fits along both ways."""
+        frame = keys[row]
         earlier = keys[: int(np.searchsorted(driven_m, driven_m[row] - _AGAIN_M))]
         others = self.matcher.promising(frame, gate.may_be_near(frame, earlier))
-        found = self.matcher.match(self.matcher.keyframes.features([frame]), others)
-        found = found.take(connectable(found, thresholds))
-        found = found.take(gate.plausible(frame, found))
-        found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
-        found = self.loop_closures.connections(frame, found, thresholds)
-        for other, waypoint in zip(found.nodes, found.waypoints, strict=True):
-            yield DriveLink(frame, other, waypoint)
+        return surest_links(frame, others, self.matcher, self.loop_closures, self.config, gate=gate)
 
 
 def _corrected(

@@ -50,7 +50,8 @@ class DriveLinkSearch:
 
     def _between(self, earlier: Sequence[Observation], later: Sequence[Observation]) -> list[DriveLink]:
         met, asked = _spread(earlier, _MOST_MET), _spread(later, _MOST_ASKED)
-        found = [link for frame in asked for link in self._matches(frame, met)]
+        search = self.matcher, self.loop_closures, self.config
+        found = [link for frame in asked for link in surest_links(frame, met, *search)]
         rows = np.unique(np.linspace(0, len(found) - 1, min(len(found), _MOST_MATCHES)).astype(int)).tolist()
         left, agreed = [found[row] for row in rows], list[DriveLink]()
         while left:
@@ -64,27 +65,37 @@ class DriveLinkSearch:
             left = [link for link in left if link not in best and not gate.knows(link.frame, link.other)]
         return agreed
 
-    def _matches(self, frame: FrameId, others: Sequence[FrameId]) -> list[DriveLink]:
-        """Return the best matches of an image that become edges, and fit along both drives."""
-        thresholds = OperatorThresholds.building(self.config)
-        found = self.matcher.match(self.matcher.keyframes.features([frame]), others)
-        found = found.take(connectable(found, thresholds))
-        found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
-        found = self.loop_closures.connections(frame, found, thresholds)
-        return [DriveLink(frame, other, found.waypoints[k]) for k, other in enumerate(found.nodes)]
-
     def _agreeing(self, link: DriveLink, others: Sequence[DriveLink]) -> list[DriveLink]:
         """Return the links that lie as this one foretells, itself among them."""
         gate = self._gate([link])
-        return [other for other in others if gate.plausible(other.frame, _as_matches(other)).all()]
+        return [
+            other
+            for other in others
+            if gate.plausible(other.frame, Matches.of_one(other.other, 1.0, other.waypoint)).all()
+        ]
 
     def _gate(self, links: Sequence[DriveLink]) -> OdometryGate:
         return OdometryGate(self.observations, self.config, drive_starts=self.drive_starts, links=links)
 
 
-def _as_matches(link: DriveLink) -> Matches:
-    waypoint = np.asarray(link.waypoint)[None]
-    return Matches((link.other,), np.ones(1), waypoint, distance(waypoint), np.ones(1, bool))
+def surest_links(
+    frame: FrameId,
+    others: Sequence[FrameId],
+    matcher: Matcher,
+    loop_closures: LoopClosureVerifier,
+    config: BuildingConfig,
+    *,
+    gate: OdometryGate | None = None,
+) -> list[DriveLink]:
+    """Return the best matches of an image that become edges and fit along both ways; with a `gate`, to odometry too."""
+    thresholds = OperatorThresholds.building(config)
+    found = matcher.match(matcher.keyframes.features([frame]), others)
+    found = found.take(connectable(found, thresholds))
+    if gate is not None:
+        found = found.take(gate.plausible(frame, found))
+    found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
+    found = loop_closures.connections(frame, found, thresholds)
+    return [DriveLink(frame, other, waypoint) for other, waypoint in zip(found.nodes, found.waypoints, strict=True)]
 
 
 def _spread(drive: Sequence[Observation], most: int) -> list[FrameId]:

@@ -66,13 +66,12 @@ class GoalTies:
 
     def _hops(self, frame: FrameId, step: int) -> Iterator[Bridge]:
         """Yield edges from an image to those that follow it, or come before it, nearest in time first."""
-        row, belief = self._row[frame] + step, np.array([self._thresholds.connect_reachability])
+        row = self._row[frame] + step
         while 0 <= row < len(self._frames):
             driven = self._odometry_gate.driven(frame, self._frames[row])
             if driven is None or distance(driven) >= self._thresholds.connect_distance:
                 return
-            near = Matches((self._frames[row],), belief, driven[None], distance(driven)[None], np.ones(1, bool))
-            yield Bridge(frame, near)
+            yield Bridge(frame, Matches.of_one(self._frames[row], self._thresholds.connect_reachability, driven))
             row += step
 
     def _unsure(self, goal: FrameId, placed: Sequence[FrameId]) -> Bridge | None:
@@ -90,6 +89,4 @@ class GoalTies:
         best = int(surely.argmax())
         if surely[best] < _MIN_AGREED:
             return None
-        reachability = np.minimum(surely[best : best + 1], UNSURE_P)
-        waypoint = np.asarray(there.waypoints[best : best + 1], np.float64)
-        return Bridge(goal, Matches((others[best],), reachability, waypoint, distance(waypoint), np.ones(1, bool)))
+        return Bridge(goal, Matches.of_one(others[best], min(float(surely[best]), UNSURE_P), there.waypoints[best]))

@@ -37,6 +37,12 @@ class Matches:
     images: tuple[FrameId, ...] = ()
     """N images that the nodes were recognised by, of which some are views; none where all are the nodes' own."""
 
+    @classmethod
+    def of_one(cls, node: NodeId, reachability: float, waypoint: Waypoint) -> "Matches":
+        """Return a single match, a node at a waypoint (3,)."""
+        row = np.asarray(waypoint, np.float64)[None]
+        return cls((node,), np.array([reachability]), row, distance(row), np.ones(1, bool))
+
     def __len__(self) -> int:
         return len(self.nodes)
 

@@ -15,7 +15,6 @@ import rustworkx
 from scipy.spatial import KDTree
 
 from ltvn_core.config import Method
-from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
@@ -55,7 +54,7 @@ def _turns(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Itera
     nodes = tuple(graph.nodes)
     places = np.array([node.odometry[:2] for node in graph.nodes.values()])
     # No image speaks for it, so it is believed no more than the least edge that images speak for.
-    belief = np.array([method.building.connect_reachability])
+    belief = method.building.connect_reachability
     for k, beside in enumerate(KDTree(places).query_ball_point(places, _PLACE_M, return_sorted=True)):
         others = [nodes[j] for j in beside if j > k and (nodes[k], nodes[j]) not in graph.edges]
         if not others:
@@ -63,8 +62,7 @@ def _turns(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Itera
         waypoints, driven_m = gate.seen_from(nodes[k], others)
         known = (driven_m <= _MOST_DRIVEN_M) & (np.hypot(waypoints[:, 0], waypoints[:, 1]) <= _PLACE_M)
         for j in np.flatnonzero(known):
-            waypoint = waypoints[j : j + 1]
-            yield _Turn(nodes[k], Matches((others[j],), belief, waypoint, distance(waypoint), np.ones(1, bool)))
+            yield _Turn(nodes[k], Matches.of_one(others[j], belief, waypoints[j]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

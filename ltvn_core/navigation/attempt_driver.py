@@ -144,8 +144,9 @@ class AttemptDriver:
         """Tell whether a way back is narrow; the mapping drive saw what is there, the robot's own camera cannot."""
         if not self._config.back_up_clearance_m:
             return False
+        spec = self._spec
         seen = [
-            transform_points(map_points(image, self._spec.camera, RELEVANT_RANGE_M), compose(waypoint, pose))
+            transform_points(map_points(image, spec.camera, RELEVANT_RANGE_M, spec.height_m), compose(waypoint, pose))
             for image, pose in self._perception.observations_around(target, _FRAMES_AROUND_NODE)
         ]
         return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m

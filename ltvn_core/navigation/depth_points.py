@@ -15,10 +15,10 @@ from ltvn_core.types import Depth, Observation, Pose
 
 RELEVANT_RANGE_M = 1.5
 """Things farther away cannot matter before the next image."""
-_MIN_HEIGHT_M, _MAX_HEIGHT_M = 0.04, 0.65
-"""Between these heights above the floor things stop the robot."""
+_FLOOR_M, TABLE_M = 0.04, 0.65
+"""Between these heights above the floor things stop a robot, as far as its own height is unknown."""
 _EVERY_PIXEL = 2
-_READ: WeakKeyDictionary[Observation, dict[tuple[CameraModel, float], NDArray[np.float64]]] = WeakKeyDictionary()
+_READ: WeakKeyDictionary[Observation, dict[tuple[CameraModel, float, float], NDArray[np.float64]]] = WeakKeyDictionary()
 """What images that are at hand show; forgotten with the image."""
 
 
@@ -35,27 +35,31 @@ def depths_within(depth: Depth, range_m: float) -> Depth:
     return sparse[(sparse > 0) & (sparse < range_m)]
 
 
-def are_solid(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points (M, 3) are at a height at which they stop the robot."""
-    return (points[:, 2] > _MIN_HEIGHT_M) & (points[:, 2] < _MAX_HEIGHT_M)
+def are_solid(points: NDArray[np.float64], height_m: float = TABLE_M) -> NDArray[np.bool_]:
+    """Tell which points (M, 3) are at a height at which they stop a robot of `height_m`."""
+    return (points[:, 2] > _FLOOR_M) & (points[:, 2] < height_m)
 
 
-def obstacle_points(depth: Depth | None, camera: CameraModel, range_m: float = RELEVANT_RANGE_M) -> NDArray[np.float64]:
-    """Return (M, 2) x forward, y left of what a robot could hit within a range, from every second pixel.
+def obstacle_points(
+    depth: Depth | None, camera: CameraModel, range_m: float = RELEVANT_RANGE_M, height_m: float = TABLE_M
+) -> NDArray[np.float64]:
+    """Return (M, 2) x forward, y left of what a robot of `height_m` could hit within a range, from every second pixel.
 
     Without depth that is nothing: only the bumper then knows of obstacles.
     """
     if depth is None:
         return np.empty((0, 2))
     points = points_within(depth, camera, range_m)
-    return points[are_solid(points), :2]
+    return points[are_solid(points, height_m), :2]
 
 
-def map_points(image: Observation, camera: CameraModel, range_m: float) -> NDArray[np.float64]:
+def map_points(
+    image: Observation, camera: CameraModel, range_m: float, height_m: float = TABLE_M
+) -> NDArray[np.float64]:
     """Return the `obstacle_points` (M, 2) of an image of a map, which is asked about again and again; read only."""
     read = _READ.setdefault(image, {})
-    if (points := read.get((camera, range_m))) is None:
-        points = read[camera, range_m] = obstacle_points(image.depth, camera, range_m)
+    if (points := read.get((camera, range_m, height_m))) is None:
+        points = read[camera, range_m, height_m] = obstacle_points(image.depth, camera, range_m, height_m)
         points.flags.writeable = False
     return points
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.geometry import invert
 from ltvn_core.types import Pose
 
 RANGE_M = 4.0
@@ -17,6 +18,8 @@ RANGE_M = 4.0
 EDGE_RAD = math.radians(3.0)
 """So near to the edge of an image nothing is known."""
 _BEARING_STEP_RAD = math.radians(1.5)
+FREE_BEYOND_M = 0.3
+"""An image saw free floor at a place if it saw nothing until so far behind it."""
 
 
 class DepthScan(NamedTuple):
@@ -42,6 +45,24 @@ class DepthScan(NamedTuple):
         ranges_m[place] = RANGE_M
         np.minimum.at(ranges_m, place[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
         return cls(stamp, pose, half_rad, ranges_m)
+
+    def polar(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return how far away (M,) and at which bearings (M,) of the image points (M, 2) of the odometry frame are."""
+        x, y, yaw = invert(self.pose)
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        ahead, left = x + cos * points[:, 0] - sin * points[:, 1], y + sin * points[:, 0] + cos * points[:, 1]
+        return np.hypot(ahead, left), np.arctan2(left, ahead)
+
+    def looks_past(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell at which points (M, 2) of the odometry frame nothing stands any more: the image shows what is behind.
+
+        A bearing between two columns of pixels may show nothing; then those beside it decide.
+        """
+        away_m, bearing = self.polar(points)
+        beside = self.beside(bearing)
+        unknown = beside == 0
+        is_past = (unknown | (beside > away_m + FREE_BEYOND_M)).all(axis=0)
+        return self.inside(bearing) & is_past & (unknown.sum(axis=0) <= 1)
 
     def inside(self, bearing: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell which bearings (...) the image shows, its edges left out."""

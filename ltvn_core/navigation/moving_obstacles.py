@@ -9,17 +9,11 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.geometry import invert
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.depth_points import are_solid, depths_within, points_within, transform_points
-from ltvn_core.navigation.depth_scan import RANGE_M, DepthScan, bearing_bins
-from ltvn_core.types import Observation
+from ltvn_core.navigation.depth_scan import FREE_BEYOND_M, DepthScan, bearing_bins
 
 _YOUNGEST_S, _OLDEST_S = 0.3, 3.0
 """An image is compared with those taken so much earlier."""
-_FREE_BEYOND_M = 0.3
-"""An earlier image saw free floor at a place if it saw nothing until so far behind it."""
 _SAME_PLACE_M = 0.2
 """A thing that an earlier image saw so near stands still."""
 MOVING_POINTS = 8
@@ -33,32 +27,23 @@ _PLACED_M = 2.5
 class MovingObstacles:
     """Remembers the depth images of the last seconds."""
 
-    def __init__(self, camera: CameraModel, bystanders: Bystanders) -> None:
-        """Compare images of a camera; `bystanders` are told who moves."""
-        self._camera = camera
+    def __init__(self, bystanders: Bystanders) -> None:
+        """Remember nothing yet; `bystanders` are told who moves."""
         self._bystanders = bystanders
         self._scans: deque[DepthScan] = deque(maxlen=24)
 
-    def moving(self, observation: Observation, points: NDArray[np.float64], range_m: float) -> NDArray[np.bool_]:
-        """Return which of the `obstacle_points` within a range have moved (M,), and remember the image.
+    def moving(self, scan: DepthScan, things: NDArray[np.float64], nearby: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of the solid points (M, 2) of an image, in the odometry frame, have moved (M,); remember it.
 
-        The points (M, 2) are given in the odometry frame.
+        Where nobody as large as a person moves, only points that are `nearby` (M,) can be somebody.
         """
-        if observation.depth is None:
-            return np.zeros(len(points), bool)
-        seen = points_within(observation.depth, self._camera, RANGE_M)
-        solid = are_solid(seen)
-        scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, solid)
-        things = seen[solid, :2]
-        have_moved = self._moved(observation.stamp, transform_points(things, observation.odometry))
-        moved = have_moved[depths_within(observation.depth, RANGE_M)[solid] < range_m]
-        things = things[have_moved]
-        if _are_somebody(things, scan):
-            self._bystanders.noticed(observation.stamp)
-            near = np.hypot(*things.T) < _PLACED_M
-            self._bystanders.look(scan, transform_points(things[near], observation.odometry))
+        moved = self._moved(scan.stamp, things)
+        if _are_somebody(things[moved], scan):
+            self._bystanders.noticed(scan.stamp)
+            placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M
+            self._bystanders.look(scan, things[moved & placed])
         else:
-            self._bystanders.look(scan, points[moved])
+            self._bystanders.look(scan, things[moved & nearby])
         self._scans.append(scan)
         return moved
 
@@ -77,17 +62,14 @@ class MovingObstacles:
 
 
 def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
-    """Tell whether moving things (M, 2) in the robot's frame are as wide as a person."""
-    bearings = bearing_bins(np.arctan2(moving[:, 1], moving[:, 0]), scan.half_rad)
+    """Tell whether moving things (M, 2) in the odometry frame are as wide as a person."""
+    bearings = bearing_bins(scan.polar(moving)[1], scan.half_rad)
     return len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
 
 
 def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return where (M,) an earlier image saw free floor, and where it saw a thing."""
-    x, y, yaw = invert(scan.pose)
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    ahead, left = x + cos * points[:, 0] - sin * points[:, 1], y + sin * points[:, 0] + cos * points[:, 1]
-    away_m, bearing = np.hypot(ahead, left), np.arctan2(left, ahead)
+    away_m, bearing = scan.polar(points)
     inside, beside = scan.inside(bearing), scan.beside(bearing)
-    free = inside & (beside > away_m + _FREE_BEYOND_M).all(axis=0)
+    free = inside & (beside > away_m + FREE_BEYOND_M).all(axis=0)
     return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)

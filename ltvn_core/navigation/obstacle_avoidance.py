@@ -16,8 +16,8 @@ _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 MAX_NOISE_POINTS = 2
 """So many stray points are not believed."""
 CLEARANCE_TOLERANCE_M = 0.005
-_NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.01
-"""Where the way is too narrow for comfort the robot goes through slowly."""
+_NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.02
+"""Where the way is too narrow for comfort the robot goes through slowly, with what depth may err left free."""
 
 
 def collision_free_command(

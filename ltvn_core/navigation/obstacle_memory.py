@@ -12,12 +12,20 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
-from ltvn_core.navigation.depth_points import RELEVANT_RANGE_M, obstacle_points, transform_points
+from ltvn_core.navigation.depth_points import (
+    RELEVANT_RANGE_M,
+    are_solid,
+    depths_within,
+    points_within,
+    transform_points,
+)
+from ltvn_core.navigation.depth_scan import RANGE_M, DepthScan
 from ltvn_core.navigation.moving_obstacles import MOVING_POINTS, MovingObstacles
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
 
-_REMEMBERED_IMAGES = 12
+_REMEMBERED_IMAGES = 40
+"""So many cover what the robot passed in the last metres, and a whole turn."""
 _UPDATE_AFTER_M = 0.07
 _UPDATE_AFTER_RAD = 0.08
 """An image shows what is ahead for longer than a control step; each costs as much as the rest of the step."""
@@ -61,12 +69,12 @@ class ObstacleMemory:
 
     def __init__(self, spec: RobotSpec, *, bystanders: Bystanders | None = None) -> None:
         """Know nothing yet; one that is given `bystanders` keeps apart what moves, and tells them of it."""
-        self._camera = spec.camera
+        self._camera, self._height_m = spec.camera, spec.height_m
         self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()
         self._bystanders = bystanders
-        self._movement = None if bystanders is None else MovingObstacles(spec.camera, bystanders)
+        self._movement = None if bystanders is None else MovingObstacles(bystanders)
         self._moving = np.empty((0, 2))
         """(M, 2) what moves, where the newest image saw it, in the odometry frame."""
         self._last_step, self._last_stamp = -1, -np.inf
@@ -93,15 +101,28 @@ class ObstacleMemory:
         self._last_step, self._last_stamp, self._last_pose = observation.step, observation.stamp, observation.odometry
         if not observation.has_depth:
             return
-        here = obstacle_points(observation.depth, self._camera)
-        points = transform_points(here, observation.odometry)
-        if self._movement is not None:
-            moving = self._movement.moving(observation, points, RELEVANT_RANGE_M)
-            points, self._moving = points[~moving], points[moving]
-            # People are remembered by themselves: their points would stay when they have gone.
-            for place in self.people(observation.stamp):
-                points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
+        scan, things, nearby = self._read(observation)
+        # What has gone, and what never was, hides nothing for longer than until it is looked at again.
+        for k, points in enumerate(self._seen):
+            self._seen[k] = points[~scan.looks_past(points)]
+        if self._movement is None:
+            self._seen.append(things[nearby])
+            return
+        moves = self._movement.moving(scan, things, nearby)
+        points, self._moving = things[nearby & ~moves], things[nearby & moves]
+        # People are remembered by themselves: their points would stay when they have gone.
+        for place in self.people(observation.stamp):
+            points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
         self._seen.append(points)
+
+    def _read(self, observation: Observation) -> tuple[DepthScan, NDArray[np.float64], NDArray[np.bool_]]:
+        """Return an image from above, its solid points (M, 2) in the odometry frame, and which are nearby (M,)."""
+        depth = observation.require_depth("obstacle avoidance")
+        seen, depths_m = points_within(depth, self._camera, RANGE_M), depths_within(depth, RANGE_M)
+        solid = are_solid(seen, self._height_m)
+        scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, solid)
+        things = transform_points(seen[solid, :2], observation.odometry)
+        return scan, things, depths_m[solid] < RELEVANT_RANGE_M
 
     def people(self, stamp: float) -> NDArray[np.float64]:
         """Return (N, 2) where people are at `stamp` seconds, as far as is known, in the odometry frame."""

@@ -97,14 +97,47 @@ def test_what_was_seen_before_is_remembered_where_it_was() -> None:
     assert np.isclose(turned[:, 0].mean(), -0.5, atol=0.02)
 
 
-@pytest.mark.parametrize("count", [1, 40])
+@pytest.mark.parametrize("count", [1, 100])
 def test_memory_is_bounded_and_one_image_counts_once(count: int) -> None:
     obstacles = ObstacleMemory(LOCOBOT)
     image = replace(observation_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6)))
     for k in range(count):
         obstacles.add(replace(image, step=k))
         obstacles.add(replace(image, step=k))
-    assert len(obstacles.nearby_points(np.zeros(3))) == min(count, 12) * len(obstacle_points(image.depth, LENS))
+    assert len(obstacles.nearby_points(np.zeros(3))) == min(count, 40) * len(obstacle_points(image.depth, LENS))
+
+
+def test_what_the_robot_turned_away_from_a_whole_turn_ago_is_still_there() -> None:
+    obstacles = ObstacleMemory(LOCOBOT)
+    obstacles.add(replace(observation_at(np.zeros(3), 0), depth=scene((0.3, 0.05, -0.05, 0.6))))
+    for k in range(1, 38):
+        turned = np.array([0.0, 0.0, k * 2 * np.pi / 38])
+        depth = np.where(scene() > 0, scene(), 0.0) * (abs(np.cos(turned[2])) < 0.5)  # What is ahead stays unseen.
+        obstacles.add(replace(observation_at(turned, k), depth=depth.astype(np.float32)))
+    here = obstacles.nearby_points(np.zeros(3))
+    assert collision_free_command(AHEAD, here, 1.0, STRAIGHT, radius_m=RADIUS_M) is None
+
+
+def test_what_has_gone_is_forgotten_as_soon_as_the_floor_behind_it_is_seen() -> None:
+    obstacles = ObstacleMemory(LOCOBOT)
+    obstacles.add(replace(observation_at(np.zeros(3), 0), depth=scene((0.3, 0.05, -0.05, 0.6))))
+    there = obstacles.nearby_points(np.zeros(3))
+    assert collision_free_command(AHEAD, there, 1.0, STRAIGHT, radius_m=RADIUS_M) is None
+    obstacles.add(replace(observation_at(np.array([0.1, 0.0, 0.0]), 1), depth=scene()))
+    assert len(obstacles.nearby_points(np.zeros(3))) == 0
+
+
+def test_what_hangs_lower_than_the_robot_is_tall_stops_it() -> None:
+    assert LOCOBOT.height_m == 0.8
+    obstacles = ObstacleMemory(LOCOBOT)
+    up = LENS.height_m + 0.3 * (36 - np.arange(72) - 0.5) / LENS.fx
+    hangs = np.where((up > 0.7)[:, None], np.float32(0.3), np.zeros((72, 96), np.float32))
+    obstacles.add(replace(observation_at(np.zeros(3), 0), depth=hangs))
+    here = obstacles.nearby_points(np.zeros(3))
+    assert collision_free_command(AHEAD, here, 1.0, STRAIGHT, radius_m=RADIUS_M) is None
+    low = ObstacleMemory(replace(LOCOBOT, height_m=0.65))
+    low.add(replace(observation_at(np.zeros(3), 0), depth=hangs))
+    assert len(low.nearby_points(np.zeros(3))) == 0
 
 
 def test_a_collision_that_no_image_showed_is_remembered_for_a_while() -> None:
@@ -119,7 +152,7 @@ def test_a_collision_that_no_image_showed_is_remembered_for_a_while() -> None:
 
 
 def test_through_a_narrow_gap_the_robot_goes_slowly() -> None:
-    gap = np.array([[0.3, 0.2]] * 5 + [[0.3, -0.2]] * 5)
+    gap = np.array([[0.3, 0.21]] * 5 + [[0.3, -0.21]] * 5)
     through = collision_free_command(AHEAD, gap, 1.0, ROBUST.driving, radius_m=RADIUS_M)
     assert through is not None
     assert 0 < through.linear_m_s < 0.5 * AHEAD.linear_m_s

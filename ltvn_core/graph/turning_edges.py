@@ -2,7 +2,7 @@
 
 The network joins images that share a view, so a map knows a way back only where the drive turned slowly, and a robot
 that faces the wrong way drives to such a place first. Odometry knows that two nodes lie side by side, whichever way
-they face, and between two places nearer to each other than a robot is wide there is no wall. Of these edges only those
+they face, and between two places hardly farther apart than a robot is wide there is no wall. Of these edges only those
 come in that make a way a good deal shorter: a greedy spanner (Althöfer, Das, Dobkin, Joseph and Soares, On Sparse
 Spanners of Weighted Graphs, 1993). Owns their choice.
 """
@@ -23,10 +23,11 @@ from ltvn_core.graph.planner import edge_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId
 
-_PLACE_M = 0.35
-"""Nodes nearer to each other than this are at one place; it is the width of a small robot."""
-_STRETCH = 1.5
-"""Without the edge the way must cost so many times as much."""
+_PLACE_M = 0.45
+"""Nodes nearer to each other than this are at one place: a small robot on both sides of the thinnest wall is farther
+apart."""
+_STRETCH = 1.2
+"""Without the edge the way must cost so many times as much; 1.5 bounds SPL lower (`docs/results.md`)."""
 _MOST_DRIVEN_M = 10.0
 """By a longer way odometry does not know well enough where two nodes lie."""
 

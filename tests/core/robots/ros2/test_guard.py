@@ -4,7 +4,7 @@ import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 
 import pytest
 
@@ -35,6 +35,20 @@ class Bench:
     def drive(self, twist: Twist) -> None:
         self.driver.put(twist_message(twist, None))
 
+    def drive_off(self) -> None:
+        """Stop and drive, again where the guard was not given the processor in between: then it wants another stop."""
+        until(self._is_driven_off)
+
+    def _is_driven_off(self) -> bool:
+        self.drive(ZERO_TWIST)
+        self.drive(TURN)
+        try:
+            while self.reached.get(timeout=1.0) == ZERO_TWIST:
+                pass
+        except Empty:
+            return False
+        return True
+
     def next_that(self, is_zero: bool) -> float:
         """Wait for such a command at the wheels, and return the time on the steady clock."""
         while (self.reached.get(timeout=PATIENCE_S) == ZERO_TWIST) != is_zero:
@@ -56,8 +70,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 
 def test_commands_are_forwarded_and_silence_is_one_zero(bench: Bench) -> None:
-    bench.drive(TURN)
-    bench.next_that(is_zero=False)
+    bench.drive_off()
     bench.next_that(is_zero=True)
 
     bench.drive(TURN)  # It drove, fell silent, and sent no stop.
@@ -78,10 +91,7 @@ def test_a_command_of_another_type_is_named_and_moves_nothing(bench: Bench) -> N
 
 
 def test_a_guard_that_was_suspended_forwards_nothing_old(bench: Bench) -> None:
-    bench.drive(ZERO_TWIST)
-    bench.next_that(is_zero=True)
-    bench.drive(TURN)
-    bench.next_that(is_zero=False)
+    bench.drive_off()
     bench.guard.process.send_signal(signal.SIGSTOP)
     until(lambda: Path(f"/proc/{bench.guard.process.pid}/stat").read_text().split()[2] == "T")
     begun_s = time.monotonic()
@@ -89,16 +99,11 @@ def test_a_guard_that_was_suspended_forwards_nothing_old(bench: Bench) -> None:
     bench.guard.process.send_signal(signal.SIGCONT)
 
     bench.next_that(is_zero=True)
-    bench.drive(ZERO_TWIST)
-    bench.next_that(is_zero=True)
-    bench.drive(TURN)
-    bench.next_that(is_zero=False)
+    bench.drive_off()
 
 
 def test_a_guard_that_ends_sends_a_last_zero(bench: Bench) -> None:
-    bench.drive(ZERO_TWIST)
-    bench.drive(TURN)
-    bench.next_that(is_zero=False)
+    bench.drive_off()
     bench.guard.process.terminate()
 
     bench.next_that(is_zero=True)

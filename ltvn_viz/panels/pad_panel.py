@@ -23,6 +23,6 @@ class PadPanel:
 
 
 def _activity_message(snapshot: Snapshot) -> str:
-    """Write what is under way, and the node that the robot drives to."""
+    """Write what is under way, the node that the robot drives to, and whether a story goes on."""
     goal = None if snapshot.destination is None else int(snapshot.destination)
-    return json.dumps({"type": "activity", "mode": snapshot.mode, "goal": goal})
+    return json.dumps({"type": "activity", "mode": snapshot.mode, "goal": goal, "story": snapshot.story_goes_on})

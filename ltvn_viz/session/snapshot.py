@@ -200,6 +200,8 @@ class Snapshot:
     """How well the robot is heard; None in simulation, and in a replay."""
     story: tuple[str, ...] = ()
     """What “Watch it learn” told so far."""
+    story_goes_on: bool = False
+    """More of it is to come."""
     inspection: Inspection = NO_INSPECTION
     """What the debugger shows."""
     own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)

@@ -147,6 +147,7 @@ def _live(state: AppState) -> Snapshot:
         world=None if state.world is None else state.world.view,
         link=None if state.link is None else state.link.report,
         story=() if state.story is None else tuple(state.story.captions),
+        story_goes_on=state.story is not None and not state.story.is_over,
     )
 
 

@@ -111,6 +111,7 @@ function status() {
   if (activity.goal !== null) return ["robot", `${does}. ${typing ? "Click the scene, then hold" : "Hold"} ${how} to take over`];
   if (typing) return ["free", "Typing: click the scene to drive"];
   if (isHolding()) return ["you", "You drive"];
+  if (activity.story) return ["free", "The story goes on: the robot waits for what comes next"];
   return [seat.driver === seat.you ? "you" : "free", `Hold ${how} to drive`];
 }
 

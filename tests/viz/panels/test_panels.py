@@ -195,12 +195,13 @@ def test_the_pad_hears_once_where_the_robot_drives_by_itself(snapshot: Snapshot)
     told: list[str] = []
     panel = PadPanel(told.append)
     under_way = replace(snapshot, mode=Mode.NAVIGATING, destination=snapshot.gallery[0])
-    for shown in (snapshot, snapshot, under_way, snapshot):
+    for shown in (snapshot, snapshot, under_way, replace(snapshot, story_goes_on=True), snapshot):
         panel.show(shown)
-    assert [(said["mode"], said["goal"]) for said in map(json.loads, told)] == [
-        ("driving", None),
-        ("navigating", snapshot.gallery[0]),
-        ("driving", None),
+    assert [(said["mode"], said["goal"], said["story"]) for said in map(json.loads, told)] == [
+        ("driving", None, False),
+        ("navigating", snapshot.gallery[0], False),
+        ("driving", None, True),
+        ("driving", None, False),
     ]
 
 

@@ -80,7 +80,8 @@ def _on_dask(address: str) -> Iterator[Workers]:
     with ExitStack() as stack:
         if address.startswith("local:"):
             count = int(address.removeprefix("local:"))
-            local = dask.LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
+            # Any free port, so that two of these can run on one machine.
+            local = dask.LocalCluster(count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0")
             address = stack.enter_context(local).scheduler_address
         with _refusing(address, OSError):
             stack.enter_context(dask.Client(address))

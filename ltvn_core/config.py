@@ -87,6 +87,8 @@ class LocalisingConfig:
     """What the robot saw on its way must fit to so many images of the drive before and after a node; 0 = off (ours)."""
     trail_share: float = 0.2
     """Share of those observations that must fit (ours)."""
+    follow_places: bool = True
+    """Follow all places that images resemble, until what is seen on the way tells which it is (ours)."""
     doubt_after_failures: int = 3
     """Failed attempts in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
 
@@ -287,7 +289,9 @@ PAPER = Method(
         keep_merged=False,
         restarts=0,
     ),
-    localising=LocalisingConfig(reachability_weight=0.0, shortlist=0, trail_reach=0, doubt_after_failures=0),
+    localising=LocalisingConfig(
+        reachability_weight=0.0, shortlist=0, trail_reach=0, follow_places=False, doubt_after_failures=0
+    ),
     planning=PlanningConfig(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
     driving=DrivingConfig(
         patience_s=0.0,

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.config import LocalisingConfig
+from ltvn_core.geometry import distance
 from ltvn_core.graph.loop_closures import AgreementCriterion, LoopClosureVerifier, ObservationSequence
 from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.place_belief import BelievedPlace, is_where_expected
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Waypoint
 
@@ -20,6 +22,10 @@ LOCAL, GLOBAL = "local", "global"
 _MIN_REACHABILITY = 1e-6
 _MIN_OBSERVATIONS, _MIN_OBSERVATIONS_TO_BLAME = 3, 5
 """So many observations must bear on a place before it is passed over, and before an edge that led there is blamed."""
+_AT_PLACE = (0.9, 0.5)
+"""A node may be seen so far from where the place that the robot is at puts it, in m and rad."""
+_DOUBT_AT_PLACE = 0.5
+"""There the score is d + so much times -ln r."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +38,8 @@ class LocalisationPrior:
     """What it saw on its way here."""
     doubted: Collection[NodeId] = ()
     """Nodes that it does not believe to be at any more."""
+    place: BelievedPlace | None = None
+    """Where it probably is by all that it saw; None where it does not keep count."""
 
     def candidates(self, graph: TopologicalGraph) -> tuple[NodeId, ...]:
         """Return all nodes it may be at."""
@@ -74,12 +82,28 @@ class Localiser:
         self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior = NO_PRIOR
     ) -> Localisation:
         """Return where the image (1, F) is: a neighbour of the last plan if one is near enough, else any node."""
+        if prior.place is not None:
+            return self._at_place(prior.place, features, prior)
         nearby = [node for node in plan_neighbourhood(graph, prior.plan) if node not in prior.doubted]
         if nearby:
             localisation = self._best_among(nearby, features, prior, LOCAL)
             if localisation.node is not None:
                 return localisation
         return self._best_among(prior.candidates(graph), features, prior, GLOBAL)
+
+    def _at_place(self, place: BelievedPlace, features: Features, prior: LocalisationPrior) -> Localisation:
+        """Return the best of the nodes around a place, of those that are seen about where they should be.
+
+        How near they are the place knows better than the image, where a corridor looks the same a metre on.
+        """
+        nodes = [node for node in place.nodes if node not in prior.doubted]
+        matches = self._matcher.match(features, nodes)
+        expected = np.array([place.nodes[node] for node in nodes]).reshape(-1, 3)
+        trusted = matches.reachability * is_where_expected(expected, matches.waypoints, _AT_PLACE)
+        found = self._believable(features, matches.with_reachability(trusted))
+        away = np.array([distance(place.nodes[node]) for node in found.nodes])
+        scores = away + _DOUBT_AT_PLACE * doubt(found.reachability)
+        return best_localisation(found, scores, self._near_enough(found), LOCAL)
 
     def _best_among(
         self, nodes: Sequence[NodeId], features: Features, prior: LocalisationPrior, scope: str
@@ -101,7 +125,7 @@ class Localiser:
         return matches.distances + self._config.reachability_weight * doubt(matches.reachability)
 
     def _near_enough(self, matches: Matches) -> np.ndarray:
-        return (matches.distances < self._config.distance) & (matches.reachability > self._config.reachability)
+        return near_enough(matches, self._config)
 
     def _believable(self, features: Features, matches: Matches) -> Matches:
         """Lower r of the best nodes to what their neighbours in time confirm; the rest cannot win any more."""
@@ -125,6 +149,11 @@ class Localiser:
 
     def _best(self, matches: Matches, scope: str) -> Localisation:
         return best_localisation(matches, self._scores(matches), self._near_enough(matches), scope)
+
+
+def near_enough(matches: Matches, config: LocalisingConfig) -> NDArray[np.bool_]:
+    """Tell (N,) which matches are near enough to be where the robot is."""
+    return (matches.distances < config.distance) & (matches.reachability > config.reachability)
 
 
 def fits_trail(

@@ -32,6 +32,7 @@ def ltvn_system(method: Method) -> NavigationSystem:
         subgoal=choose_first_node,
         maintenance=LifelongMaintenance(method) if method.maintain else NoMaintenance(),
         online=partial(OnlineBuilder, method=method),
+        follows_places=method.localising.follow_places,
     )
 
 

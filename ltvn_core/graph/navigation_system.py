@@ -156,5 +156,7 @@ class NavigationSystem:
     """Lets a map grow image by image; None where a system only builds whole maps."""
     presence: EdgePresence | None = None
     """Tells which edges may not be open now; None where every edge that exists is."""
+    follows_places: bool = False
+    """It localises by the places that all images on the way speak for, and drives and judges by them."""
     views: ViewConfig | None = None
     """When nodes get views beside their own image; None where they have none, and those of the map are not used."""

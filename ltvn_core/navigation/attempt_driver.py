@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, invert, relative
+from ltvn_core.graph.place_belief import is_where_expected
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.controller import drives_backwards, steer
 from ltvn_core.navigation.depth_points import RELEVANT_RANGE_M, map_points, transform_points
@@ -73,8 +74,13 @@ class AttemptDriver:
         self._detour: Pose | None = None
         self._detours_left = 0
 
-    def drive(self, target: NodeId, waypoint: Waypoint) -> Generator[Event | Tick, None, AttemptResult]:
-        """Drive to a waypoint (3,) given in the robot's frame now, at which `target` should be."""
+    def drive(
+        self, target: NodeId, waypoint: Waypoint, *, is_known: bool = False
+    ) -> Generator[Event | Tick, None, AttemptResult]:
+        """Drive to a waypoint (3,) given in the robot's frame now, at which `target` should be.
+
+        Where it `is_known` to be there, an image on the way that puts it elsewhere is not believed.
+        """
         motion, config = self._motion, self._config
         goal = compose(motion.odometry, clip_waypoint(waypoint))
         collisions_before = motion.collisions
@@ -85,7 +91,9 @@ class AttemptDriver:
                 node_match = self._perception.node_match(target)
                 if node_match.reachability < config.lost_reachability:
                     return AttemptResult(AttemptEnd.LOST, step, goal)
-                goal = compose(motion.odometry, clip_waypoint(node_match.waypoint))
+                expected = relative(motion.odometry, goal)
+                if not is_known or is_where_expected(expected, node_match.waypoint):
+                    goal = compose(motion.odometry, clip_waypoint(node_match.waypoint))
             twist = self._next(goal)
             if twist is AttemptEnd.BLOCKED and self._waits_for_somebody():
                 yield from self._wait()

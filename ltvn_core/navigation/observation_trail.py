@@ -4,6 +4,7 @@ Owns which observations are kept. Odometry drifts, so only the last metres say a
 """
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -25,15 +26,25 @@ class ObservationTrail:
     def __init__(self) -> None:
         """Begin without any."""
         self._observations: deque[tuple[Pose, Features]] = deque(maxlen=_MAX_OBSERVATIONS)
+        self.count = 0
+        """How many were kept in all."""
+        self.beginnings = 0
+        """How often it began anew."""
 
     def add(self, odometry: Pose, features: Features) -> None:
         """Keep features (1, F) taken at an odometry pose (3,), unless they were taken where the last ones were."""
         if not self._observations or distance(relative(self._observations[-1][0], odometry)) > _MIN_SPACING:
             self._observations.append((odometry.copy(), features))
+            self.count += 1
+
+    def since(self, count: int) -> Sequence[tuple[Pose, Features]]:
+        """Return the observations kept after the first `count`, as far as they still are, each (3,) and (1, F)."""
+        return list(self._observations)[-(self.count - count) :] if self.count > count else ()
 
     def clear(self) -> None:
         """Begin anew, where the way here seems to have been misunderstood."""
         self._observations.clear()
+        self.beginnings += 1
 
     def relative_to(self, odometry: Pose) -> ObservationSequence | None:
         """Return the observations relative to an odometry pose (3,), without those taken there; None without any."""

@@ -6,6 +6,7 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.observation_trail import ObservationTrail
+from ltvn_core.navigation.place_tracker import PlaceTracker
 from ltvn_core.types import Observation, Predictor, is_usable
 
 
@@ -19,6 +20,7 @@ class PassiveLocaliser:
         self._graph, self._predictor, self._system = graph, predictor, system
         self._matcher = Matcher(predictor, keyframes, system.method.matching)
         self._trail = ObservationTrail()
+        self._places = PlaceTracker(graph, self._matcher, system)
 
     def localise(self, seen: Observation) -> Localisation | None:
         """Return where the next image of the drive was taken; None where it cannot be compared, as without depth."""
@@ -26,5 +28,6 @@ class PassiveLocaliser:
             return None
         features = self._predictor.encode([seen])
         self._trail.add(seen.odometry, features)
-        prior = LocalisationPrior(trail=self._trail.relative_to(seen.odometry))
+        place = self._places.place(self._trail, seen.odometry)
+        prior = LocalisationPrior(trail=self._trail.relative_to(seen.odometry), place=place)
         return self._system.localise(features, self._graph, prior, self._matcher)

@@ -12,6 +12,7 @@ import numpy as np
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior, fits_trail
 from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.place_belief import BelievedPlace, is_where_expected
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.context import NavigationContext
@@ -33,6 +34,7 @@ from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
 from ltvn_core.navigation.map_learner import MapLearner
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import NodeMatch, Perception
+from ltvn_core.navigation.place_tracker import PlaceTracker
 from ltvn_core.navigation.query_memory import ExpectedGoal, QueryMemory
 from ltvn_core.navigation.recovery import Recovery
 from ltvn_core.navigation.view_learner import ViewLearner
@@ -43,6 +45,10 @@ _AT_NODE_DISTANCE = 0.3
 """A node nearer than this d need not be approached once more."""
 _INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
 """An attempt that ended so says something about the surroundings, not about the edge."""
+_LIKELY, _SURE = 0.5, 0.8
+"""The robot drives by a place that is so probable, and judges by one that is so probable."""
+_AT_TARGET_M = 0.35
+"""There it is at the target of an attempt."""
 
 
 class QueryRunner:
@@ -65,6 +71,7 @@ class QueryRunner:
         self._way_planner = WayPlanner(context, self._memory, goal)
         self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query, goal)
         self._recovery = Recovery(context, motion, perception, self._attempt_driver, self._memory, query)
+        self._places = PlaceTracker(context.graph, context.matcher, context.system)
         self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
@@ -104,7 +111,9 @@ class QueryRunner:
         else:
             context = self._context
             features = self._perception.features
-            prior = LocalisationPrior(self._memory.plan, self._perception.trail_from_here, self._memory.doubted)
+            prior = LocalisationPrior(
+                self._memory.plan, self._perception.trail_from_here, self._memory.doubted, self._place()
+            )
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
             yield from self._view_learner.learn(localisation)
             if (arrived := self._reckoning.take_arrival()) is not None:
@@ -174,7 +183,13 @@ class QueryRunner:
         """Return the target as seen from here; None if the robot had better go to the node it is at first."""
         source, target = _ends(segment)
         node_match, driving = self._perception.node_match(target), self._method.driving
-        if source is None or node_match.reachability >= driving.departure_reachability:
+        if source is None:
+            return node_match
+        known = self._known_waypoint(target, _LIKELY)
+        looks_reachable = node_match.reachability >= driving.departure_reachability
+        if known is not None and not (looks_reachable and is_where_expected(known, node_match.waypoint)):
+            return node_match.with_waypoint(known)
+        if looks_reachable:
             return node_match
         if localisation.distance > _AT_NODE_DISTANCE and self._memory.approached != source:
             return None
@@ -202,7 +217,8 @@ class QueryRunner:
             self._query, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
         )
         try:
-            result = yield from self._attempt_driver.drive(target, node_match.waypoint)
+            is_known = source is not None and self._known_waypoint(target, _LIKELY) is not None
+            result = yield from self._attempt_driver.drive(target, node_match.waypoint, is_known=is_known)
         except QueryAborted as over:
             end = AttemptEnd.CANCELLED if over.outcome is Outcome.CANCELLED else AttemptEnd.TIMEOUT
             yield self._ended(attempt, source, target, end, AttemptVerdict(False, f"cut short: {over.outcome.value}"))
@@ -237,6 +253,9 @@ class QueryRunner:
             driven_too_often=driven_too_often,
         )
         is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
+        known = self._known_waypoint(target, _SURE) if is_unsure and source is not None else None
+        if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
+            return AttemptVerdict(True, "by all that it saw on its way the robot is there")
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
         recognised = self._memory.saw_change and seen.reachability > self._method.localising.reachability
         if may_have_arrived and self._reckoning.arrive(
@@ -244,6 +263,14 @@ class QueryRunner:
         ):
             return AttemptVerdict(True, "by odometry the robot is there, and the world has changed")
         return verdict
+
+    def _place(self) -> BelievedPlace | None:
+        return self._places.place(self._perception.trail, self._motion.odometry, self._memory.doubted)
+
+    def _known_waypoint(self, node: NodeId, probability: float) -> Waypoint | None:
+        """Return where a node is (3,) from here, if the robot is so probably where all that it saw puts it."""
+        place = self._place()
+        return None if place is None or place.probability <= probability else place.nodes.get(node)
 
     def _fits_trail(self, target: NodeId, seen: NodeMatch) -> bool:
         config = self._method.localising

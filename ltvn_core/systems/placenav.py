@@ -32,7 +32,7 @@ _FAR = 3.0
 
 def placenav_system(method: Method) -> NavigationSystem:
     """Return our own system with this localisation; `method` has all thresholds."""
-    return replace(ltvn_system(method), name="placenav", localise=BayesFilter())
+    return replace(ltvn_system(method), name="placenav", localise=BayesFilter(), follows_places=False)
 
 
 @dataclass(frozen=True, slots=True)

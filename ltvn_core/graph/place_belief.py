@@ -1,0 +1,212 @@
+"""Place belief: several places where the robot may be, until what it sees on its way tells which.
+
+Where rooms look alike one image says little: in an office of equal rooms 22 nodes resemble it, of which 2 or 3 are
+where the robot is. But all images on the way must fit to one course. So every place that an image resembles is
+followed by odometry, and later images speak for those places from which the map would show them so, and against the
+others: a filter over hypotheses (Jensfelt and Kristensen 2001, there on metric maps). Owns the hypotheses and their
+weights (ours).
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from ltvn_core.geometry import compose, invert, relative, wrap_angle
+from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.node_layout import NodeLayout, lay_out
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import NodeId, Pose
+
+FloatArray = NDArray[np.float64]
+
+_MOST, _LEAST_LOG_WEIGHT = 120, -14.0
+"""So many places are followed, and none that is so much less likely than the best, as ln."""
+_OVERLAP_M, _M_PER_RAD = 0.7, 0.6
+"""From so near a node should be recognised, where a radian counts as so many metres."""
+_GAP = (0.5, 0.35)
+"""What is recognised may be so far from where it should be, in m and rad."""
+_MIN_REACHABILITY = 0.5
+_AGREES, _DISAGREES, _NOTHING_NEAR = float(np.log(0.85 / 0.45)), float(np.log(0.15 / 0.55)), -0.3
+"""How much likelier an image is where the robot is at a place than where it is not, as ln."""
+_NEW = -6.0
+"""How much less likely than the best is a place that only the last image speaks for, as ln."""
+_SAME_PLACE = (0.6, 0.4)
+"""A match so near to a place that is followed, in m and rad, is no new one."""
+_MERGED = (0.3, 0.25)
+"""Places that have come so near to each other are one."""
+_TRUST_IN_MATCH = 0.5
+"""A place is put right by so much of the way to where a match puts it."""
+_SURE = 0.95
+"""The robot knows where it is if a place is so probable."""
+_AROUND_M = 3.0
+"""Nodes so near to a place are around it."""
+
+
+class BelievedPlace(NamedTuple):
+    """Where the robot probably is."""
+
+    nodes: Mapping[NodeId, Pose]
+    """The nodes around, each (3,) in the robot's frame, the nearest first."""
+    probability: float
+    """Of this place among all that are followed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Places:
+    """M places where the robot may be."""
+
+    poses: FloatArray
+    """(M, 3) in the layout of the map."""
+    log_weights: FloatArray
+    """(M,)."""
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+
+_NO_PLACES = _Places(np.empty((0, 3)), np.empty(0))
+
+
+class PlaceBelief:
+    """Where a robot may be in one query."""
+
+    def __init__(self, graph: TopologicalGraph) -> None:
+        """Know nothing yet; `graph` may change later."""
+        self._graph = graph
+        self._layout, self._tree = _laid_out(graph)
+        self._places, self._odometry = _NO_PLACES, np.zeros(3)
+        self._is_sure = False
+
+    def forget(self) -> None:
+        """Begin anew, where what was believed has proved wrong."""
+        self._places, self._is_sure = _NO_PLACES, False
+
+    def nodes_to_ask(self, odometry: Pose) -> tuple[NodeId, ...]:
+        """Return the nodes that tell of an image taken at an odometry pose (3,) where it was taken.
+
+        While the robot knows where it is these are the ones near the places that are followed, else all.
+        """
+        if self._layout.nodes != tuple(self._graph.nodes):
+            self._layout, self._tree = _laid_out(self._graph)
+        self._move_to(odometry)
+        if not self._is_sure:
+            return self._layout.nodes
+        found = self._tree.query_ball_point(self._places.poses[:, :2], _OVERLAP_M)
+        return tuple(self._layout.nodes[row] for row in sorted({row for rows in found for row in rows}))
+
+    def see(self, odometry: Pose, matches: Matches, near_enough: NDArray[np.bool_]) -> None:
+        """Weigh all places by an image taken at an odometry pose (3,), given its matches with `nodes_to_ask`.
+
+        The matches that are `near_enough` (N,) are places to follow from now on. Images taken at one place all say the
+        same, so give one of them.
+        """
+        self._move_to(odometry)
+        begins = not len(self._places)
+        agrees = self._weigh(matches)
+        self._begin_to_follow(matches.take(near_enough))
+        self._keep_likeliest(self._weigh(matches) if begins else agrees)
+
+    def best(self, odometry: Pose, doubted: Collection[NodeId] = ()) -> BelievedPlace | None:
+        """Return the likeliest place at an odometry pose (3,) whose nearest node is not doubted; None without any."""
+        self._move_to(odometry)
+        weights = np.exp(self._places.log_weights)
+        for pose, weight in zip(self._places.poses, weights, strict=True):
+            nodes = self._nodes_around(pose)
+            if nodes and next(iter(nodes)) not in doubted:
+                return BelievedPlace(nodes, float(weight / weights.sum()))
+        return None
+
+    def _move_to(self, odometry: Pose) -> None:
+        """Move all places by what the robot has moved."""
+        step, self._odometry = relative(self._odometry, odometry), odometry.copy()
+        self._places = _Places(compose(self._places.poses, step), self._places.log_weights)
+
+    def _weigh(self, matches: Matches) -> NDArray[np.bool_]:
+        """Ask for each place whether a node is recognised where it should be; return (M,) for which one is."""
+        poses, count = self._places.poses, len(self._places)
+        place, row = _pairs(self._tree.query_ball_point(poses[:, :2], _OVERLAP_M))
+        expected = relative(poses[place], self._layout.poses[row])
+        apart = _apart(expected)
+        near = apart < _OVERLAP_M
+        match = _rows_of(matches, self._layout)[row]
+        recognised = (match >= 0) & (matches.reachability[match] > _MIN_REACHABILITY)
+        agrees = near & recognised & is_where_expected(expected, matches.waypoints[match])
+        says = np.full(count, _NOTHING_NEAR)
+        says[place[near]] = _DISAGREES
+        says[place[agrees]] = _AGREES
+        chosen = np.flatnonzero(agrees)
+        chosen = chosen[np.argsort(apart[chosen], kind="stable")]
+        rights, first = np.unique(place[chosen], return_index=True)
+        pair = chosen[first]
+        measured = compose(self._layout.poses[row[pair]], invert(matches.waypoints[match[pair]]))
+        corrected = poses.copy()
+        corrected[rights] = compose(poses[rights], _TRUST_IN_MATCH * relative(poses[rights], measured))
+        self._places = _Places(corrected, self._places.log_weights + says)
+        return says == _AGREES
+
+    def _begin_to_follow(self, matches: Matches) -> None:
+        """Follow the places of matches, unless they are followed already."""
+        rows = {node: row for row, node in enumerate(self._layout.nodes)}
+        log_weight = self._places.log_weights.max() + _NEW if len(self._places) else 0.0
+        poses = self._places.poses
+        for k in np.argsort(matches.distances, kind="stable"):
+            if matches.nodes[k] in rows:
+                pose = compose(self._layout.poses[rows[matches.nodes[k]]], invert(matches.waypoints[k]))
+                if not _is_within(relative(pose, poses), _SAME_PLACE).any():
+                    poses = np.concatenate([poses, pose[None]])
+        new = np.full(len(poses) - len(self._places), log_weight)
+        self._places = _Places(poses, np.concatenate([self._places.log_weights, new]))
+
+    def _keep_likeliest(self, agrees: NDArray[np.bool_]) -> None:
+        """Keep the places that are worth following, the best first with weight 0, and one where some came together."""
+        places, kept = self._places, list[int]()
+        best = places.log_weights.max(initial=-np.inf)
+        for k in np.argsort(-places.log_weights, kind="stable").tolist():
+            if places.log_weights[k] < best + _LEAST_LOG_WEIGHT or len(kept) >= _MOST:
+                break
+            if not _is_within(relative(places.poses[k], places.poses[kept]), _MERGED).any():
+                kept.append(k)
+        self._places = _Places(places.poses[kept], places.log_weights[kept] - best)
+        recognised = bool(kept) and kept[0] < len(agrees) and bool(agrees[kept[0]])
+        self._is_sure = recognised and 1 / np.exp(self._places.log_weights).sum() > _SURE
+
+    def _nodes_around(self, pose: Pose) -> dict[NodeId, Pose]:
+        rows = np.array(self._tree.query_ball_point(pose[:2], _AROUND_M), np.intp)
+        poses = relative(pose, self._layout.poses[rows])
+        return {self._layout.nodes[rows[k]]: poses[k] for k in np.argsort(_apart(poses), kind="stable")}
+
+
+def _laid_out(graph: TopologicalGraph) -> tuple[NodeLayout, KDTree]:
+    layout = lay_out(graph)
+    return layout, KDTree(layout.poses[:, :2])
+
+
+def is_where_expected(expected: Pose, seen: Pose, limits: tuple[float, float] = _GAP) -> NDArray[np.bool_]:
+    """Tell (...) which nodes are seen about where they are expected, (..., 3) each; limits are in m and rad."""
+    return _is_within(relative(expected, seen), limits)
+
+
+def _rows_of(matches: Matches, layout: NodeLayout) -> NDArray[np.intp]:
+    """Return for each of the N nodes of a layout its row among the matches, -1 without any."""
+    row_of = {node: row for row, node in enumerate(matches.nodes)}
+    return np.array([row_of.get(node, -1) for node in layout.nodes], np.intp)
+
+
+def _pairs(found: NDArray[np.object_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return which place and which node, for lists of the nodes that were found for each place."""
+    counts = [len(rows) for rows in found]
+    return np.repeat(np.arange(len(found)), counts), np.array([row for rows in found for row in rows], np.intp)
+
+
+def _is_within(gap: FloatArray, limits: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell of waypoints (..., 3) which are no farther than limits, in m and rad; (...)."""
+    return (np.hypot(gap[..., 0], gap[..., 1]) < limits[0]) & (np.abs(wrap_angle(gap[..., 2])) < limits[1])
+
+
+def _apart(waypoint: FloatArray) -> FloatArray:
+    """Return how far poses are apart, (..., 3) to (...), in metres, of which some stand for the turn."""
+    return np.hypot(waypoint[..., 0], waypoint[..., 1]) + _M_PER_RAD * np.abs(wrap_angle(waypoint[..., 2]))

@@ -67,6 +67,8 @@ class Localisation(NamedTuple):
     """LOCAL or GLOBAL."""
     view: FrameId | None = None
     """The view of the node by which it was recognised; None where that was its own image."""
+    probability: float | None = None
+    """Of the place, among all that are followed; None where none are."""
 
 
 class Localiser:
@@ -103,7 +105,8 @@ class Localiser:
         found = self._believable(features, matches.with_reachability(trusted))
         away = np.array([distance(place.nodes[node]) for node in found.nodes])
         scores = away + _DOUBT_AT_PLACE * doubt(found.reachability)
-        return best_localisation(found, scores, self._near_enough(found), LOCAL)
+        best = best_localisation(found, scores, self._near_enough(found), LOCAL)
+        return best._replace(probability=place.probability)
 
     def _best_among(
         self, nodes: Sequence[NodeId], features: Features, prior: LocalisationPrior, scope: str

@@ -90,6 +90,8 @@ class Localised:
     """Score of the runner-up minus score of the best; small means ambiguous. Infinite without a runner-up."""
     scope: str
     """Either "local", when a neighbour of the last plan matched, or "global"."""
+    probability: float | None = None
+    """How probable this place is among all that fit to what was seen on the way; None where they are not followed."""
 
 
 @dataclass(frozen=True, slots=True)

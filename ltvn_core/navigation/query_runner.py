@@ -130,6 +130,7 @@ class QueryRunner:
             runner_up=localisation.runner_up,
             margin=localisation.margin,
             scope=localisation.scope,
+            probability=localisation.probability,
         )
         return localisation
 

@@ -44,15 +44,17 @@ class NewcomerVerb(Verb):
 
     def run(self) -> Summary:
         """Measure; raises LtvnError."""
-        from playwright.sync_api import sync_playwright
+        from playwright.sync_api import expect, sync_playwright
 
         from ltvn_viz.app import AppOptions
         from tests.browser import newcomer
         from tests.browser.chromium import chromium_path
         from tests.browser.conftest import FLAGS
         from tests.browser.running_app import running_app
+        from tests.waiting import PATIENCE_MS
 
         load = os.getloadavg()[0]
+        expect.set_options(timeout=PATIENCE_MS)
         with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=chromium_path(), args=FLAGS)
             with running_app(AppOptions(port=0, recordings=Path(folder))) as app:

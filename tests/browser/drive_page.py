@@ -115,6 +115,11 @@ def quickest(seconds_to_stop: Callable[[], float]) -> float:
 
 def renderers() -> list[psutil.Process]:
     """Return the browser's processes that show pages."""
-    processes = psutil.Process().children(recursive=True)
-    alive = [process for process in processes if process.status() != psutil.STATUS_ZOMBIE]
-    return [process for process in alive if "--type=renderer" in " ".join(process.cmdline())]
+    return [process for process in psutil.Process().children(recursive=True) if _shows_a_page(process)]
+
+
+def _shows_a_page(process: psutil.Process) -> bool:
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE and "--type=renderer" in " ".join(process.cmdline())
+    except psutil.NoSuchProcess:  # It ended as one looked.
+        return False

@@ -79,7 +79,7 @@ def build_recorded_map(
         drives=joined.drives,
         progress=progress,
     )
-    built = replace(built, doubts=(*joined.doubts, *built.doubts))
+    built = replace(built, doubts=(*joined.doubts, *built.doubts), scene_glb=recordings[0].scene_glb())
     return RecordedMap(built, choice, joined.observations)
 
 

@@ -57,6 +57,8 @@ class TopologicalMap:
     """The camera of the images; None is the predictor's."""
     predictor_name: str = ""
     """By what name `predictor` can be opened again; empty where it has none."""
+    scene_glb: bytes | None = None
+    """The scene as binary glTF, to be drawn with the map; None where nobody has a model of it."""
     coverage: MapCoverage | None = None
     """What the map knew of its drive when it was built; None for one that was loaded."""
     drives: tuple[DriveReport, ...] = ()
@@ -101,6 +103,7 @@ class TopologicalMap:
             scene=meta.scene,
             camera=meta.camera,
             predictor_name=name,
+            scene_glb=loaded.scene_glb,
         )
 
     def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None) -> None:
@@ -121,6 +124,7 @@ class TopologicalMap:
             scene=self.scene,
             fingerprint=self.predictor.fingerprint,
             camera=self.camera or self.predictor.camera,
+            scene_glb=self.scene_glb,
             config={
                 "system": self.system.name,
                 "method": asdict(self.system.method),

@@ -26,6 +26,7 @@ def thin_reserve(path: Path, output: Path, keep_every: int) -> int:
         fingerprint=loaded.meta.fingerprint,
         config=loaded.meta.config,
         camera=loaded.meta.camera,
+        scene_glb=loaded.scene_glb,
         origin=path,
     )
     return len(dropped)

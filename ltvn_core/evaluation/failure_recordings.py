@@ -40,7 +40,12 @@ def _record(
     system = runner.system
     settings = {"verb": "evaluate", "system": system.name, "episode": number, "seed": plan.seed}
     settings["method"] = asdict(system.method)
-    described = RunDescription(scene=runner.scene.address, config=settings, fingerprint=runner.fingerprint)
+    described = RunDescription(
+        scene=runner.scene.address,
+        config=settings,
+        fingerprint=runner.fingerprint,
+        scene_glb=runner.scene.glb(with_ceiling=False),
+    )
     with atomic_output(files.failure(number)) as part, described.open_writer(part) as writer:
         writer.write_map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])
 

@@ -108,7 +108,13 @@ def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGrou
     if not files.drive.exists():
         with (
             atomic_output(files.drive) as part,
-            RecordingWriter(part, scene=simulation.scene.address, config=settings, fingerprint="") as writer,
+            RecordingWriter(
+                part,
+                scene=simulation.scene.address,
+                config=settings,
+                fingerprint="",
+                scene_glb=simulation.scene.glb(with_ceiling=False),
+            ) as writer,
         ):
             deque(record_images(seen, writer), maxlen=0)
     frames = [each.step for each in seen]
@@ -164,7 +170,15 @@ def _build(
             _LOG.warning("%s, seed %d: %s", scene.name, plan.seed, report.text)
     kept = [keyframes.observation(frame) for frame in keyframes.frames]
     config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": asdict(system.method)}
-    save_map(files.map(), graph, kept, scene=scene.address, fingerprint=predictor.fingerprint, config=config)
+    save_map(
+        files.map(),
+        graph,
+        kept,
+        scene=scene.address,
+        fingerprint=predictor.fingerprint,
+        config=config,
+        scene_glb=scene.glb(with_ceiling=False),
+    )
 
 
 def _observations(drive: Path) -> list[Observation]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.graph.deltas import Node
+from ltvn_core.recording.floor_extent import FloorExtent
 from ltvn_core.types import FrameId, Pose
 
 
@@ -27,6 +28,12 @@ class DrawnPoses:
     def add_node(self, node: Node) -> None:
         """Remember a node whose frame was never written, by its odometry."""
         self._poses.setdefault(node.id, (node.odometry.x_m, node.odometry.y_m, node.odometry.yaw_rad))
+
+    @property
+    def extent(self) -> FloorExtent | None:
+        """The floor around everything that is remembered."""
+        places = np.array([*self._poses.values()], np.float64).reshape(-1, 3)
+        return FloorExtent.of_points(places * (1, 1, 0))
 
     def pose(self, frame: FrameId | None) -> Pose | None:
         """Return the drawn pose (3,) of a frame, or None when it was never seen."""

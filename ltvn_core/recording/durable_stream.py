@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -36,6 +37,16 @@ MIN_FREE_DISK_BYTES = 16 << 20
 """Recording stops, with a whole file, when the disk has less than this left."""
 
 
+class RowTime(NamedTuple):
+    """The place of a row on the timelines of a recording."""
+
+    step: FrameId
+    stamp: float
+    """Seconds on the robot's clock."""
+    event: int | None = None
+    """Number of the event that the row tells of or draws; None for rows that no event caused."""
+
+
 class DurableStream:
     """Rows go in; a `.rrd` file comes out that survives the death of the process up to its last half second.
 
@@ -59,7 +70,8 @@ class DurableStream:
         self._failure: str | None = None
         self._failure_told = False
         self._closed = False
-        self._time: tuple[int, FrameId, float] | None = None
+        self._time: tuple[int, RowTime] | None = None
+        self._blueprint: rrb.Blueprint | None = None
         self._description: rr.AsComponents | None = None
         self._lock = threading.RLock()
         """Guards what is logged; nobody waits for the disk while holding it."""
@@ -107,12 +119,12 @@ class DurableStream:
         with interrupts_deferred(), self._lock:
             yield
 
-    def log(self, step: FrameId, stamp: float, entity: str, *values: rr.AsComponents) -> None:
-        """Write one row of an entity at a moment; both timelines are always set together, here only."""
+    def log(self, time: RowTime, entity: str, *values: rr.AsComponents) -> None:
+        """Write one row of an entity at a moment; all timelines are always set together, here only."""
         with self._lock:
             if not self._taking():
                 return
-            self._set_time(int(step), float(stamp))
+            self._set_time(time)
             self._rerun.log(entity, values[0], *values[1:])
             self._ending.rows[entity] += 1
 
@@ -122,6 +134,10 @@ class DurableStream:
             if self._taking():
                 self._rerun.log(entity, values[0], *values[1:], static=True)
                 self._ending.static_rows[entity] += 1
+
+    def arrange(self, blueprint: rrb.Blueprint) -> None:
+        """Let the finished file open in this layout instead of the one that it began with."""
+        self._blueprint = blueprint
 
     def flush(self) -> None:
         """Bring everything to the file now; blocks, so never call it while driving."""
@@ -150,6 +166,8 @@ class DurableStream:
         if self._description is not None:
             # Twice in the file, so that damage to one place leaves the other.
             self._rerun.send_property(schema.PROPERTIES, self._description)
+        if self._blueprint is not None:
+            self._rerun.send_blueprint(self._blueprint)
         self._pass_on()
         self._rerun.disconnect()
         self._file.close()
@@ -167,13 +185,18 @@ class DurableStream:
             except RecordingError as error:
                 self._failure = self._failure or str(error)
 
-    def _set_time(self, step: FrameId, stamp: float) -> None:
+    def _set_time(self, time: RowTime) -> None:
         # Rerun remembers the time per thread, and setting it costs as much as a small row.
-        now = (threading.get_ident(), step, stamp)
-        if now != self._time:
-            self._rerun.set_time(schema.STEP, sequence=step)
-            self._rerun.set_time(schema.SIM_TIME, duration=stamp)
-            self._time = now
+        now = (threading.get_ident(), time)
+        if now == self._time:
+            return
+        self._rerun.set_time(schema.STEP, sequence=time.step)
+        self._rerun.set_time(schema.SIM_TIME, duration=time.stamp)
+        if time.event is None:
+            self._rerun.disable_timeline(schema.EVENT)
+        else:
+            self._rerun.set_time(schema.EVENT, sequence=time.event)
+        self._time = now
 
     def _taking(self) -> bool:
         self._raise_once()

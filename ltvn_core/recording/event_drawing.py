@@ -1,7 +1,6 @@
-"""What events look like in the Rerun viewer: plan, goal, subgoal, pruned edges, curves, state and log.
+"""What events look like in the Rerun viewer: plan, goal, subgoal, pruned edges, state and log.
 
-Pure functions; owns shapes, and takes colours from `ltvn_core.palette`. Keeps no memory except which edges have a
-curve (`BeliefCurves`).
+Pure functions; owns shapes, and takes colours from `ltvn_core.palette`. Beliefs of edges are drawn in `belief_drawing`.
 """
 
 import math
@@ -12,7 +11,7 @@ import rerun as rr
 
 from ltvn_core import palette
 from ltvn_core.geometry import compose
-from ltvn_core.graph.deltas import BULK_CAUSES, BeliefUpdated, Cause, EdgePruned
+from ltvn_core.graph.deltas import BULK_CAUSES, Cause, EdgePruned
 from ltvn_core.navigation import events as ev
 from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.palette import Rgb8
@@ -20,13 +19,10 @@ from ltvn_core.recording import schema
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.map_drawing import GRAPH_HEIGHT_M, DrawnEntity
 from ltvn_core.recording.world_drawing import draw_world_change
-from ltvn_core.types import FrameId, NodeId
+from ltvn_core.types import FrameId
 from ltvn_core.worlds.world_change import PersonMoved
 
 _PLAN_HEIGHT_M = 0.10
-MAX_BELIEF_CURVES = 24
-"""So many edges get a curve of their own; thousands of entities would make every viewer crawl."""
-
 
 _QUIET_CAUSES = (*BULK_CAUSES, Cause.ONLINE)
 """A map that is built or loaded makes thousands of changes; the log leaves them out."""
@@ -35,43 +31,6 @@ _QUIET_CAUSES = (*BULK_CAUSES, Cause.ONLINE)
 def draw_event(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
     """Draw one event."""
     return [*_log_line(event), *_shapes(event, drawn_poses)]
-
-
-class BeliefCurves:
-    """Plots p of the first edges that are driven or pruned, one curve each."""
-
-    def __init__(self) -> None:
-        self._edges: set[tuple[NodeId, NodeId]] = set()
-
-    def start_curve(self, event: ev.Event) -> list[DrawnEntity]:
-        """Return the static name of a curve when the event begins one."""
-        edge = _changed_edge(event)
-        if edge is None or edge in self._edges or len(self._edges) >= MAX_BELIEF_CURVES:
-            return []
-        self._edges.add(edge)
-        name = f"{edge[0]} → {edge[1]}"
-        line = rr.SeriesLines(names=[name], widths=2, interpolation_mode="StepAfter")
-        # Most edges are driven once, and a line through one point cannot be seen.
-        points = rr.SeriesPoints(names=[name], markers="Circle", marker_sizes=4)
-        return [DrawnEntity(_curve(edge), [line, points])]
-
-    def extend_curve(self, event: ev.Event) -> list[DrawnEntity]:
-        """Return the new point of a curve; a pruned edge ends at zero."""
-        edge = _changed_edge(event)
-        if edge is None or edge not in self._edges:
-            return []
-        delta = event.delta if isinstance(event, ev.GraphChanged) else None
-        return [DrawnEntity(_curve(edge), [rr.Scalars(delta.belief.p if isinstance(delta, BeliefUpdated) else 0.0)])]
-
-
-def _changed_edge(event: ev.Event) -> tuple[NodeId, NodeId] | None:
-    if isinstance(event, ev.GraphChanged) and isinstance(event.delta, BeliefUpdated | EdgePruned):
-        return event.delta.source, event.delta.target
-    return None
-
-
-def _curve(edge: tuple[NodeId, NodeId]) -> str:
-    return f"{schema.BELIEFS}/{edge[0]}_{edge[1]}"
 
 
 def _log_line(event: ev.Event) -> list[DrawnEntity]:

@@ -27,6 +27,8 @@ class LoadedMap:
     observations: Mapping[FrameId, Observation]
     """Images of all nodes, of the reserve and of views."""
     meta: RecordingMetadata
+    scene_glb: bytes | None = None
+    """The scene that the file draws, as binary glTF."""
 
 
 def save_map(
@@ -44,10 +46,13 @@ def save_map(
     """Write a map to a new file, which appears only when it is whole.
 
     Takes the images of all nodes, of the reserve and of views; others are left out. Those that the file `origin` holds
-    are copied as they lie there, because pictures lose a little each time they are compressed.
+    are copied as they lie there, because pictures lose a little each time they are compressed. Where no `scene_glb` is
+    given, the scene is that of `origin`.
     Raises MapError when an image is missing, RecordingError when the file exists or cannot be written.
     """
     wanted = _frames_of(graph)
+    if scene_glb is None and origin is not None:
+        scene_glb = Recording.open(origin).scene_glb()
     kept = {observation.step: observation for observation in observations if observation.step in wanted}
     _require_images(wanted, kept.keys(), "The map cannot be saved")
     with (
@@ -72,7 +77,9 @@ def load_map(path: Path | str) -> LoadedMap:
         raise MapError(f"{path} holds {len(recording.frames)} frames but no map; run `ltvn build {path}` to make one.")
     wanted = _frames_of(graph)
     _require_images(wanted, recording.frames, str(path))
-    return LoadedMap(graph, {frame: recording.observation(frame) for frame in sorted(wanted)}, recording.meta)
+    return LoadedMap(
+        graph, {frame: recording.observation(frame) for frame in sorted(wanted)}, recording.meta, recording.scene_glb()
+    )
 
 
 def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:

@@ -24,6 +24,8 @@ class RunDescription:
     """Names the weights in use."""
     camera: CameraModel | None = None
     """Of its images; None is the simulated robot's."""
+    scene_glb: bytes | None = None
+    """The scene as binary glTF, z up, to be drawn; None where nobody has a model of it."""
 
     def open_writer(self, path: Path, *, live_port: int | None = None) -> RecordingWriter:
         """Begin a recording of the run; raises RecordingError, and ServerError where `live_port` is taken."""
@@ -33,6 +35,7 @@ class RunDescription:
             config=self.config,
             fingerprint=self.fingerprint,
             camera=self.camera,
+            scene_glb=self.scene_glb,
             live_port=live_port,
         )
 
@@ -48,5 +51,6 @@ class RunDescription:
             config=self.config,
             fingerprint=self.fingerprint,
             camera=self.camera,
+            scene_glb=self.scene_glb,
             origin=origin,
         )

@@ -13,6 +13,8 @@ STEP = "step"
 """Timeline: control steps of the robot, the name of each frame."""
 SIM_TIME = "sim_time"
 """Timeline: the robot's clock, as measured."""
+EVENT = "event"
+"""Timeline: the number of an event. Several events may share a step, so a query by `step` keeps one of them only."""
 
 PROPERTIES = "ltvn"
 """Name of the recording property that holds `meta.Meta`; Rerun keeps it at /__properties/ltvn."""
@@ -43,7 +45,40 @@ LOG = "log"
 STATE = "navigator"
 GRAPH_SIZE = "graph_size"
 BELIEFS = "beliefs"
+PROBABILITIES = "beliefs/p"
+"""Below it an entity for each edge that was planned, driven or pruned: its p as a scalar."""
+LENGTHS = "beliefs/length"
+"""Below it an entity for each of these edges: mu and sigma as two scalars."""
+BELIEF_TABLE = "belief_table"
+"""The edges of the current plan and those that changed last, as text."""
+IMAGES = "images"
+"""Below it the images of the goal, of the subgoal and of the node at which the robot localised."""
+GOAL_IMAGE = "images/goal"
+SUBGOAL_IMAGE = "images/subgoal"
+NODE_IMAGE = "images/node"
 MARGIN = "margin"
+
+OWN_ENTITIES = (
+    SCENE,
+    ROBOT,
+    ODOMETRY,
+    TRAIL,
+    "world/graph",
+    PLAN,
+    GOAL,
+    LOCALISED,
+    WAYPOINT,
+    CHANGES,
+    EVENTS,
+    LOG,
+    STATE,
+    GRAPH_SIZE,
+    BELIEFS,
+    BELIEF_TABLE,
+    IMAGES,
+    MARGIN,
+)
+"""What the recorder writes itself; each name also stands for all entities below it."""
 
 READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)
 """The entities that carry data; all others are drawn only."""

@@ -6,6 +6,7 @@ else. Owns the server; the viewer itself comes from `viewer_assets`, the page ro
 
 import http.server
 import logging
+import re
 import secrets
 import shutil
 import threading
@@ -17,7 +18,7 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import NamedTuple
 
-from ltvn_core.errors import ServerError
+from ltvn_core.errors import RecordingError, ServerError
 from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.live_server import is_own_host, port_of
 from ltvn_core.recording.rrd_contents import require_rrd
@@ -26,6 +27,9 @@ from ltvn_core.recording.viewer_page import SCRIPT, RecordingContents, contents_
 
 _LOG = logging.getLogger(__name__)
 _BLOCK_BYTES = 1 << 16
+_ADDRESS = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]+://")
+_ANSWER_S = 5.0
+"""Longest time until a run on this machine answers."""
 _LIVE_TIMEOUT_S = 3600.0
 """A robot that stands writes nothing for long."""
 _POLICY = (
@@ -59,9 +63,9 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
     """Serve a recording in the Rerun web viewer on 127.0.0.1 while the block runs; port 0 takes a free one.
 
     In place of a file, `path` may be the address of a recording that is being written, see `live_server`; it is passed
-    on from there. Raises RecordingError for a file that is none, and ServerError when the port is taken.
+    on from there. Raises RecordingError for a file or an address that is none, and ServerError when the port is taken.
     """
-    live = str(path) if port_of(str(path)) is not None else None
+    live = _checked_live_address(str(path)) if _ADDRESS.match(str(path)) else None
     contents = RecordingContents("A recording that is being written")
     if live is None:
         path = Path(path)
@@ -87,6 +91,23 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
         server.shutdown()
         server.server_close()
         thread.join()
+
+
+def _checked_live_address(address: str) -> str:
+    """Return the address of a recording that is being written; raises RecordingError when there is none."""
+    if port_of(address) is None:
+        raise RecordingError(
+            f"{address} is an address, and `ltvn view` opens only those that a run with --stream prints "
+            "(http://127.0.0.1:PORT/SECRET/live.rrd). Download the recording and name the file."
+        )
+    try:
+        urllib.request.urlopen(address, timeout=_ANSWER_S).close()
+    except OSError as error:
+        raise RecordingError(
+            f"Nothing is being recorded at {address} ({error}). Start a run with --stream and open the address that it "
+            "prints."
+        ) from error
+    return address
 
 
 def _responses(source: Path | str, token: str, page: str) -> Mapping[str, _Response]:

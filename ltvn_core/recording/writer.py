@@ -8,35 +8,34 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 from uuid import uuid4
 
 import rerun as rr
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
 from ltvn_core.recording import event_drawing, map_drawing, schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, number_column, text_column
-from ltvn_core.recording.blueprint import blueprint
+from ltvn_core.recording.belief_drawing import BeliefDrawing, TimedDrawing
+from ltvn_core.recording.blueprint import Layout, blueprint
 from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream
+from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream, RowTime
 from ltvn_core.recording.event_codec import EncodedEvent
+from ltvn_core.recording.floor_extent import FloorExtent
 from ltvn_core.recording.frame_codec import EncodedFrame, camera_text, encode_frame
 from ltvn_core.recording.map_drawing import DrawnEntity
 from ltvn_core.recording.metadata import RecordingMetadata, metadata_row, package_versions
+from ltvn_core.recording.node_images import NodeImages
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, Observation, OriginalImage
 
 _SNAPSHOT_S = 0.5
 _SNAPSHOT_S_PER_EDGE = 0.002
 """A large map is drawn less often, so that drawing stays a small part of the file."""
-
-
-class _LogTime(NamedTuple):
-    step: FrameId
-    stamp: float
 
 
 class RecordingWriter:
@@ -92,9 +91,13 @@ class RecordingWriter:
         self._frames: set[FrameId] = set()
         self._events = 0
         self._drawn_poses = DrawnPoses()
-        self._curves = event_drawing.BeliefCurves()
+        self._beliefs = BeliefDrawing()
+        self._node_images = NodeImages()
         self._draw_schedule = _DrawSchedule()
-        self._stream.begin(f"{scene} {started_at}", description, blueprint())
+        self._newest = RowTime(0, 0.0)
+        self._user_scalars: dict[str, None] = {}
+        self._scene_extent = None if scene_glb is None else FloorExtent.of_glb(scene_glb)
+        self._stream.begin(f"{scene} {started_at}", description, blueprint(Layout(floor=self._scene_extent)))
         for part in map_drawing.static_entities(camera):
             self._stream.log_static(part.entity, *part.values)
         if scene_glb is not None:
@@ -113,6 +116,7 @@ class RecordingWriter:
 
     def draw_scene(self, glb: bytes) -> None:
         """Draw the scene; makes the file larger by its size. Any thread may call it, whoever else writes meanwhile."""
+        self._scene_extent = FloorExtent.of_glb(glb)
         part = map_drawing.draw_scene(glb)
         self._stream.log_static(part.entity, *part.values)
 
@@ -127,51 +131,84 @@ class RecordingWriter:
             return
         self._frames.add(frame.step)
         self._drawn_poses.add_frame(frame.step, frame.drawn_pose)
-        log_time = _LogTime(frame.step, frame.stamp)
+        self._node_images.add_frame(frame.step, frame.rgb)
+        time = self._newest = RowTime(frame.step, frame.stamp)
         with self._stream.together():
-            self._stream.log(*log_time, schema.RGB, *_rgb_row(frame))
-            self._stream.log(*log_time, schema.DEPTH, *_depth_row(frame))
+            self._stream.log(time, schema.RGB, *_rgb_row(frame))
+            self._stream.log(time, schema.DEPTH, *_depth_row(frame))
             if frame.original is not None:
-                self._stream.log(*log_time, schema.ORIGINAL, *_original_row(frame, frame.original))
-            self._draw(log_time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
+                self._stream.log(time, schema.ORIGINAL, *_original_row(frame, frame.original))
+            self._draw(time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
 
     def write_event(self, stamped: StampedEvent) -> None:
         """Write an event, exactly and as the viewer shows it."""
-        log_time = _LogTime(int(stamped.step), float(stamped.stamp))
+        time = self._newest = RowTime(int(stamped.step), float(stamped.stamp), self._events)
         if isinstance(stamped.event, GraphChanged) and isinstance(stamped.event.delta, NodeAdded):
             self._drawn_poses.add_node(stamped.event.delta.node)
         encoded = EncodedEvent.of(stamped, sequence=self._events)
         self._events += 1
         with self._stream.together():
-            self._stream.log(*log_time, schema.EVENTS, _event_row(encoded))
-            for part in self._curves.start_curve(stamped.event):
-                self._stream.log_static(part.entity, *part.values)
-            self._draw(log_time, event_drawing.draw_event(stamped.event, self._drawn_poses))
-            self._draw(log_time, self._curves.extend_curve(stamped.event))
+            self._stream.log(time, schema.EVENTS, _event_row(encoded))
+            self._draw(time, event_drawing.draw_event(stamped.event, self._drawn_poses))
+            self._draw(time, self._node_images.draw(stamped.event))
+            for each in self._beliefs.draw(stamped.event, time):
+                self._draw_timed(each)
+
+    def log(
+        self, entity: str, *values: rr.AsComponents | float, step: FrameId | None = None, stamp: float | None = None
+    ) -> None:
+        """Write a row of your own, for instance `writer.log("score", 0.7)`, for the Rerun viewer and its dataframes.
+
+        Args:
+            entity: Path of the entity; one below `world` is drawn in the 3D view.
+            values: Archetypes of Rerun, or one number, which is plotted.
+            step: Control step of the row; that of the newest frame or event where it is left out.
+            stamp: Seconds on the robot's clock; those of the newest frame or event where it is left out.
+
+        Raises:
+            RecordingError: The recorder itself writes this entity, or no values are given.
+        """
+        path = entity.strip("/")
+        if not path or path == schema.WORLD or any(f"{path}/".startswith(f"{own}/") for own in schema.OWN_ENTITIES):
+            raise RecordingError(
+                f"The entity {entity!r} is the recorder's own. Choose another path, such as my/{path or 'values'}."
+            )
+        if not values:
+            raise RecordingError(f"There is nothing to write to {entity!r}. Give an archetype of Rerun or a number.")
+        if any(isinstance(value, int | float) for value in values):
+            self._user_scalars[f"/{path}"] = None
+        time = RowTime(
+            self._newest.step if step is None else int(step), self._newest.stamp if stamp is None else float(stamp)
+        )
+        rows = [rr.Scalars(value) if isinstance(value, int | float) else value for value in values]
+        with self._stream.together():
+            self._stream.log(time, path, *rows)
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map if it changed, at most twice a second; call it as often as you like."""
-        log_time = _LogTime(int(step), float(stamp))
-        if self._draw_schedule.is_due(graph, log_time):
-            self._draw_graph(graph, log_time)
+        time = RowTime(int(step), float(stamp))
+        if self._draw_schedule.is_due(graph, time):
+            self._draw_graph(graph, time)
 
     def write_map(self, graph: TopologicalGraph, observations: Iterable[Observation]) -> None:
         """Write a whole map with its frames, so that what follows needs no other file; call it first."""
-        last = _LogTime(0, 0.0)
+        last = RowTime(0, 0.0)
         for observation in observations:
             self.write_frame(observation)
-            last = max(last, _LogTime(int(observation.step), float(observation.stamp)))
+            self._node_images.keep([observation.step])
+            last = max(last, RowTime(int(observation.step), float(observation.stamp)))
         for delta in graph.deltas():
-            self.write_event(StampedEvent(*last, GraphChanged(delta)))
+            self.write_event(StampedEvent(last.step, last.stamp, GraphChanged(delta)))
         text = f"map with {len(graph.nodes)} nodes, {len(graph.edges)} edges and {len(graph.reserve)} images in reserve"
-        self.write_event(StampedEvent(*last, Note(text)))
-        self.draw_graph(graph, *last)
+        self.write_event(StampedEvent(last.step, last.stamp, Note(text)))
+        self.draw_graph(graph, last.step, last.stamp)
 
     def close(self) -> None:
         """Draw the map as it is now and finish the file. Raises RecordingError when that fails; may be repeated."""
         try:
             if (pending := self._draw_schedule.pending()) is not None and not self._stream.closed:
                 self._draw_graph(*pending)
+            self._stream.arrange(blueprint(self._final_layout()))
         finally:
             self._stream.close()
 
@@ -185,17 +222,30 @@ class RecordingWriter:
         """Finish the file, whatever happened."""
         self.close()
 
-    def _draw_graph(self, graph: TopologicalGraph, log_time: _LogTime) -> None:
-        self._draw_schedule.drawn(graph, log_time)
+    def _final_layout(self) -> Layout:
+        return Layout(
+            floor=self._scene_extent or self._drawn_poses.extent,
+            edges=self._beliefs.shown_edges,
+            user_scalars=list(self._user_scalars),
+        )
+
+    def _draw_graph(self, graph: TopologicalGraph, time: RowTime) -> None:
+        self._draw_schedule.drawn(graph, time)
         for node in graph.nodes.values():
             self._drawn_poses.add_node(node)
         nodes, edges = tuple(graph.nodes.values()), tuple(graph.edges.values())
         blocked = [key for key, observed in graph.presence.items() if not observed[-1].present]
-        self._draw(log_time, map_drawing.draw_graph(nodes, edges, blocked, self._drawn_poses))
+        self._draw(time, map_drawing.draw_graph(nodes, edges, blocked, self._drawn_poses))
 
-    def _draw(self, log_time: _LogTime, parts: Iterable[DrawnEntity]) -> None:
+    def _draw(self, time: RowTime, parts: Iterable[DrawnEntity]) -> None:
         for part in parts:
-            self._stream.log(*log_time, part.entity, *part.values)
+            self._stream.log(time, part.entity, *part.values)
+
+    def _draw_timed(self, row: TimedDrawing) -> None:
+        if row.time is None:
+            self._stream.log_static(row.drawn.entity, *row.drawn.values)
+        else:
+            self._stream.log(row.time, row.drawn.entity, *row.drawn.values)
 
 
 class _DrawSchedule:
@@ -204,19 +254,19 @@ class _DrawSchedule:
     def __init__(self) -> None:
         self._drawn: tuple[int, int] | None = None
         self._next_stamp = float("-inf")
-        self._waiting: tuple[TopologicalGraph, _LogTime] | None = None
+        self._waiting: tuple[TopologicalGraph, RowTime] | None = None
 
-    def is_due(self, graph: TopologicalGraph, log_time: _LogTime) -> bool:
+    def is_due(self, graph: TopologicalGraph, time: RowTime) -> bool:
         if self._drawn == (id(graph), graph.version):
             return False
-        self._waiting = graph, log_time
-        return log_time.stamp >= self._next_stamp
+        self._waiting = graph, time
+        return time.stamp >= self._next_stamp
 
-    def drawn(self, graph: TopologicalGraph, log_time: _LogTime) -> None:
+    def drawn(self, graph: TopologicalGraph, time: RowTime) -> None:
         self._drawn, self._waiting = (id(graph), graph.version), None
-        self._next_stamp = log_time.stamp + max(_SNAPSHOT_S, _SNAPSHOT_S_PER_EDGE * len(graph.edges))
+        self._next_stamp = time.stamp + max(_SNAPSHOT_S, _SNAPSHOT_S_PER_EDGE * len(graph.edges))
 
-    def pending(self) -> tuple[TopologicalGraph, _LogTime] | None:
+    def pending(self) -> tuple[TopologicalGraph, RowTime] | None:
         return self._waiting
 
 

@@ -36,7 +36,13 @@ class CollectVerb(CollectOptions):
         simulation = open_simulation(self.scene, seed=self.seed, odometry_noise=noise)
         robot = simulation.robot
         settings = {"verb": "collect", "loops": self.loops, "seed": self.seed, "odometry_noise": asdict(noise)}
-        with RecordingWriter(self.output, scene=simulation.scene.address, config=settings, fingerprint="") as writer:
+        with RecordingWriter(
+            self.output,
+            scene=simulation.scene.address,
+            config=settings,
+            fingerprint="",
+            scene_glb=simulation.scene.glb(with_ceiling=False),
+        ) as writer:
             rng = np.random.default_rng(self.seed)
             images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)
             has_depth = [image.has_depth for image in tqdm(images, desc="collect", unit="frame")]

@@ -76,6 +76,7 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
             config={**options.settings(system, predictor_name), "robot": name},
             fingerprint=predictor.fingerprint,
             camera=robot.spec.camera,
+            scene_glb=loaded.scene_glb,
         )
         with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
             writer.write_map(loaded.graph, loaded.observations.values())

@@ -121,6 +121,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
         scene=meta.scene,
         config=_settings(options, system, faults) | {"predictor": choice.name},
         fingerprint=predictor.fingerprint,
+        scene_glb=simulation.scene.glb(with_ceiling=False),
     )
     with run.open_writer(options.recording) as writer:
         writer.write_map(graph, [loaded.observations[frame] for frame in graph.frames])

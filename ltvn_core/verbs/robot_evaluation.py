@@ -136,6 +136,7 @@ def _run_phase(test: RobotEvaluation, phase: Phase, own: Robot, log: "_EpisodeLo
         config={**test.map.settings(system, predictor_name), "verb": "evaluate", "robot": test.robot, "phase": phase},
         fingerprint=predictor.fingerprint,
         camera=robot.spec.camera,
+        scene_glb=loaded.scene_glb,
     )
     rng = np.random.default_rng([test.map.seed, PHASES.index(phase), done])
     with run.open_writer(test.folder / time.strftime(f"{phase}-{done}-%Y%m%d-%H%M%S.rrd")) as writer:

@@ -11,11 +11,12 @@ from urllib.request import urlopen
 import psutil
 import pytest
 
-from ltvn_core.errors import OptionError, ServerError
+from ltvn_core.errors import OptionError, RecordingError, ServerError
 from ltvn_core.navigation.events import Note, StampedEvent
 from ltvn_core.recording.live_server import live_address, port_of
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_framing import is_finished
+from ltvn_core.recording.viewer_server import serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.verbs.stream_option import announce_stream
 from tests.waiting import PATIENCE_S
@@ -99,3 +100,26 @@ def test_an_address_is_read_as_it_was_written() -> None:
 def test_a_number_that_is_no_port_is_refused(port: int) -> None:
     with pytest.raises(OptionError, match="--stream"):
         announce_stream(port)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "http://example.com/x.rrd",
+        "https://example.com/x.rrd",
+        "rerun+http://127.0.0.1:9876/proxy",
+        "http://127.0.0.1:1/s",
+    ],
+)
+def test_an_address_that_no_run_prints_is_not_taken_for_a_file(address: str) -> None:
+    with pytest.raises(RecordingError, match="--stream") as refused, serve_viewer(address):
+        pass
+    assert address in str(refused.value)
+
+
+def test_an_address_at_which_nothing_is_recorded_is_refused_before_a_page_is_offered() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        free = probe.getsockname()[1]
+    with pytest.raises(RecordingError, match="Nothing is being recorded"), serve_viewer(live_address(free)):
+        pass

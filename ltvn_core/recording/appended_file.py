@@ -37,8 +37,11 @@ class FileEnding(Protocol):
         """Take note of a block that is in the file now."""
         ...
 
-    def encoded(self, *, complete: bool) -> bytes:
-        """Return what to write behind the last block; `complete` when all blocks are in the file."""
+    def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
+        """Return what to write behind the last block; `complete` when all blocks are in the file.
+
+        A short ending leaves out what a file can do without.
+        """
         ...
 
 
@@ -120,7 +123,7 @@ class AppendedFile:
     def _run(self) -> None:
         try:
             self._write_until_closed()
-            self._write([self._ending.encoded(complete=self.failure is None)])
+            self._end()
             self._check()
             self._bring_to_disk()
         except Exception as error:  # The person is told, and nobody waits for a thread that is gone.
@@ -145,6 +148,12 @@ class AppendedFile:
                 synced = now
                 self._bring_to_disk()
 
+    def _end(self) -> None:
+        """Write the ending, and the short one where there is no room for the other."""
+        complete = self.failure is None
+        if self._put(self._ending.encoded(complete=complete)) is not None:
+            self._write([self._ending.encoded(complete=complete, is_short=True)])
+
     def _next(self) -> Sequence[bytes] | None:
         try:
             return self._queue.get(timeout=_CHECK_S)
@@ -153,17 +162,22 @@ class AppendedFile:
 
     def _write(self, blocks: Sequence[bytes]) -> bool:
         """Write all of the blocks or nothing of them; tell which."""
-        left = memoryview(b"".join(blocks))
-        size = len(left)
+        problem = self._put(b"".join(blocks))
+        if problem is not None:
+            self._fail(problem)
+        return problem is None
+
+    def _put(self, data: bytes) -> str | None:
+        """Write all of the bytes or nothing of them; return what was in the way."""
+        left = memoryview(data)
         try:
             while left:
                 left = left[os.write(self._file, left) :]
         except OSError as error:
             self._attempt(lambda: os.ftruncate(self._file, self._size_bytes))
-            self._fail(_broken(self.path, error.strerror or str(error)))
-            return False
-        self._size_bytes += size
-        return True
+            return _broken(self.path, error.strerror or str(error))
+        self._size_bytes += len(data)
+        return None
 
     def _check(self) -> None:
         """Look whether the file is still where it was made, and whether there is room for more."""

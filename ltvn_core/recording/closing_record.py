@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.chunk_table import ChunkPlace, ChunkTable
+from ltvn_core.recording.protobuf_fields import bytes_field_start
 from ltvn_core.recording.rrd_framing import EndMessage, MessageSum, Tail
 
 _MAGIC = b"LTVNEND1"
@@ -51,6 +53,8 @@ class RecordingEnding:
         """Entity path -> rows with a time, counted by whoever logs them."""
         self.static_rows = Counter[str]()
         """The same for rows that hold at all times."""
+        self.chunks = ChunkTable()
+        """Rerun's table of the chunks, filled by whoever takes them from Rerun."""
         self._header_crc32: int | None = None
         self._table = bytearray()
         """The checksums, packed: an hour has some sixty thousand."""
@@ -60,36 +64,39 @@ class RecordingEnding:
         if self._header_crc32 is None:
             self._header_crc32 = zlib.crc32(block)
             return
+        self.chunks.take_in()
         kind, length = rrd_framing.MESSAGE_HEADER.unpack_from(block)
         self._table += _SUM.pack(kind, zlib.crc32(block), length)
 
-    def encoded(self, *, complete: bool) -> bytes:
-        """Return what to write behind the last message; without `complete` no number of rows is promised."""
-        return closing_bytes(
-            ClosingRecord(
-                header_crc32=self._header_crc32 or 0,
-                messages=_messages(self._table),
-                rows=self.rows if complete else {},
-                static_rows=self.static_rows if complete else {},
-            )
+    def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
+        """Return what to write behind the last message.
+
+        Without `complete` no number of rows is promised; a short ending goes without Rerun's table of chunks.
+        """
+        record = ClosingRecord(
+            header_crc32=self._header_crc32 or 0,
+            messages=_messages(self._table),
+            rows=self.rows if complete else {},
+            static_rows=self.static_rows if complete else {},
         )
+        return closing_bytes(record, b"" if is_short else self.chunks.encoded(_chunk_places(record.messages)))
 
 
-def closing_bytes(record: ClosingRecord) -> bytes:
-    """Return what is written behind the last message: end message with the record, and the tail."""
+def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
+    """Return what is written behind the last message: end message with Rerun's footer and the record, and the tail."""
     counts = {"rows": dict(record.rows), "static_rows": dict(record.static_rows)}
     text = json.dumps(counts, sort_keys=True, separators=(",", ":")).encode()
     table = b"".join(_SUM.pack(each.kind, each.crc32, each.length) for each in record.messages)
     body = _MAGIC + _SIZES.pack(len(text), len(record.messages)) + text + table + _CRC.pack(record.header_crc32)
-    field_start = _varint(_FIELD << 3 | 2) + _varint(len(body) + 2 * _CRC.size)
+    field_start = bytes_field_start(_FIELD, len(body) + 2 * _CRC.size)
     start = record.messages_end + rrd_framing.MESSAGE_HEADER.size
-    tail = Tail(footer_start=start, footer_bytes=0, footer_xxh32=0)
+    tail = Tail.of(start, footer)
     # The first checksum covers what stands around the record, the second the record itself with the first: so the
     # record can be trusted when only its surroundings are damaged.
-    end = EndMessage(record.messages_end, field_start + body + bytes(2 * _CRC.size), tail)
+    end = EndMessage(record.messages_end, footer + field_start + body + bytes(2 * _CRC.size), tail)
     body += _CRC.pack(_surroundings_crc32(end, len(body) + 2 * _CRC.size))
     body += _CRC.pack(zlib.crc32(body))
-    return end._replace(payload=field_start + body).encoded()
+    return end._replace(payload=footer + field_start + body).encoded()
 
 
 def read_closing_record(end: EndMessage) -> ClosingRecord | None:
@@ -145,9 +152,10 @@ def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
     return zlib.crc32(end.tail.encoded(), zlib.crc32(before))
 
 
-def _varint(number: int) -> bytes:
-    parts = bytearray()
-    while number > 0x7F:
-        parts.append(number & 0x7F | 0x80)
-        number >>= 7
-    return bytes([*parts, number])
+def _chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
+    position, places = rrd_framing.HEADER_BYTES, list[ChunkPlace]()
+    for message in messages:
+        if message.kind == rrd_framing.CHUNK_KIND:
+            places.append(ChunkPlace(position + rrd_framing.MESSAGE_HEADER.size, message.length))
+        position += message.size
+    return places

@@ -85,7 +85,7 @@ class DurableStream:
         self._rerun = rr.RecordingStream(
             schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
         )
-        self._messages = MessageStream(self._rerun)
+        self._messages = MessageStream(self._rerun, self._ending.chunks)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recording-rows", daemon=True)
         self._thread.start()

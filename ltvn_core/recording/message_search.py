@@ -14,10 +14,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.closing_record import ClosingRecord, closing_bytes, find_closing_record
-from ltvn_core.recording.rrd_framing import END_KIND, HEADER_BYTES, KNOWN_KINDS, MESSAGE_HEADER, TAIL_BYTES
+from ltvn_core.recording.closing_record import ClosingRecord, find_closing_record
+from ltvn_core.recording.rrd_framing import CHUNK_KIND, END_KIND, HEADER_BYTES, KNOWN_KINDS, MESSAGE_HEADER, TAIL_BYTES
 
-_CHUNK_KIND = 2
 _TRIED = 8
 """So many places of like headers are looked at for one message, so that a file with large holes takes no hours."""
 _HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
@@ -62,7 +61,7 @@ def find_messages(data: bytes) -> FoundMessages:
 def _as_recorded(data: bytes, record: ClosingRecord) -> Iterator[FoundMessage | LostBytes]:
     """Look for every message where it was written, and else where it may have moved to."""
     # Only where the length differs bytes can be missing or put in.
-    index = _HeaderIndex(b"" if len(data) == record.messages_end + len(closing_bytes(record)) else data)
+    index = _HeaderIndex(b"" if _is_end(data, record.messages_end) else data)
     position = behind_last = HEADER_BYTES
     for written in record.messages:
         found = None
@@ -120,7 +119,7 @@ def _between(data: bytes, position: int, end: int | None, following: int) -> Ite
     kind = int.from_bytes(data[position : position + 8], "little")
     payload = data[position + MESSAGE_HEADER.size : following]
     if payload.startswith(b"\n") and following < len(data):
-        header = MESSAGE_HEADER.pack(kind if kind in KNOWN_KINDS else _CHUNK_KIND, len(payload))
+        header = MESSAGE_HEADER.pack(kind if kind in KNOWN_KINDS else CHUNK_KIND, len(payload))
         yield FoundMessage(position, header + payload)
     elif following > position:
         yield LostBytes(position, following - position)

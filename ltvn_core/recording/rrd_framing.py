@@ -10,12 +10,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, Self
 
+from ltvn_core.recording.xxh32 import xxh32
+
 HEADER_BYTES = 12
 MESSAGE_HEADER = struct.Struct("<QQ")
 """Kind and length of the payload that follows."""
 END_KIND = 0
-KNOWN_KINDS = (1, 2, 3)
+CHUNK_KIND = 2
+KNOWN_KINDS = (1, CHUNK_KIND, 3)
 """Description of a store, a chunk of rows, choice of a layout."""
+_FOOTER_SEED = 7850921
+"""Rerun's seed for the checksum of its table of chunks."""
 _MAGIC = b"RRF2"
 _TAIL = struct.Struct("<QQI8sI")
 TAIL_BYTES = _TAIL.size
@@ -53,6 +58,11 @@ class Tail(NamedTuple):
     """How much of it is Rerun's own table of all chunks, 0 where there is none."""
     footer_xxh32: int
     """Rerun's checksum of that table."""
+
+    @classmethod
+    def of(cls, footer_start: int, footer: bytes) -> Self:
+        """Return the tail of a file whose end message begins with `footer`."""
+        return cls(footer_start, len(footer), xxh32(footer, _FOOTER_SEED) if footer else 0)
 
     @classmethod
     def read(cls, data: bytes) -> Self | None:
@@ -132,6 +142,11 @@ class EndMessage(NamedTuple):
     def footer(self) -> bytes:
         """Rerun's own table of all chunks."""
         return self.payload[: self.tail.footer_bytes]
+
+    @property
+    def footer_is_right(self) -> bool:
+        """Rerun's table is as it was written. Takes 0.14 s for each of its megabytes."""
+        return self.tail == Tail.of(self.tail.footer_start, self.footer)
 
     @property
     def appended(self) -> bytes:

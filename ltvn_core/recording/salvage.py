@@ -28,12 +28,11 @@ from ltvn_core.recording.rrd_contents import (
     read_store,
     unreadable,
 )
-from ltvn_core.recording.rrd_framing import MESSAGE_HEADER, TAIL_BYTES, Tail
+from ltvn_core.recording.rrd_framing import CHUNK_KIND, MESSAGE_HEADER, TAIL_BYTES, Tail
 from ltvn_core.robots.robot_spec import LOCOBOT
 
 _FILE_HEADER = b"RRF2\x00\x29\x00\x00\x01\x02\x00\x00"
 """As Rerun 0.41 writes it: magic, version, LZ4, protobuf."""
-_CHUNK_KIND = 2
 _STORE_KIND = 1
 _ROW_ID = b"\n\x12\t" + bytes(8) + b"\x11" + bytes(8)
 _STORE_SOURCE = b"*\x0c\x08\x02\x12\x08\n\x06\x08\x03\x10\x0b\x18\x07"
@@ -172,7 +171,7 @@ def _store(message: bytes) -> bytes | None:
     """Return to which store a message's rows belong, as Rerun writes it; None for the viewer's layout and the like."""
     kind, _ = MESSAGE_HEADER.unpack_from(message)
     payload = message[MESSAGE_HEADER.size :]
-    if kind != _CHUNK_KIND or len(payload) < 2 or payload[0] != 10 or payload[1] > 127:
+    if kind != CHUNK_KIND or len(payload) < 2 or payload[0] != 10 or payload[1] > 127:
         return None
     store = payload[2 : 2 + payload[1]]
     return store if store.startswith(_RECORDING_STORE) else None

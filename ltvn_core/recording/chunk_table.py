@@ -1,0 +1,278 @@
+"""Rerun's table of chunks (the manifests in its footer), put together at the end of a recording.
+
+Rerun computes a table for every block of messages that it hands out. The rows of all of them are kept here, a hundred
+bytes each, until the file ends. Owns the layout of the footer. Copies the columns of Rerun's rows without knowing what
+they mean, but for where in the file a chunk stands.
+"""
+
+import logging
+from array import array
+from collections import defaultdict, deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ltvn_core.recording.protobuf_fields import bytes_field, number_field, read_fields
+from ltvn_core.recording.sorbet_schema import SorbetSchema, as_rerun_merges
+
+_LOG = logging.getLogger(__name__)
+
+MOST_CELLS = 48_000_000
+"""A recording with more rows times columns gets no table: while it is made it takes eight bytes a cell."""
+_MANIFESTS = 1
+_STORE, _SCHEMA, _SCHEMA_SHA256, _ROWS = 1, 2, 3, 4
+_SCHEMA_BYTES = 1
+_ENCODING, _PAYLOAD, _COMPRESSION, _SIZE = 1, 2, 3, 4
+_LZ4 = 2
+_ENTITY, _CHUNK_ID, _OFFSET, _LENGTH = "chunk_entity_path", "chunk_id", "chunk_byte_offset", "chunk_byte_size"
+_TEXTS = (_ENTITY, _CHUNK_ID)
+
+
+class ChunkPlace(NamedTuple):
+    """Where the payload of a message that holds a chunk stands in a file, in bytes."""
+
+    offset: int
+    length: int
+
+
+class _Block(NamedTuple):
+    footer: bytes
+    offsets: Sequence[int]
+    """Of the chunks in the block, in order."""
+
+
+class _Layout(NamedTuple):
+    """What rows of the same kind have in common."""
+
+    entity: str
+    columns: tuple[str, ...]
+    """Those that are neither empty nor zero."""
+    places: tuple[int, ...]
+    """For each column, which of the row's distinct numbers it holds; most columns repeat others."""
+
+
+class _Rows:
+    """The rows of one layout, packed."""
+
+    def __init__(self) -> None:
+        self.chunks = array("I")
+        """Which chunk of the recording each row is about, counted from 0."""
+        self.numbers = array("q")
+        """The distinct numbers of each row, one row after the other."""
+
+
+class _Store:
+    """The rows of one store: the recording, or the layout of the viewer."""
+
+    def __init__(self) -> None:
+        self.fields: dict[str, pa.Field] = {}
+        """The columns of the table, in an order of their own."""
+        self.rows: dict[_Layout, _Rows] = defaultdict(_Rows)
+        self.schemas: dict[bytes, SorbetSchema] = {}
+        """What Rerun says of the columns of the store, by checksum."""
+
+
+class ChunkTable:
+    """Gathers the tables of blocks, and writes the one of the file. One thread may add while another takes in."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._waiting: deque[_Block] = deque()
+        self._stores: dict[bytes, _Store] = defaultdict(_Store)
+        self._chunk_ids = bytearray()
+        self._count = 0
+        self._incomplete = False
+
+    def add(self, footer: bytes, offsets: Sequence[int]) -> None:
+        """Hand in what a block ends with, and where in it the payloads of its chunks begin. Costs nothing yet."""
+        self._waiting.append(_Block(footer, offsets))
+
+    def take_in(self) -> None:
+        """Read what was handed in; some milliseconds for a block. Never raises: at worst the file gets no table."""
+        while self._waiting and not self._incomplete:
+            block = self._waiting.popleft()
+            try:
+                self._read(block)
+            except (pa.ArrowException, ValueError, LookupError, TypeError, MemoryError):
+                _LOG.warning("The recording will have no table of chunks: Rerun's own one is unknown.", exc_info=True)
+                self._incomplete = True
+
+    def encoded(self, places: Sequence[ChunkPlace]) -> bytes:
+        """Return Rerun's footer for a file with the first of all chunks, at `places`.
+
+        Empty when any chunk was in no table, or when there are too many. Never raises, as `take_in`.
+        """
+        self.take_in()
+        stores = {key: store for key, store in self._stores.items() if store.rows}
+        cells = sum(len(store.fields) * len(places) for store in stores.values())
+        if self._incomplete or not places or len(places) > self._count or cells > MOST_CELLS:
+            return b""
+        try:
+            return b"".join(bytes_field(_MANIFESTS, self._manifest(key, stores[key], places)) for key in stores)
+        except (pa.ArrowException, ValueError, LookupError, TypeError, RuntimeError, MemoryError):
+            _LOG.warning("The recording has no table of chunks: it could not be put together.", exc_info=True)
+            return b""
+
+    def _read(self, block: _Block) -> None:
+        chunk_of = {offset: self._count + place for place, offset in enumerate(block.offsets)}
+        ids = dict[int, bytes]()
+        for number, manifest in read_fields(block.footer):
+            if number == _MANIFESTS and isinstance(manifest, bytes):
+                ids |= self._read_manifest(manifest, chunk_of)
+        if len(ids) != len(chunk_of):
+            raise ValueError(f"{len(chunk_of) - len(ids)} chunks are not in the table")
+        self._chunk_ids += b"".join(ids[chunk] for chunk in sorted(ids))
+        self._count += len(ids)
+
+    def _read_manifest(self, manifest: bytes, chunk_of: Mapping[int, int]) -> dict[int, bytes]:
+        """Keep the rows of a table; return the ids of its chunks, by the chunk's number."""
+        parts = _bytes_of(manifest)
+        store = self._stores[parts[_STORE]]
+        sha256 = parts[_SCHEMA_SHA256]
+        if sha256 not in store.schemas:
+            store.schemas[sha256] = SorbetSchema(_bytes_of(parts[_SCHEMA])[_SCHEMA_BYTES], sha256)
+        batch = _read_batch(parts[_ROWS])
+        chunks = [chunk_of[offset] for offset in batch.column(_OFFSET).to_pylist()]
+        store.fields |= {field.name: field for field in batch.schema if field.name not in store.fields}
+        names = [name for name in batch.schema.names if name not in (*_TEXTS, _OFFSET, _LENGTH)]
+        numbers = np.stack([_numbers(batch.column(name)) for name in names], axis=1)
+        filled = np.stack([_is_filled(batch.column(name)) for name in names], axis=1)
+        for row, (chunk, entity) in enumerate(zip(chunks, batch.column(_ENTITY).to_pylist(), strict=True)):
+            columns = np.flatnonzero(filled[row])
+            distinct, places = np.unique(numbers[row, columns], return_inverse=True)
+            layout = _Layout(entity, tuple(names[column] for column in columns), tuple(places.tolist()))
+            rows = store.rows[layout]
+            rows.chunks.append(chunk)
+            rows.numbers.extend(distinct.tolist())
+        return dict(zip(chunks, batch.column(_CHUNK_ID).to_pylist(), strict=True))
+
+    def _manifest(self, key: bytes, store: _Store, places: Sequence[ChunkPlace]) -> bytes:
+        schema = as_rerun_merges(list(store.schemas.values()))
+        stream = _stream_bytes(self._batch(store, places))
+        compressed = pa.Codec("lz4_raw").compress(stream, asbytes=True)
+        rows = (
+            number_field(_ENCODING, 1)
+            + bytes_field(_PAYLOAD, compressed)
+            + number_field(_COMPRESSION, _LZ4)
+            + number_field(_SIZE, len(stream))
+        )
+        return b"".join(
+            (
+                bytes_field(_STORE, key),
+                bytes_field(_SCHEMA, bytes_field(_SCHEMA_BYTES, schema.encoded)),
+                bytes_field(_SCHEMA_SHA256, schema.sha256),
+                bytes_field(_ROWS, rows),
+            )
+        )
+
+    def _batch(self, store: _Store, places: Sequence[ChunkPlace]) -> pa.RecordBatch:
+        """Return the table of a store, in the order of the file."""
+        chunks = np.sort(np.concatenate([np.frombuffer(rows.chunks, np.uint32) for rows in store.rows.values()]))
+        chunks = chunks[chunks < len(places)]
+        placed = np.array(places, np.uint64).reshape(-1, 2)[chunks]
+        ids = np.frombuffer(self._chunk_ids, "V16")[chunks]
+        known: dict[str, pa.Array] = {
+            _CHUNK_ID: pa.FixedSizeBinaryArray.from_buffers(pa.binary(16), len(ids), [None, pa.py_buffer(ids)]),
+            _OFFSET: pa.array(placed[:, 0].copy()),
+            _LENGTH: pa.array(placed[:, 1].copy()),
+            _ENTITY: _entities(store, chunks),
+        }
+        parts = _column_parts(store, chunks)
+        fields = list(store.fields.values())
+        arrays = [known[each.name] if each.name in known else _column(each, parts, len(chunks)) for each in fields]
+        return pa.RecordBatch.from_arrays(arrays, schema=pa.schema(fields))
+
+
+class _Part(NamedTuple):
+    """Some rows of a column."""
+
+    rows: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+
+
+def _column_parts(store: _Store, chunks: NDArray[np.uint32]) -> Mapping[str, Sequence[_Part]]:
+    """Return for each column the rows in which it holds something; nothing is copied."""
+    parts: dict[str, list[_Part]] = defaultdict(list)
+    for layout, rows in store.rows.items():
+        numbers = np.frombuffer(rows.numbers, np.int64).reshape(len(rows.chunks), -1)
+        wanted, places = _rows_of(rows, chunks)
+        for column, place in zip(layout.columns, layout.places, strict=True):
+            parts[column].append(_Part(places, numbers[wanted, place]))
+    return parts
+
+
+def _rows_of(rows: _Rows, chunks: NDArray[np.uint32]) -> tuple[slice, NDArray[np.int64]]:
+    """Return which rows of a layout are about `chunks`, and which of these they are about."""
+    numbers = np.frombuffer(rows.chunks, np.uint32)
+    wanted = slice(int(np.searchsorted(numbers, chunks[-1], "right")) if len(chunks) else 0)
+    return wanted, np.searchsorted(chunks, numbers[wanted])
+
+
+def _entities(store: _Store, chunks: NDArray[np.uint32]) -> pa.Array:
+    names = sorted({layout.entity for layout in store.rows})
+    places = np.zeros(len(chunks), np.int32)
+    for layout, rows in store.rows.items():
+        places[_rows_of(rows, chunks)[1]] = names.index(layout.entity)
+    return pa.array(names, pa.utf8()).take(pa.array(places))
+
+
+def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -> pa.Array:
+    numbers, filled = np.zeros(count, np.int64), np.zeros(count, bool)
+    for part in parts.get(field.name, ()):
+        numbers[part.rows], filled[part.rows] = part.numbers, True
+    if pa.types.is_boolean(field.type):
+        return pa.array(numbers.astype(bool))
+    validity = pa.py_buffer(np.packbits(filled, bitorder="little")) if field.nullable else None
+    return pa.Array.from_buffers(field.type, count, [validity, pa.py_buffer(numbers)])
+
+
+def _numbers(column: pa.Array) -> NDArray[np.int64]:
+    """Return a column of times, counts or truths as whole numbers, with 0 for what is empty."""
+    if pa.types.is_boolean(column.type):
+        return column.fill_null(fill_value=False).to_numpy(zero_copy_only=False).astype(np.int64)
+    return column.view(pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
+
+
+def _is_filled(column: pa.Array) -> NDArray[np.bool_]:
+    """Tell where a column holds something; what is not filled may become empty, or zero where it must not be empty."""
+    if pa.types.is_boolean(column.type):
+        return column.fill_null(fill_value=False).to_numpy(zero_copy_only=False)
+    return column.is_valid().to_numpy(zero_copy_only=False)
+
+
+def _read_batch(rows: bytes) -> pa.RecordBatch:
+    values = {field.number: field.value for field in read_fields(rows)}
+    payload, size = values[_PAYLOAD], values.get(_SIZE, 0)
+    if not isinstance(payload, bytes) or not isinstance(size, int):
+        raise TypeError("the table is laid out otherwise")
+    stream = pa.Codec("lz4_raw").decompress(payload, size) if values.get(_COMPRESSION) == _LZ4 else payload
+    (batch,) = pa.ipc.open_stream(stream)
+    return batch
+
+
+def _stream_bytes(batch: pa.RecordBatch) -> pa.Buffer:
+    """Return a table as Arrow streams it, written once into memory of its size."""
+    counted = pa.MockOutputStream()
+    _write(batch, counted)
+    buffer = pa.allocate_buffer(counted.size())
+    _write(batch, pa.FixedSizeBufferWriter(buffer))
+    return buffer
+
+
+def _write(batch: pa.RecordBatch, sink: pa.NativeFile) -> None:
+    with pa.ipc.new_stream(sink, batch.schema) as writer:
+        writer.write_batch(batch)
+
+
+def _bytes_of(message: bytes) -> dict[int, bytes]:
+    """Return the fields of a message that hold bytes."""
+    return dict(_bytes_fields(message))
+
+
+def _bytes_fields(message: bytes) -> Iterator[tuple[int, bytes]]:
+    for number, value in read_fields(message):
+        if isinstance(value, bytes):
+            yield number, value

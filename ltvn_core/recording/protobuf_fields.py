@@ -1,0 +1,72 @@
+"""The few things that recordings need of protobuf: fields of numbers and of bytes. Owns no message."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+_NUMBER, _EIGHT_BYTES, _BYTES, _FOUR_BYTES = 0, 1, 2, 5
+_FIXED_BYTES = {_EIGHT_BYTES: 8, _FOUR_BYTES: 4}
+
+
+class Field(NamedTuple):
+    """One field of a message."""
+
+    number: int
+    value: int | bytes
+
+
+def number_field(number: int, value: int) -> bytes:
+    """Encode a field that holds an unsigned number."""
+    return varint(number << 3 | _NUMBER) + varint(value)
+
+
+def bytes_field(number: int, value: bytes) -> bytes:
+    """Encode a field that holds bytes: a text, or another message."""
+    return bytes_field_start(number, len(value)) + value
+
+
+def bytes_field_start(number: int, length: int) -> bytes:
+    """Encode what stands before the bytes of a field."""
+    return varint(number << 3 | _BYTES) + varint(length)
+
+
+def varint(number: int) -> bytes:
+    """Encode an unsigned number, seven bits a byte."""
+    parts = bytearray()
+    while number > 0x7F:
+        parts.append(number & 0x7F | 0x80)
+        number >>= 7
+    return bytes([*parts, number])
+
+
+def read_fields(message: bytes) -> Iterator[Field]:
+    """Yield the fields of a message in order. Raises ValueError when it is none."""
+    place = 0
+    while place < len(message):
+        key, place = _read_varint(message, place)
+        kind = key & 7
+        if kind == _NUMBER:
+            value, place = _read_varint(message, place)
+            yield Field(key >> 3, value)
+            continue
+        if kind == _BYTES:
+            length, place = _read_varint(message, place)
+        elif kind in _FIXED_BYTES:
+            length = _FIXED_BYTES[kind]
+        else:
+            raise ValueError(f"a protobuf field of the unknown kind {kind}")
+        if place + length > len(message):
+            raise ValueError("a protobuf field goes on behind the end of its message")
+        yield Field(key >> 3, message[place : place + length])
+        place += length
+
+
+def _read_varint(message: bytes, place: int) -> tuple[int, int]:
+    """Return a number and the place behind it."""
+    number = shift = 0
+    while place < len(message):
+        byte = message[place]
+        number |= (byte & 0x7F) << shift
+        place, shift = place + 1, shift + 7
+        if byte < 0x80:
+            return number, place
+    raise ValueError("a protobuf number goes on behind the end of its message")

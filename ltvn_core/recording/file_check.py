@@ -21,6 +21,8 @@ class FileCheck(NamedTuple):
     """None for an unfinished file, a damaged end, and a file that was written before there were closing records."""
     damage: str | None
     """What is wrong in a finished file, as a clause; None when nothing is, as far as its checksums go."""
+    has_chunk_table: bool = False
+    """Rerun's table of chunks is there. With it and without a record, Rerun wrote the file."""
 
 
 def check_file(path: Path) -> FileCheck:
@@ -36,14 +38,16 @@ def check_file(path: Path) -> FileCheck:
     if end is None:
         return FileCheck(framing, None, None)
     record = read_closing_record(end)
-    return FileCheck(framing, record, _damage(header_crc32, messages, end, record))
+    return FileCheck(framing, record, _damage(header_crc32, messages, end, record), has_chunk_table=bool(end.footer))
 
 
 def _damage(
     header_crc32: int, messages: Sequence[MessageSum], end: EndMessage, record: ClosingRecord | None
 ) -> str | None:
     if record is None:
-        return "its table of checksums changed" if end.appended else None
+        if end.appended:
+            return "its table of checksums changed"
+        return None if end.footer_is_right else "Rerun's table of its chunks changed"
     if header_crc32 != record.header_crc32:
         return "its first 12 bytes changed"
     position = rrd_framing.HEADER_BYTES

@@ -7,7 +7,7 @@ nothing of frames and events.
 
 import warnings
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import rrd_framing, schema
 from ltvn_core.recording.closing_record import ClosingRecord
 from ltvn_core.recording.file_check import FileCheck, check_file
+from ltvn_core.recording.joined_rows import joined_rows
 from ltvn_core.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 from ltvn_core.recording.reading_trial import reading_failure
 
@@ -31,7 +32,11 @@ class StoreRows(NamedTuple):
 
     recording_id: str
     rows: Mapping[str, Sequence[pa.RecordBatch]]
-    """Entity path with a leading slash -> batches in the order of the file."""
+    """Entity path with a leading slash -> batches in the order of the file, each row with all of its columns."""
+    other_ids: Sequence[str] = ()
+    """Of further recordings in the same file; their rows are not here."""
+    without_steps: Set[str] = frozenset()
+    """Entities with exact columns but without the timeline that orders them."""
 
 
 class RrdContents(NamedTuple):
@@ -41,7 +46,7 @@ class RrdContents(NamedTuple):
     rows: Mapping[str, Sequence[pa.RecordBatch]]
     """Entity path with a leading slash -> batches in the order of the file."""
     record: ClosingRecord | None = None
-    """What the file says of its own bytes and rows; an older one has none."""
+    """What the file says of its own bytes and rows; an older one and one that Rerun's tools rewrote have none."""
 
     def batches_of(self, entity: str) -> Sequence[pa.RecordBatch]:
         """Return the batches of one entity."""
@@ -100,13 +105,28 @@ def open_contents(path: Path) -> RrdContents:
     if found.record is None and (failure := reading_failure(path)) is not None:
         raise _damaged_inside(path, failure)
     store = read_store(path)
+    _require_one_recording(path, store)
     # First, since a newer schema may have other columns.
     meta = read_description(path, store)
     for entity, batches in store.rows.items():
         for batch in batches:
             if not has_expected_columns(entity, batch):
                 raise _damaged_inside(path, f"a column of {entity} is missing or of another kind")
+        if entity in store.without_steps:
+            raise RecordingError(
+                f"{path} has lost the timeline `{schema.STEP}` of {entity}, which says what belongs to which moment. Take "
+                "the recording that it was made from, and keep that timeline."
+            )
     return RrdContents(meta, store.rows, found.record)
+
+
+def _require_one_recording(path: Path, store: StoreRows) -> None:
+    if others := store.other_ids:
+        ids = ", ".join((store.recording_id, *others))
+        raise RecordingError(
+            f"{path} holds {1 + len(others)} recordings: {ids}. Take one out with `ltvn repair {path} --recording-id "
+            f"{store.recording_id} --output NEW.rrd`, and open that."
+        )
 
 
 def read_store(path: Path, *, part_of: Path | None = None) -> StoreRows:
@@ -117,12 +137,12 @@ def read_store(path: Path, *, part_of: Path | None = None) -> StoreRows:
     named = part_of or path
     try:
         with warnings.catch_warnings():
-            # Our files have no table of chunks, since it would grow for as long as a recording lasts.
+            # Files that were never finished, older ones and very long ones have no table of chunks.
             warnings.filterwarnings("ignore", message="RRD file has no footer")
             reader = RrdReader(path)
         stores = reader.recordings()
         # Reading from here on touches every message, so damage inside one shows as an exception of any kind.
-        chunks = reader.stream() if stores else ()
+        chunks = reader.stream(store=stores[0]) if stores else ()
         batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if _is_read(chunk.entity_path)]
     except Exception as error:
         raise _damaged_inside(named, str(error)) from error
@@ -135,7 +155,31 @@ def read_store(path: Path, *, part_of: Path | None = None) -> StoreRows:
     rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
     for entity, batch in batches:
         rows[entity].append(batch)
-    return StoreRows(stores[0].recording_id, rows)
+    try:
+        joined = {entity: _joined(entity, each) for entity, each in rows.items()}
+    except (pa.ArrowException, TypeError) as error:
+        raise _damaged_inside(named, f"its columns do not fit together ({error})") from error
+    return StoreRows(
+        stores[0].recording_id,
+        joined,
+        other_ids=[each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID],
+        without_steps={entity for entity, each in rows.items() if any(_has_no_step(entity, batch) for batch in each)},
+    )
+
+
+def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
+    """Put rows together whose columns stand in several batches; rows without a time stay as they are."""
+    needed = schema.COLUMNS.get(entity.removeprefix("/"))
+    if needed is None:
+        return batches
+    timed = [batch for batch in batches if schema.STEP in batch.schema.names]
+    untimed = [batch for batch in batches if schema.STEP not in batch.schema.names]
+    return [*untimed, *joined_rows(timed, needed.keys())]
+
+
+def _has_no_step(entity: str, batch: pa.RecordBatch) -> bool:
+    names = set(batch.schema.names)
+    return schema.STEP not in names and bool(names & schema.COLUMNS.get(entity.removeprefix("/"), {}).keys())
 
 
 def read_description(path: Path, store: StoreRows) -> RecordingMetadata:

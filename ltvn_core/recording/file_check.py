@@ -21,8 +21,6 @@ class FileCheck(NamedTuple):
     """None for an unfinished file, a damaged end, and a file that was written before there were closing records."""
     damage: str | None
     """What is wrong in a finished file, as a clause; None when nothing is, as far as its checksums go."""
-    has_chunk_table: bool = False
-    """Rerun's table of chunks is there. With it and without a record, Rerun wrote the file."""
 
 
 def check_file(path: Path) -> FileCheck:
@@ -38,7 +36,7 @@ def check_file(path: Path) -> FileCheck:
     if end is None:
         return FileCheck(framing, None, None)
     record = read_closing_record(end)
-    return FileCheck(framing, record, _damage(header_crc32, messages, end, record), has_chunk_table=bool(end.footer))
+    return FileCheck(framing, record, _damage(header_crc32, messages, end, record))
 
 
 def _damage(

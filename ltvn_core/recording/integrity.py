@@ -20,6 +20,11 @@ from ltvn_core.recording.rrd_contents import open_contents, require_file
 from ltvn_core.recording.salvage import open_salvage
 from ltvn_core.types import FrameId
 
+_NO_RECORD = (
+    "rewritten by Rerun, or older than checksums: frames and events carry their own checksums and are right; "
+    "the file's own table of checksums is not there"
+)
+
 
 @dataclass(frozen=True, slots=True)
 class VerifiedRecording:
@@ -31,6 +36,8 @@ class VerifiedRecording:
     size_bytes: int
     checksummed: bool
     """Every byte has a checksum. An older recording has them only for its frames and events."""
+    note: str | None = None
+    """What the file lacks although everything that is read back is right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,18 +85,19 @@ def verify(path: Path | str) -> VerifiedRecording:
         events=len(recording.events),
         size_bytes=path.stat().st_size,
         checksummed=contents.record is not None,
+        note=None if contents.record is not None else _NO_RECORD,
     )
 
 
-def repair(path: Path | str, output: Path | str) -> RepairedRecording:
+def repair(path: Path | str, output: Path | str, *, recording_id: str | None = None) -> RepairedRecording:
     """Write all whole frames and events of a damaged or unfinished recording to a new file `output`.
 
     What is damaged is left out and named. Raises RecordingError when `output` exists, when `path` is not ours, or when
-    it is damaged and no frame and no event in it is whole.
+    it is damaged and no frame and no event in it is whole. A file with several recordings needs a `recording_id`.
     """
     path, output = Path(path), Path(output)
     require_file(path)
-    salvage = open_salvage(path)
+    salvage = open_salvage(path, recording_id)
     recording = salvage.recording
     frames = [frame for frame in recording.frames if recording.is_intact(frame)]
     losses = find_losses(salvage, frames)

@@ -120,13 +120,17 @@ def open_contents(path: Path) -> RrdContents:
     return RrdContents(meta, store.rows, found.record)
 
 
+def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
+    """Return what to say of a file into which `rerun rrd merge` put more than one recording."""
+    return RecordingError(
+        f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Take one out with `ltvn repair {path} --recording-id "
+        f"{ids[0]} --output NEW.rrd`, and open that."
+    )
+
+
 def _require_one_recording(path: Path, store: StoreRows) -> None:
-    if others := store.other_ids:
-        ids = ", ".join((store.recording_id, *others))
-        raise RecordingError(
-            f"{path} holds {1 + len(others)} recordings: {ids}. Take one out with `ltvn repair {path} --recording-id "
-            f"{store.recording_id} --output NEW.rrd`, and open that."
-        )
+    if store.other_ids:
+        raise several_recordings(path, [store.recording_id, *store.other_ids])
 
 
 def read_store(path: Path, *, part_of: Path | None = None) -> StoreRows:

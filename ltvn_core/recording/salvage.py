@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pyarrow as pa
+import rerun as rr
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.closing_record import ClosingRecord
 from ltvn_core.recording.message_search import FoundMessages, find_messages
 from ltvn_core.recording.metadata import RecordingMetadata, package_versions, read_schema_version
+from ltvn_core.recording.protobuf_fields import bytes_field, read_fields
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.reading_trial import reading_failure, unreadable_messages
 from ltvn_core.recording.rrd_contents import (
@@ -26,13 +28,14 @@ from ltvn_core.recording.rrd_contents import (
     has_expected_columns,
     read_description,
     read_store,
+    several_recordings,
     unreadable,
 )
 from ltvn_core.recording.rrd_framing import CHUNK_KIND, MESSAGE_HEADER, TAIL_BYTES, Tail
 from ltvn_core.robots.robot_spec import LOCOBOT
 
-_FILE_HEADER = b"RRF2\x00\x29\x00\x00\x01\x02\x00\x00"
-"""As Rerun 0.41 writes it: magic, version, LZ4, protobuf."""
+_FILE_HEADER = b"RRF2" + bytes([*map(int, rr.__version__.split("+")[0].split(".")[:2]), 0, 0]) + b"\x01\x02\x00\x00"
+"""As this Rerun writes it: magic, version, LZ4, protobuf."""
 _STORE_KIND = 1
 _ROW_ID = b"\n\x12\t" + bytes(8) + b"\x11" + bytes(8)
 _STORE_SOURCE = b"*\x0c\x08\x02\x12\x08\n\x06\x08\x03\x10\x0b\x18\x07"
@@ -57,17 +60,22 @@ class Salvage(NamedTuple):
     """The file was finished once."""
 
 
-def open_salvage(path: Path) -> Salvage:
-    """Open what is whole of a damaged or unfinished recording. Raises RecordingError when nothing is."""
+def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
+    """Open what is whole of a damaged or unfinished recording.
+
+    Raises RecordingError when nothing is, and when the file holds several recordings and `recording_id` names none.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from error
     found = find_messages(data)
     chunks = [each for each in found.messages if _store(each.data) is not None]
-    store = _main_store([each.data for each in chunks])
-    if store is None:
+    stores = _stores([each.data for each in found.messages])
+    if not stores:
         raise RecordingError(f"{path} holds no whole message of a recording; nothing in it can be saved.")
+    store = _chosen_store(path, stores, recording_id)
+    chunks = [each for each in chunks if _store(each.data) not in {*stores} - {store}]
     messages = [each.data for each in chunks]
     bad, rows = _read_apart(path, store, messages, trusted=found.record is not None)
     contents = _contents(path, rows, found.record)
@@ -160,7 +168,7 @@ def _stand_in(recording_id: str) -> RecordingMetadata:
 
 
 def _write(path: Path, store: bytes, messages: Sequence[bytes]) -> None:
-    info = _ROW_ID + _field(2, _field(2, store) + _STORE_SOURCE)
+    info = _ROW_ID + bytes_field(2, bytes_field(2, store) + _STORE_SOURCE)
     described = MESSAGE_HEADER.pack(_STORE_KIND, len(info)) + info
     with path.open("wb") as file:
         file.write(_FILE_HEADER + described)
@@ -177,11 +185,30 @@ def _store(message: bytes) -> bytes | None:
     return store if store.startswith(_RECORDING_STORE) else None
 
 
-def _main_store(messages: Sequence[bytes]) -> bytes | None:
+def _stores(messages: Sequence[bytes]) -> Sequence[bytes]:
+    """Return the recordings in a file, the one with most messages first.
+
+    Where damage may have changed the name of one in a message, only those count that the file describes.
+    """
     stores = Counter(store for message in messages if (store := _store(message)) is not None)
-    return stores.most_common(1)[0][0] if stores else None
+    described = [message for message in messages if MESSAGE_HEADER.unpack_from(message)[0] == _STORE_KIND]
+    ordered = [store for store, _ in stores.most_common()]
+    return [store for store in ordered if any(store in each for each in described)] or ordered[:1]
 
 
-def _field(number: int, content: bytes) -> bytes:
-    """Return a protobuf field of fewer than 128 bytes."""
-    return bytes([number << 3 | 2, len(content)]) + content
+def _chosen_store(path: Path, stores: Sequence[bytes], recording_id: str | None) -> bytes:
+    ids = {_recording_id(store): store for store in stores}
+    if recording_id in ids:
+        return ids[recording_id]
+    if recording_id is not None:
+        raise RecordingError(f"{path} holds no recording {recording_id!r}, but {' and '.join(ids)}.")
+    if len(stores) > 1:
+        raise several_recordings(path, list(ids))
+    return stores[0]
+
+
+def _recording_id(store: bytes) -> str:
+    try:
+        return next(field.value.decode() for field in read_fields(store) if isinstance(field.value, bytes))
+    except (ValueError, StopIteration):
+        return "?"

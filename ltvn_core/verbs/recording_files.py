@@ -44,9 +44,11 @@ class RepairVerb(Verb):
     """The damaged .rrd file; it is left as it is."""
     output: Path
     """Where to write the repaired recording; must not exist yet."""
+    recording_id: str = ""
+    """Which recording to take out of a file with several, as `rerun rrd merge` makes it."""
 
     def run(self) -> Summary:
         """Repair the file; raises RecordingError where nothing can be saved."""
         from ltvn_core.recording.integrity import repair
 
-        return repair(self.recording, self.output)
+        return repair(self.recording, self.output, recording_id=self.recording_id or None)

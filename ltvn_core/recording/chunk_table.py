@@ -225,7 +225,8 @@ def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -
         numbers[part.rows], filled[part.rows] = part.numbers, True
     if pa.types.is_boolean(field.type):
         return pa.array(numbers.astype(bool))
-    validity = pa.py_buffer(np.packbits(filled, bitorder="little")) if field.nullable else None
+    # Rerun says 0 rows, and leaves times empty, where a chunk has nothing of a column.
+    validity = None if pa.types.is_unsigned_integer(field.type) else pa.py_buffer(np.packbits(filled, bitorder="little"))
     return pa.Array.from_buffers(field.type, count, [validity, pa.py_buffer(numbers)])
 
 
@@ -237,9 +238,9 @@ def _numbers(column: pa.Array) -> NDArray[np.int64]:
 
 
 def _is_filled(column: pa.Array) -> NDArray[np.bool_]:
-    """Tell where a column holds something; what is not filled may become empty, or zero where it must not be empty."""
-    if pa.types.is_boolean(column.type):
-        return column.fill_null(fill_value=False).to_numpy(zero_copy_only=False)
+    """Tell where a column holds something: a time, or a count or truth that is not zero."""
+    if pa.types.is_boolean(column.type) or pa.types.is_unsigned_integer(column.type):
+        return _numbers(column) != 0
     return column.is_valid().to_numpy(zero_copy_only=False)
 
 

@@ -136,10 +136,12 @@ class ChunkTable:
             store.schemas[sha256] = SorbetSchema(_bytes_of(parts[_SCHEMA])[_SCHEMA_BYTES], sha256)
         batch = _read_batch(parts[_ROWS])
         chunks = [chunk_of[offset] for offset in batch.column(_OFFSET).to_pylist()]
-        store.fields |= {field.name: field for field in batch.schema if field.name not in store.fields}
+        if not store.fields.keys() >= set(batch.schema.names):
+            store.fields |= {field.name: field for field in batch.schema if field.name not in store.fields}
         names = [name for name in batch.schema.names if name not in (*_TEXTS, _OFFSET, _LENGTH)]
-        numbers = np.stack([_numbers(batch.column(name)) for name in names], axis=1)
-        filled = np.stack([_is_filled(batch.column(name)) for name in names], axis=1)
+        cells = [_cells(batch.column(name)) for name in names]
+        numbers = np.stack([each.numbers for each in cells], axis=1)
+        filled = np.stack([each.filled for each in cells], axis=1)
         for row, (chunk, entity) in enumerate(zip(chunks, batch.column(_ENTITY).to_pylist(), strict=True)):
             columns = np.flatnonzero(filled[row])
             distinct, places = np.unique(numbers[row, columns], return_inverse=True)
@@ -230,18 +232,29 @@ def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -
     return pa.Array.from_buffers(field.type, count, [validity, pa.py_buffer(numbers)])
 
 
-def _numbers(column: pa.Array) -> NDArray[np.int64]:
-    """Return a column of times, counts or truths as whole numbers, with 0 for what is empty."""
+class _Cells(NamedTuple):
+    """A column of times, counts or truths."""
+
+    numbers: NDArray[np.int64]
+    filled: NDArray[np.bool_]
+    """Where the column holds something: a time, or a count or truth that is not zero."""
+
+
+def _cells(column: pa.Array) -> _Cells:
+    """Read a column. From its buffers: there are hundreds in each block, and Arrow takes 0.06 ms for each."""
+    validity, values = column.buffers()
     if pa.types.is_boolean(column.type):
-        return column.fill_null(fill_value=False).to_numpy(zero_copy_only=False).astype(np.int64)
-    return column.view(pa.int64()).fill_null(0).to_numpy(zero_copy_only=False)
+        numbers = _bits(values, column).astype(np.int64)
+        return _Cells(numbers, numbers != 0)
+    numbers = np.frombuffer(values, np.int64, len(column), 8 * column.offset)
+    if pa.types.is_unsigned_integer(column.type):
+        return _Cells(numbers, numbers != 0)
+    return _Cells(numbers, np.ones(len(column), bool) if validity is None else _bits(validity, column))
 
 
-def _is_filled(column: pa.Array) -> NDArray[np.bool_]:
-    """Tell where a column holds something: a time, or a count or truth that is not zero."""
-    if pa.types.is_boolean(column.type) or pa.types.is_unsigned_integer(column.type):
-        return _numbers(column) != 0
-    return column.is_valid().to_numpy(zero_copy_only=False)
+def _bits(buffer: pa.Buffer, column: pa.Array) -> NDArray[np.bool_]:
+    bits = np.unpackbits(np.frombuffer(buffer, np.uint8), count=column.offset + len(column), bitorder="little")
+    return bits[column.offset :].astype(bool)
 
 
 def _read_batch(rows: bytes) -> pa.RecordBatch:

@@ -48,7 +48,6 @@ def test_bytes_added_or_taken_away_anywhere_are_found(whole: Path, tmp_path: Pat
             assert found.damage is not None or not found.framing.finished, place
 
 
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_rerun_reads_a_recording_with_a_closing_record(whole: Path) -> None:
     reader = rerun.chunk.RrdReader(whole)
     assert [store.application_id for store in reader.recordings()] == [schema.APPLICATION_ID]

@@ -74,17 +74,22 @@ def frames_of(recording: Path, repaired: Path, *, finished: bool) -> int:
 
 
 class _PlainEnding:
-    """Ends a file with a word and counts nothing."""
+    """Ends a file with a word, or with the `long_ending` where there is room, and counts nothing."""
+
+    def __init__(self, long_ending: bytes = b"") -> None:
+        """Keep the long ending."""
+        self._long = long_ending
 
     def count(self, block: bytes) -> None:
         """Take no note."""
 
-    def encoded(self, *, complete: bool) -> bytes:
-        return b" end" if complete else b" cut"
+    def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
+        word = b" end" if complete else b" cut"
+        return word if is_short else self._long + word
 
 
-def appended(path: Path, blocks: Sequence[bytes]) -> AppendedFile:
-    file = AppendedFile(path, min_free_bytes=1, ending=_PlainEnding())
+def appended(path: Path, blocks: Sequence[bytes], long_ending: bytes = b"") -> AppendedFile:
+    file = AppendedFile(path, min_free_bytes=1, ending=_PlainEnding(long_ending))
     for block in blocks:
         file.append([block])
     return file
@@ -116,6 +121,24 @@ print(file.failure)
     )
     assert "File too large" in run.stdout
     assert (tmp_path / "a").read_bytes() == b"12345 cut"
+
+
+def test_a_file_ends_shortly_where_there_is_no_room_for_its_long_ending(tmp_path: Path) -> None:
+    program = """
+import resource, signal, sys
+from pathlib import Path
+from tests.core.recording.test_disk_faults import appended
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+file = appended(Path(sys.argv[1]), [b"12345"], long_ending=b"a table")
+file.close()
+print(file.failure)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "a")], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert run.stdout == "None\n"
+    assert (tmp_path / "a").read_bytes() == b"12345 end"
 
 
 def test_only_the_owner_may_read_a_recording(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def rerun(*words: str) -> str:
 def same_contents(one: Path, other: Path) -> bool:
     """Tell whether two recordings hold the same frames, events and description."""
     first, second = Recording.open(one), Recording.open(other)
-    frames = all(first.stored_frame(frame) == second.stored_frame(frame) for frame in ()) and all(
+    frames = all(
         np.array_equal(first.observation(frame).rgb, second.observation(frame).rgb)
         and np.array_equal(first.observation(frame).odometry, second.observation(frame).odometry)
         and second.is_intact(frame)
@@ -114,7 +114,6 @@ def test_a_table_that_would_grow_too_large_is_left_out(monkeypatch: pytest.Monke
     monkeypatch.setattr(chunk_table, "MOST_CELLS", 100)
     example_recording.write(tmp_path / "drive.rrd")
     assert verify(tmp_path / "drive.rrd").checksummed
-    assert b"".join(chunk_table._bytes_of(b"").values()) == b""
     tail = rrd_framing.Tail.read((tmp_path / "drive.rrd").read_bytes()[-rrd_framing.TAIL_BYTES :])
     assert tail is not None
     assert tail.footer_bytes == 0

@@ -228,7 +228,9 @@ def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -
     if pa.types.is_boolean(field.type):
         return pa.array(numbers.astype(bool))
     # Rerun says 0 rows, and leaves times empty, where a chunk has nothing of a column.
-    validity = None if pa.types.is_unsigned_integer(field.type) else pa.py_buffer(np.packbits(filled, bitorder="little"))
+    validity = (
+        None if pa.types.is_unsigned_integer(field.type) else pa.py_buffer(np.packbits(filled, bitorder="little"))
+    )
     return pa.Array.from_buffers(field.type, count, [validity, pa.py_buffer(numbers)])
 
 

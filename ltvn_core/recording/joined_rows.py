@@ -14,7 +14,7 @@ ROW_ID = "rerun.controls.RowId"
 def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str]) -> Sequence[pa.RecordBatch]:
     """Return batches in which every row has all of its columns, and stands once.
 
-    Rows that lack a needed column everywhere are left out. Where nothing has to be joined, the batches stay as they are.
+    Rows that lack a needed column everywhere are left out. Batches in which nothing has to be joined stay as they are.
     """
     if not all(ROW_ID in batch.schema.names for batch in batches):
         return batches

@@ -114,8 +114,8 @@ def open_contents(path: Path) -> RrdContents:
                 raise _damaged_inside(path, f"a column of {entity} is missing or of another kind")
         if entity in store.without_steps:
             raise RecordingError(
-                f"{path} has lost the timeline `{schema.STEP}` of {entity}, which says what belongs to which moment. Take "
-                "the recording that it was made from, and keep that timeline."
+                f"{path} has lost the timeline `{schema.STEP}` of {entity}, which says what belongs to which moment. "
+                "Take the recording that it was made from, and keep that timeline."
             )
     return RrdContents(meta, store.rows, found.record)
 
@@ -123,8 +123,8 @@ def open_contents(path: Path) -> RrdContents:
 def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
     """Return what to say of a file into which `rerun rrd merge` put more than one recording."""
     return RecordingError(
-        f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Take one out with `ltvn repair {path} --recording-id "
-        f"{ids[0]} --output NEW.rrd`, and open that."
+        f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Take one out with `ltvn repair {path} "
+        f"--recording-id {ids[0]} --output NEW.rrd`, and open that."
     )
 
 

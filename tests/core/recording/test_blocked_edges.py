@@ -1,6 +1,5 @@
 """Edges that are closed for now are drawn as such in the Rerun viewer."""
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +46,7 @@ def recorded(path: Path, *changes: PresenceObserved | EdgePruned) -> list[dict[s
         for number, change in enumerate(changes, 1):
             graph.apply(change)
             writer.draw_graph(graph, 100 * number, FAR_APART_S * number)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="RRD file has no footer")
-        chunks = [chunk for chunk in RrdReader(path).stream() if chunk.entity_path == f"/{schema.BLOCKED}"]
+    chunks = [chunk for chunk in RrdReader(path).stream() if chunk.entity_path == f"/{schema.BLOCKED}"]
     batches = [chunk.to_record_batch() for chunk in chunks]
     rows = [row for batch in batches for row in batch.select([schema.STEP, *COLUMNS]).to_pylist()]
     return sorted(rows, key=lambda row: row[schema.STEP])

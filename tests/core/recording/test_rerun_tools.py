@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,9 @@ TOOLS: dict[str, Callable[[Path, Path], list[str]]] = {
 
 def rerun(*words: str) -> str:
     """Run `rerun rrd ...` and return what it says; it must not fail."""
-    done = subprocess.run([sys.executable, "-m", "rerun_cli", "rrd", *words], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-m", "rerun_cli", "rrd", *words], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout + done.stderr
 
@@ -220,5 +222,5 @@ def _plain(column: pa.ChunkedArray) -> pa.ChunkedArray:
     return column.cast(pa.int64()) if temporal else column
 
 
-def _cells(batch: pa.RecordBatch, names: object) -> list[tuple[object, ...]]:
+def _cells(batch: pa.RecordBatch, names: Iterable[str]) -> list[tuple[object, ...]]:
     return list(zip(*(batch.column(name).to_pylist() for name in sorted(names)), strict=True))

@@ -28,6 +28,7 @@ from ltvn_core.systems.registry import system_entry
 from ltvn_core.types import FrameId, Pose, Predictor
 
 if TYPE_CHECKING:
+    from ltvn_core.simulation.body_names import BodyName
     from ltvn_core.simulation.changes.world import World
     from ltvn_core.simulation.changes.world_script import WorldScript
     from ltvn_core.simulation.scene import Scene
@@ -70,17 +71,19 @@ def open_simulation(
     odometry_noise: "OdometryNoise | None" = None,
     spec: RobotSpec = LOCOBOT,
     script: "WorldScript | None" = None,
+    body: "BodyName" = "auto",
 ) -> Simulation:
     """Load a scene and put a robot of `spec` into it, at `start` (3,) or at a free place drawn with `seed`.
 
-    `script` says what changes in the scene over time; without one nothing does by itself.
+    `script` says what changes in the scene over time; without one nothing does by itself. `body` moves the robot, see
+    `ltvn_core.simulation.body_selection`.
 
     Raises SceneError for an unknown scene and where the simulator cannot run at all.
     """
     try:
         from ltvn_core.simulation.simulated_robot import SimulatedRobot
     except ModuleNotFoundError as missing:
-        raise SceneError(f"There is no simulator here. {missing_text(missing.name or 'pybullet')}") from missing
+        raise SceneError(f"There is no simulator here. {missing_text(missing.name or 'trimesh')}") from missing
     from ltvn_core.simulation.changes.world import World
     from ltvn_core.simulation.changes.world_script import STATIC
     from ltvn_core.simulation.rendering.renderer_selection import open_renderer
@@ -99,6 +102,7 @@ def open_simulation(
         first_step=first_step,
         spec=spec,
         world=world,
+        body=body,
     )
     return Simulation(scene, robot, world)
 

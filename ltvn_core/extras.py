@@ -47,10 +47,4 @@ def missing_text(library: str) -> str:
     """Say what is missing and how to get it."""
     extra = EXTRAS.get(library)
     install = library if extra is None else f"'ltvn[{extra}]'"
-    text = f"This needs {library}, which is not installed: pip install {install}."
-    if library == "pybullet":
-        text += (
-            " PyBullet has wheels for Linux x86-64 and CPython 3.11 only; elsewhere there is no simulator, but replay, "
-            "maps and analysis work."
-        )
-    return text
+    return f"This needs {library}, which is not installed: pip install {install}."

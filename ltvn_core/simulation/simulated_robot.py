@@ -1,4 +1,4 @@
-"""The simulated LoCoBot: physics, drive lease, odometry and camera behind the `Robot` protocol.
+"""The simulated LoCoBot: body, drive lease, odometry and camera behind the `Robot` protocol.
 
 Holds the robot's clock and the count of control steps. Time passes only in `advance`, so the robot cannot move while
 its program hangs. `drive` and `stop` may be called from any thread, everything else from one thread.
@@ -15,10 +15,12 @@ from ltvn_core.errors import SceneError, WorldError
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.simulation.body import TICK_S, TICKS_PER_SECOND
+from ltvn_core.simulation.body_names import BodyName
+from ltvn_core.simulation.body_selection import open_body
 from ltvn_core.simulation.changes.world_follower import WorldFollower
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.drivetrain import Drivetrain
-from ltvn_core.simulation.physics import TICK_S, TICKS_PER_SECOND, PhysicsWorld
 from ltvn_core.simulation.rendered_observation import DepthFirstRenderer, RenderedObservation
 from ltvn_core.simulation.wheel_odometry import Odometer, OdometryNoise
 from ltvn_core.types import (
@@ -59,6 +61,7 @@ class SimulatedRobot:
         lease_s: float = LEASE_S,
         spec: RobotSpec = LOCOBOT,
         world: "World | None" = None,
+        body: BodyName = "auto",
     ) -> None:
         """Create a robot at `start` (3,), where its odometry is exact.
 
@@ -72,9 +75,10 @@ class SimulatedRobot:
             lease_s: Seconds for which a drive command is valid.
             spec: The size, speeds and camera of the robot.
             world: The changing world whose scene it is; the robot, its camera and its bumper follow it.
+            body: What moves it, see `ltvn_core.simulation.body_selection`.
 
         Raises:
-            SceneError: `start` lies inside an obstacle.
+            SceneError: `start` lies inside an obstacle, or the body needs PyBullet, which is missing.
         """
         self.world = world
         """The world that it drives in; None where nothing ever changes."""
@@ -84,7 +88,7 @@ class SimulatedRobot:
         self._spec = spec
         self._clock = SimulatorClock(self)
         start = _checked_free_pose(start, self._clearance, spec.radius_m)
-        self._physics = PhysicsWorld(*scene.collision_triangles(), start, spec)
+        self._body = open_body(body, *scene.collision_triangles(), start, spec)
         self._odometer = Odometer(start, odometry_noise or OdometryNoise(), rng)
         self._drivetrain = Drivetrain(spec.accelerations)
         self._lease = DriveLease(lambda: self.stamp, valid_s=lease_s, limits=spec.speeds)
@@ -94,7 +98,7 @@ class SimulatedRobot:
         self._step = first_step
         self._ticks_in_step = 0
         self._observation: Observation | None = None
-        self._follower = None if world is None else WorldFollower(world, self._physics, renderer)
+        self._follower = None if world is None else WorldFollower(world, self._body, renderer)
         if world is not None:
             world.enter(self, spec.radius_m)
             world.follow(self._follow)
@@ -122,7 +126,7 @@ class SimulatedRobot:
     @property
     def exact_pose(self) -> Pose:
         """The true pose (3,) in the world frame; only oracle, evaluation, recording and display may read it."""
-        return self._physics.pose
+        return self._body.pose
 
     @property
     def speeds(self) -> Twist:
@@ -215,18 +219,18 @@ class SimulatedRobot:
             self._follower.follow_people()
         self._lease.cancel()
         self._drivetrain.halt()
-        self._physics.place(pose)
+        self._body.place(pose)
         self._odometer.restart(pose)
         self._collision_counter.reset()
         self._step += 1
         self._ticks_in_step = 0
 
     def close(self) -> None:
-        """Leave the world and free the physics engine; closing twice is allowed."""
+        """Leave the world and free the body's memory; closing twice is allowed."""
         if self.world is not None:
             self.world.unfollow(self._follow)
             self.world.leave(self)
-        self._physics.close()
+        self._body.close()
 
     def _follow(self, events: Sequence[WorldChanged]) -> None:
         """Let body and camera meet the world as it is now. A picture of this step shows it as it was: a new begins."""
@@ -250,7 +254,7 @@ class SimulatedRobot:
             self._follower.show()
 
     def _tick(self) -> None:
-        body = self._physics
+        body = self._body
         x_m, y_m, yaw_rad = body.x_m, body.y_m, body.yaw_rad
         body.tick(*self._drivetrain.follow(self._lease.command(), TICK_S))
         dx, dy = body.x_m - x_m, body.y_m - y_m

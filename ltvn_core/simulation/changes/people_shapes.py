@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.apartments.tiling_textures import cloth, hsv_colour, plain
-from ltvn_core.simulation.physics import PERSON_HEIGHT_M, PERSON_RADIUS_M
+from ltvn_core.simulation.body import PERSON_HEIGHT_M, PERSON_RADIUS_M
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 from ltvn_core.simulation.surfaces import Surfaces, joined
 from ltvn_core.worlds.world_change import Outline, PersonMoved

@@ -20,7 +20,7 @@ from ltvn_core.simulation.changes.people import People
 from ltvn_core.simulation.changes.script_reader import ScriptReader
 from ltvn_core.simulation.changes.world_check import check_change, check_floor
 from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, WorldScript
-from ltvn_core.simulation.physics import PERSON_RADIUS_M
+from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.types import Pose
 from ltvn_core.worlds import world_change as w

@@ -7,7 +7,7 @@ import numpy as np
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
 from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
-from ltvn_core.simulation.physics import SCENE_OBSTACLES, PhysicsWorld
+from ltvn_core.simulation.body import SCENE_OBSTACLES, Body
 from ltvn_core.types import Renderer
 from ltvn_core.worlds.world_change import PersonMoved
 
@@ -28,10 +28,10 @@ class ChangingRenderer(Protocol):
 
 
 class WorldFollower:
-    """Keeps the physics and the renderer of one robot up to date."""
+    """Keeps the body and the renderer of one robot up to date."""
 
-    def __init__(self, world: "World", physics: PhysicsWorld, renderer: Renderer) -> None:
-        """Begin with a world whose present scene the physics has already.
+    def __init__(self, world: "World", body: Body, renderer: Renderer) -> None:
+        """Begin with a world whose present scene the body knows already.
 
         Raises SceneError for a renderer that cannot show changes.
         """
@@ -40,7 +40,7 @@ class WorldFollower:
                 f"{type(renderer).__name__} cannot show a world that changes: it has no method `show(scene)`. Use "
                 "`open_renderer`, or leave the robot without a world."
             )
-        self._world, self._physics, self._renderer = world, physics, renderer
+        self._world, self._body, self._renderer = world, body, renderer
         # What belongs to the scene itself is seldom moved and large; the rest is small, and a group of its own.
         self._own = world.scene.clearance.blocked
         self._blocked = self._own
@@ -72,8 +72,8 @@ class WorldFollower:
         people = self._world.state.people
         if people is not self._people:
             self._people = people
-            self._physics.set_people({each.person: each.pose[:2] for each in people})
+            self._body.set_people({each.person: each.pose[:2] for each in people})
 
     def _set(self, group: str, clearance: ClearanceMap, blocked: np.ndarray) -> None:
         part = ClearanceMap(blocked, clearance.origin, clearance.resolution_m)
-        self._physics.set_obstacles(group, *extrude_blocked_cells(part, OBSTACLE_HEIGHT_M))
+        self._body.set_obstacles(group, *extrude_blocked_cells(part, OBSTACLE_HEIGHT_M))

@@ -15,7 +15,7 @@ from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.simulation.physics import PERSON_RADIUS_M
+from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.types import CONTROL_STEP_S, Depth, Observation, Pose, Twist
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, observation_at
 

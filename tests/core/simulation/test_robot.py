@@ -8,7 +8,7 @@ import pytest
 
 from ltvn_core.errors import SceneError
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.simulation.physics import TICK_S
+from ltvn_core.simulation.body import TICK_S
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise

@@ -14,7 +14,7 @@ from ltvn_core.simulation.changes.walking_person import WalkingPerson
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import HOUR_S
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.physics import PERSON_RADIUS_M
+from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot

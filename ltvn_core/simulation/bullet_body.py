@@ -1,42 +1,30 @@
-"""The physics of a scene: PyBullet with one round body among the scene's triangles.
+"""A body moved by PyBullet's physics, see `ltvn_core.simulation.body`."""
 
-Holds the true pose of the body. Motion is planar: the body cannot rise, roll or pitch, so it neither climbs nor falls
-over. It is a cylinder with the footprint of the base. It begins just above the floor, so that it passes over rugs and
-thresholds, and ends above the height of a table, so that it collides with what the camera could not pass under.
-Motors, drive lease and time are elsewhere.
-"""
-
-import importlib
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+import pybullet
 from numpy.typing import NDArray
 
-from ltvn_core.errors import SceneError
 from ltvn_core.robots.robot_spec import RobotSpec
+from ltvn_core.simulation.body import (
+    CONTACT_GAP_M,
+    PERSON_HEIGHT_M,
+    PERSON_RADIUS_M,
+    SCENE_OBSTACLES,
+    TICK_S,
+    WALL_FRICTION,
+    triangles_in_reach,
+)
 from ltvn_core.types import Pose
 
-TICKS_PER_SECOND = 240
-TICK_S = 1 / TICKS_PER_SECOND
-
-SCENE_OBSTACLES = "scene"
-"""The group of obstacles with which a physics world begins."""
-PERSON_RADIUS_M = 0.25
-PERSON_HEIGHT_M = 1.7
-
-_FRICTION = 0.3
-"""Between body and walls: the robot slides along a wall that it meets at a flat angle, and stops at one that it meets
-head on."""
-
-_CONTACT_GAP_M = 0.002
 _FACES_PER_BODY = 40_000
 """PyBullet limits the size of one mesh, so a large scene becomes several bodies."""
 
 
-class PhysicsWorld:
-    """Moves the robot's body through a scene and detects contacts."""
+class BulletBody:
+    """A cylinder among the triangles of a scene, in PyBullet. Implements `ltvn_core.simulation.body.Body`."""
 
     def __init__(
         self, vertices: NDArray[np.floating], faces: NDArray[np.integer], start: Pose, spec: RobotSpec
@@ -49,12 +37,11 @@ class PhysicsWorld:
             start: (3,) x, y and yaw of the body.
             spec: The size of the body.
         """
-        self._bullet = _bullet()
         self._spec = spec
         self._middle_m = (spec.height_m + spec.ground_clearance_m) / 2
-        self._client = self._bullet.connect(self._bullet.DIRECT)
-        self._bullet.setTimeStep(TICK_S, physicsClientId=self._client)
-        self._bullet.setGravity(0, 0, 0, physicsClientId=self._client)
+        self._client = pybullet.connect(pybullet.DIRECT)
+        pybullet.setTimeStep(TICK_S, physicsClientId=self._client)
+        pybullet.setGravity(0, 0, 0, physicsClientId=self._client)
         self._people: dict[str, int] = {}
         self._obstacles: dict[str, list[int]] = {}
         self.set_obstacles(SCENE_OBSTACLES, vertices, faces)
@@ -70,24 +57,24 @@ class PhysicsWorld:
     def in_contact(self) -> bool:
         """Whether the body is in contact with an obstacle now."""
         # Bullet also lists pairs that are merely close, with a positive distance.
-        contacts = self._bullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
-        return bool(contacts) and any(contact[8] < _CONTACT_GAP_M for contact in contacts)
+        contacts = pybullet.getContactPoints(bodyA=self._body, physicsClientId=self._client)
+        return bool(contacts) and any(contact[8] < CONTACT_GAP_M for contact in contacts)
 
     def set_obstacles(self, group: str, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
         """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); none takes them away."""
         for body in self._obstacles.pop(group, ()):
-            self._bullet.removeBody(body, physicsClientId=self._client)
-        reached = faces[_within_reach(vertices, faces, self._spec)] if len(faces) else faces
+            pybullet.removeBody(body, physicsClientId=self._client)
+        reached = triangles_in_reach(vertices, faces, self._spec)
         self._obstacles[group] = [self._add_obstacle(vertices, part) for part in _parts(reached)]
 
     def set_people(self, people: Mapping[str, tuple[float, float]]) -> None:
         """Say who stands where, x and y in metres; each is a post that the robot cannot push, as nobody pushes it."""
         for person in self._people.keys() - people.keys():
-            self._bullet.removeBody(self._people.pop(person), physicsClientId=self._client)
+            pybullet.removeBody(self._people.pop(person), physicsClientId=self._client)
         for person, (x_m, y_m) in people.items():
             if person not in self._people:
                 self._people[person] = self._add_person()
-            self._bullet.resetBasePositionAndOrientation(
+            pybullet.resetBasePositionAndOrientation(
                 self._people[person], (x_m, y_m, PERSON_HEIGHT_M / 2), (0, 0, 0, 1), physicsClientId=self._client
             )
 
@@ -95,8 +82,8 @@ class PhysicsWorld:
         """Set the body to `pose` (3,), at rest."""
         self.x_m, self.y_m, self.yaw_rad = (float(value) for value in pose)
         self._set_position()
-        self._bullet.resetBaseVelocity(self._body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
-        self._bullet.performCollisionDetection(physicsClientId=self._client)
+        pybullet.resetBaseVelocity(self._body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
+        pybullet.performCollisionDetection(physicsClientId=self._client)
 
     def tick(self, linear_m_s: float, angular_rad_s: float) -> None:
         """Move the body with the given speeds for one tick of 1/240 s, as far as obstacles allow."""
@@ -104,9 +91,9 @@ class PhysicsWorld:
         heading = self.yaw_rad + turn / 2
         velocity = (linear_m_s * math.cos(heading), linear_m_s * math.sin(heading), 0.0)
         # The velocity is set in every tick: the wheels impose it, and contacts take away what they do not allow.
-        self._bullet.resetBaseVelocity(self._body, velocity, (0, 0, 0), physicsClientId=self._client)
-        self._bullet.stepSimulation(physicsClientId=self._client)
-        (self.x_m, self.y_m, z_m), _ = self._bullet.getBasePositionAndOrientation(
+        pybullet.resetBaseVelocity(self._body, velocity, (0, 0, 0), physicsClientId=self._client)
+        pybullet.stepSimulation(physicsClientId=self._client)
+        (self.x_m, self.y_m, z_m), _ = pybullet.getBasePositionAndOrientation(
             self._body, physicsClientId=self._client
         )
         self.yaw_rad += turn  # Nothing stops a round body from turning on the spot, so its heading needs no physics.
@@ -116,68 +103,52 @@ class PhysicsWorld:
     def close(self) -> None:
         """Free the memory; closing twice is allowed."""
         if self._client >= 0:
-            self._bullet.disconnect(self._client)
+            pybullet.disconnect(self._client)
             self._client = -1
 
     def _set_position(self) -> None:
-        self._bullet.resetBasePositionAndOrientation(
+        pybullet.resetBasePositionAndOrientation(
             self._body, (self.x_m, self.y_m, self._middle_m), (0, 0, 0, 1), physicsClientId=self._client
         )
 
     def _add_person(self) -> int:
-        shape = self._bullet.createCollisionShape(
-            self._bullet.GEOM_CYLINDER, radius=PERSON_RADIUS_M, height=PERSON_HEIGHT_M, physicsClientId=self._client
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_CYLINDER, radius=PERSON_RADIUS_M, height=PERSON_HEIGHT_M, physicsClientId=self._client
         )
-        return self._bullet.createMultiBody(0, shape, physicsClientId=self._client)
+        return pybullet.createMultiBody(0, shape, physicsClientId=self._client)
 
     def _add_obstacle(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> int:
         used, local = np.unique(faces, return_inverse=True)
-        shape = self._bullet.createCollisionShape(
-            self._bullet.GEOM_MESH,
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH,
             vertices=vertices[used].tolist(),
             indices=local.ravel().tolist(),
-            flags=self._bullet.GEOM_FORCE_CONCAVE_TRIMESH,
+            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
             physicsClientId=self._client,
         )
-        body = self._bullet.createMultiBody(0, shape, physicsClientId=self._client)
-        self._bullet.changeDynamics(body, -1, lateralFriction=_FRICTION, physicsClientId=self._client)
+        body = pybullet.createMultiBody(0, shape, physicsClientId=self._client)
+        pybullet.changeDynamics(body, -1, lateralFriction=WALL_FRICTION, physicsClientId=self._client)
         return body
 
     def _add_body(self) -> int:
-        shape = self._bullet.createCollisionShape(
-            self._bullet.GEOM_CYLINDER,
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_CYLINDER,
             radius=self._spec.radius_m,
             height=self._spec.height_m - self._spec.ground_clearance_m,
             physicsClientId=self._client,
         )
-        body = self._bullet.createMultiBody(1.0, shape, physicsClientId=self._client)
-        self._bullet.changeDynamics(
+        body = pybullet.createMultiBody(1.0, shape, physicsClientId=self._client)
+        pybullet.changeDynamics(
             body,
             -1,
             lateralFriction=1.0,
             linearDamping=0,
             angularDamping=0,
             localInertiaDiagonal=(0, 0, 0),  # Bullet reads zero as infinite: no contact makes the body roll or pitch.
-            activationState=self._bullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
             physicsClientId=self._client,
         )
         return body
-
-
-def _bullet() -> Any:
-    try:
-        return importlib.import_module("pybullet")
-    except ImportError as missing:
-        raise SceneError(
-            "Driving in simulation needs PyBullet, which has wheels for Linux x86-64 and Python 3.11 only. Install "
-            "the package there; replaying, maps and analysis work without it."
-        ) from missing
-
-
-def _within_reach(vertices: NDArray[np.floating], faces: NDArray[np.integer], spec: RobotSpec) -> NDArray[np.bool_]:
-    """Return (F,): which triangles overlap the body in height. Floors and ceilings would only cost time."""
-    heights = vertices[faces, 2]
-    return (heights.max(axis=1) > spec.ground_clearance_m) & (heights.min(axis=1) < spec.height_m)
 
 
 def _parts(faces: NDArray[np.integer]) -> list[NDArray[np.integer]]:

@@ -1,0 +1,185 @@
+"""A body that is a disc in the plane: what PyBullet computes for a round body that cannot tip over, in numpy.
+
+Obstacles are the parts of the scene's triangles between the body's lower and upper end, seen from above: exact geometry,
+as PyBullet has it, not the cells of the clearance map. See `ltvn_core.simulation.body`.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.robots.robot_spec import RobotSpec
+from ltvn_core.simulation.body import (
+    CONTACT_GAP_M,
+    PERSON_RADIUS_M,
+    SCENE_OBSTACLES,
+    TICK_S,
+    WALL_FRICTION,
+    triangles_in_reach,
+)
+from ltvn_core.simulation.triangle_grid import TriangleGrid, near_outlines
+from ltvn_core.types import Pose
+
+_SKIN_M = 0.001
+"""Distance that the body keeps from obstacles, as PyBullet's default margin of a mesh."""
+_OVERLAP_KEPT = 0.92
+"""Share of an overlap that is left after one tick, as by PyBullet's default error reduction; a half is gone in 35 ms."""
+_REACH_M = 0.1
+"""How far around the body obstacles are collected; they are collected again once the body has moved by this."""
+_CORRECTIONS = 8
+"""Contacts resolved one after another in one tick, as in a corner between two walls."""
+_RING = np.stack([np.cos(angles := np.arange(32) * math.pi / 16), np.sin(angles)], axis=1)
+_RING_STEP_M = 0.05
+_RINGS = 40
+
+
+class PlanarBody:
+    """A disc among the outlines of a scene. Implements `ltvn_core.simulation.body.Body`."""
+
+    def __init__(
+        self, vertices: NDArray[np.floating], faces: NDArray[np.integer], start: Pose, spec: RobotSpec
+    ) -> None:
+        """Create the body at `start` (3,) among the triangles of a scene.
+
+        Args:
+            vertices: (V, 3) in metres, z up, the floor at z = 0.
+            faces: (F, 3) indices of vertices.
+            start: (3,) x, y and yaw of the body.
+            spec: The size of the body.
+        """
+        self._spec = spec
+        self._radius_m = spec.radius_m + _SKIN_M
+        self._people: list[tuple[float, float]] = []
+        self._grids: dict[str, TriangleGrid] = {}
+        self.set_obstacles(SCENE_OBSTACLES, vertices, faces)
+        self.place(start)
+
+    @property
+    def pose(self) -> Pose:
+        """Pose of the body, (3,) in the world frame."""
+        return np.array([self.x_m, self.y_m, math.remainder(self.yaw_rad, 2 * math.pi)])
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether the body is in contact with an obstacle now."""
+        if self._is_free(self.x_m, self.y_m, CONTACT_GAP_M):
+            return False
+        return self._nearest(self.x_m, self.y_m)[0] - self._radius_m < CONTACT_GAP_M
+
+    def set_obstacles(self, group: str, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+        """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); no faces remove them."""
+        triangles = vertices[triangles_in_reach(vertices, faces, self._spec)]
+        self._grids[group] = TriangleGrid(
+            triangles,
+            low_m=self._spec.ground_clearance_m,
+            high_m=self._spec.height_m,
+            cell_m=self._radius_m + 2 * _REACH_M,
+        )
+        self._forget()
+
+    def set_people(self, people: Mapping[str, tuple[float, float]]) -> None:
+        """Say who stands where, x and y in metres; each is a post that the robot cannot push."""
+        self._people = [(float(x_m), float(y_m)) for x_m, y_m in people.values()]
+        self._forget_distance()
+
+    def place(self, pose: Pose) -> None:
+        """Set the body to `pose` (3,), at rest."""
+        self.x_m, self.y_m, self.yaw_rad = (float(value) for value in pose)
+        self._forget()
+
+    def tick(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Move the body with the given speeds for one tick of 1/240 s, as far as obstacles allow."""
+        turn, ahead = angular_rad_s * TICK_S, linear_m_s * TICK_S
+        heading = self.yaw_rad + turn / 2
+        x_m, y_m = self.x_m + ahead * math.cos(heading), self.y_m + ahead * math.sin(heading)
+        self.yaw_rad += turn  # Nothing stops a round body from turning on the spot.
+        if not self._is_free(x_m, y_m, 0.0):
+            x_m, y_m = self._resolved(x_m, y_m)
+        self.x_m, self.y_m = x_m, y_m
+
+    def close(self) -> None:
+        """Free the memory; closing twice is allowed."""
+        self._grids.clear()
+        self._forget()
+
+    def _resolved(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return where contacts let the body go when its wheels drive it to a point."""
+        distance_m, _, _ = self._nearest(self.x_m, self.y_m)
+        if distance_m == 0:
+            return self._way_out()
+        # An overlap, which only an obstacle that moves can cause, ends gradually. A motion never makes it larger.
+        allowed_m = min(self._radius_m, self._radius_m - (self._radius_m - distance_m) * _OVERLAP_KEPT)
+        from_x, from_y = self.x_m, self.y_m
+        for _ in range(_CORRECTIONS):
+            distance_m, nearest_x, nearest_y = self._nearest(x_m, y_m)
+            depth_m = allowed_m - distance_m
+            if depth_m <= 1e-9:
+                return x_m, y_m
+            if distance_m == 0:
+                break
+            normal_x, normal_y = (x_m - nearest_x) / distance_m, (y_m - nearest_y) / distance_m
+            along = (x_m - from_x) * -normal_y + (y_m - from_y) * normal_x
+            # Coulomb friction: the wall takes away the motion along it, up to a share of what it takes away across.
+            held = math.copysign(min(abs(along), WALL_FRICTION * depth_m), along)
+            x_m += normal_x * depth_m + normal_y * held
+            y_m += normal_y * depth_m - normal_x * held
+        return self.x_m, self.y_m
+
+    def _way_out(self) -> tuple[float, float]:
+        """Return the next point on the way to the nearest free place, from amid an obstacle."""
+        for ring in range(1, _RINGS):
+            for dx, dy in _RING * ring * _RING_STEP_M:
+                if self._nearest(self.x_m + dx, self.y_m + dy)[0] >= self._radius_m:
+                    self._forget()
+                    share = 1 - _OVERLAP_KEPT
+                    return self.x_m + share * float(dx), self.y_m + share * float(dy)
+        self._forget()
+        return self.x_m, self.y_m
+
+    def _is_free(self, x_m: float, y_m: float, gap_m: float) -> bool:
+        """Return whether a point is surely farther than `gap_m` from touching anything, by the last exact distance."""
+        left_m = self._free_m - gap_m
+        if left_m <= 0:
+            return False
+        dx, dy = x_m - self._free_x, y_m - self._free_y
+        return dx * dx + dy * dy < left_m * left_m
+
+    def _nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
+        """Return the distance from a point to the nearest obstacle, and the nearest point of that.
+
+        The distance is 0 within an obstacle. Beyond the reach it is a lower bound, and no obstacle is near.
+        """
+        if self._free_x == x_m and self._free_y == y_m:
+            return self._last  # A tick ends with the question that the bumper and the next tick ask.
+        if abs(x_m - self._anchor_x) > _REACH_M / 2 or abs(y_m - self._anchor_y) > _REACH_M / 2:
+            self._collect(x_m, y_m)
+        best = self._radius_m + _REACH_M / 4, x_m, y_m
+        if self._outlines is not None:
+            found = self._outlines.nearest(x_m, y_m)
+            best = found if found[0] < best[0] else best
+        for person_x, person_y in self._people:
+            between_m = math.hypot(x_m - person_x, y_m - person_y)
+            if between_m - PERSON_RADIUS_M < best[0]:
+                share = PERSON_RADIUS_M / max(between_m, 1e-9)
+                nearest_x, nearest_y = person_x + share * (x_m - person_x), person_y + share * (y_m - person_y)
+                best = max(between_m - PERSON_RADIUS_M, 0.0), nearest_x, nearest_y
+        self._last, self._free_x, self._free_y, self._free_m = best, x_m, y_m, best[0] - self._radius_m
+        return best
+
+    def _collect(self, x_m: float, y_m: float) -> None:
+        """Collect the outlines near a point."""
+        self._anchor_x, self._anchor_y = x_m, y_m
+        near = [grid.near(x_m, y_m) for grid in self._grids.values()]
+        self._outlines = near_outlines(near, x_m, y_m, within_m=self._radius_m + _REACH_M)
+
+    def _forget(self) -> None:
+        """Forget what was near, after the body or an obstacle was put elsewhere."""
+        self._anchor_x, self._anchor_y = math.inf, math.inf
+        self._outlines = None
+        self._forget_distance()
+
+    def _forget_distance(self) -> None:
+        self._last = 0.0, 0.0, 0.0
+        self._free_x, self._free_y, self._free_m = math.inf, math.inf, 0.0

@@ -29,6 +29,7 @@ from ltvn_core.robots.link_report import link_of
 from ltvn_core.robots.open_loop import open_loop_word
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system
 from ltvn_core.types import Predictor
@@ -253,6 +254,7 @@ def _new_recording(
             "predictor": options.predictor,
             "method": asdict(live_map.system.method),
             "maintenance": recorded_maintenance(live_map.system),
+            **({} if scene is None else {"body": choose_body(options.body)}),
         },
         fingerprint=live_map.fingerprint,
         camera=robot.spec.camera,

@@ -21,6 +21,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Event, Localised, Tick
 from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose, Predictor, Waypoint
@@ -58,6 +59,7 @@ class EdgeDriver:
         rng: np.random.Generator,
         *,
         noise: OdometryNoise | None = None,
+        body: BodyName = "auto",
     ) -> None:
         """Create a driver that starts near the source of an edge, with one of `errors` (E, 3) in the source's frame."""
         self._imaged_scene = imaged_scene
@@ -76,10 +78,11 @@ class EdgeDriver:
             odometry_noise=noise,
             first_step=first_step,
             spec=imaged_scene.spec,
+            body=body,
         )
 
     def close(self) -> None:
-        """Free the physics engine."""
+        """Free the body's memory."""
         self._robot.close()
 
     def drive(self, edge: EdgeProposal) -> MeasuredAttempt | None:

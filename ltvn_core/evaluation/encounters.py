@@ -17,8 +17,8 @@ import numpy as np
 
 from ltvn_core.geometry import relative
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
-from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.body import PERSON_RADIUS_M
+from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Pose, Twist
 from ltvn_core.worlds.world_change import PersonMoved

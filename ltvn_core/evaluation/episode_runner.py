@@ -26,6 +26,7 @@ from ltvn_core.navigation.events import Event, Outcome
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.map_file import check_fingerprint, load_map
 from ltvn_core.robots.robot import Robot
+from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
@@ -86,6 +87,7 @@ class EpisodeRunner:
         self.predictor = predictor
         self.system = system
         self.noise = protocol.odometry_noise
+        self.body: BodyName = protocol.body
         self._perturbations = perturbations
         self._world, self._bystanders = world, Bystanders()
         self._next_frame = max(self.keyframes.frames) + 1
@@ -149,6 +151,7 @@ class EpisodeRunner:
             odometry_noise=self.noise,
             first_step=first_frame,
             world=self._world,
+            body=self.body,
         )
 
     @property

@@ -19,6 +19,7 @@ from ltvn_core.network.cards.driving_calibration import DrivingMeasurements
 from ltvn_core.network.metrics.binned_metrics import calibration_table, error_table
 from ltvn_core.network.metrics.success_rate import SuccessRate
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.training_data.reachability_labels import ReachabilityLimits
 from ltvn_core.training_data.simulated_drives import sample_drive_poses
 from ltvn_core.types import Predictor, Renderer
@@ -45,6 +46,7 @@ def measure_scene(
     rng: np.random.Generator,
     progress: AttemptCallback,
     spec: RobotSpec = LOCOBOT,
+    body: BodyName = "auto",
 ) -> SceneFigures:
     """Predict all pairs of a drive, and let a robot of `spec` drive `attempts` of its edges or all if there are fewer.
 
@@ -53,7 +55,7 @@ def measure_scene(
     drive = predict_drive(scene, camera, predictor, sample_drive_poses(scene.clearance, rng, images), spec)
     proposals = EdgeProposals(drive, predictor, method)
     tried: list[MeasuredAttempt | None] = []
-    with closing(EdgeDriver(drive.imaged_scene, predictor, method, proposals.errors(), rng)) as robot:
+    with closing(EdgeDriver(drive.imaged_scene, predictor, method, proposals.errors(), rng, body=body)) as robot:
         for edges in (proposals.true_edges(rng), proposals.false_edges(rng)):
             tried.extend(_drive_some(robot, edges, attempts // 2, progress))
     attempted = tuple(each for each in tried if each is not None)

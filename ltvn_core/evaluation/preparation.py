@@ -94,7 +94,7 @@ def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGrou
         return load_results(files.drive_truth, DriveGroundTruth)
     protocol = plan.protocol
     rng = np.random.default_rng([plan.seed, 0])
-    simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=protocol.odometry_noise)
+    simulation = open_simulation(plan.scene, seed=plan.seed, odometry_noise=protocol.odometry_noise, body=protocol.body)
     seen = list(
         drive_tour(
             simulation.robot,

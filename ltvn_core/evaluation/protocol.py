@@ -12,6 +12,7 @@ import numpy as np
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.operators import pose_row
+from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import FrameId, Pose
 
@@ -47,6 +48,8 @@ class EvaluationProtocol:
     """An episode with more collisions than this fails (paper)."""
     slips_per_m: float = 0.0
     """How often the wheels slip, per metre driven or radian turned."""
+    body: BodyName = "auto"
+    """What moves the simulated robot."""
 
     def __post_init__(self) -> None:
         if self.loops < 1 or self.goals < 2 or self.episodes < 1 or self.collision_limit < 0:

@@ -49,7 +49,13 @@ def _mostly_fails(runner: EpisodeRunner, edge: Edge, seed: int) -> bool:
     arrived = 0
     with closing(
         EdgeDriver(
-            runner.imaged_scene, runner.predictor, runner.system.method, np.zeros((1, 3)), rng, noise=runner.noise
+            runner.imaged_scene,
+            runner.predictor,
+            runner.system.method,
+            np.zeros((1, 3)),
+            rng,
+            noise=runner.noise,
+            body=runner.body,
         )
     ) as attempts:
         for _ in range(_MAX_STARTS):

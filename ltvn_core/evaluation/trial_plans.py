@@ -20,6 +20,7 @@ from ltvn_core.evaluation.map_drawings import drawing_path
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.predictors.registry import NETWORK
+from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_entry
@@ -195,7 +196,7 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     drive = {"scene": plan.scene, "seed": plan.seed}
     drive |= {
         name: protocol[name]
-        for name in ("loops", "goals", "distance_noise", "angle_noise", "slips_per_m")
+        for name in ("loops", "goals", "distance_noise", "angle_noise", "slips_per_m", "body")
         if name in protocol
     }
     learned = {"weights": weights, "finetune_steps": steps}
@@ -211,12 +212,18 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
 
 
 def plan_settings(plan: TrialPlan) -> dict[str, Any]:
-    """Return the settings of a plan as they are noted; folders made before there were conditions do not name them."""
+    """Return the settings of a plan as they are noted; folders made before there were conditions do not name them.
+
+    Nor do those made when PyBullet's was the only body.
+    """
     settings = asdict(plan)
+    settings["protocol"]["body"] = body = choose_body(plan.protocol.body)
     if not plan.conditions:
         del settings["conditions"]
     if not plan.protocol.slips_per_m:
         del settings["protocol"]["slips_per_m"]
+    if body == "bullet":
+        del settings["protocol"]["body"]
     return settings
 
 

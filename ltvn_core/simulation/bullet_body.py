@@ -93,9 +93,7 @@ class BulletBody:
         # The velocity is set in every tick: the wheels impose it, and contacts take away what they do not allow.
         pybullet.resetBaseVelocity(self._body, velocity, (0, 0, 0), physicsClientId=self._client)
         pybullet.stepSimulation(physicsClientId=self._client)
-        (self.x_m, self.y_m, z_m), _ = pybullet.getBasePositionAndOrientation(
-            self._body, physicsClientId=self._client
-        )
+        (self.x_m, self.y_m, z_m), _ = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=self._client)
         self.yaw_rad += turn  # Nothing stops a round body from turning on the spot, so its heading needs no physics.
         if abs(z_m - self._middle_m) > 1e-5:
             self._set_position()

@@ -1,7 +1,7 @@
 """A body that is a disc in the plane: what PyBullet computes for a round body that cannot tip over, in numpy.
 
-Obstacles are the parts of the scene's triangles between the body's lower and upper end, seen from above: exact geometry,
-as PyBullet has it, not the cells of the clearance map. See `ltvn_core.simulation.body`.
+Obstacles are the parts of the scene's triangles between the body's lower and upper end, seen from above: exact
+geometry, as PyBullet has it, not the cells of the clearance map. See `ltvn_core.simulation.body`.
 """
 
 import math
@@ -25,7 +25,7 @@ from ltvn_core.types import Pose
 _SKIN_M = 0.001
 """Distance that the body keeps from obstacles, as PyBullet's default margin of a mesh."""
 _OVERLAP_KEPT = 0.92
-"""Share of an overlap that is left after one tick, as by PyBullet's default error reduction; a half is gone in 35 ms."""
+"""Share of an overlap that is left after one tick, as in PyBullet; half of it is gone after 35 ms."""
 _REACH_M = 0.1
 """How far around the body obstacles are collected; they are collected again once the body has moved by this."""
 _CORRECTIONS = 8

@@ -126,7 +126,7 @@ def _contains(triangles: NDArray[np.float64], point: NDArray[np.float64]) -> NDA
     """Return (T,): in which triangles (T, 3, 2) a point lies."""
     along, to_point = np.roll(triangles, -1, axis=1) - triangles, point - triangles
     sides = along[..., 0] * to_point[..., 1] - along[..., 1] * to_point[..., 0]
-    return (sides > 0).all(axis=1) | (sides < 0).all(axis=1)
+    return np.logical_or((sides > 0).all(axis=1), (sides < 0).all(axis=1))
 
 
 def _doubled_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:

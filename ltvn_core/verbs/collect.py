@@ -29,13 +29,20 @@ class CollectVerb(CollectOptions):
         from ltvn_core.composition import open_simulation
         from ltvn_core.recording.recorded_robot import record_images
         from ltvn_core.recording.writer import RecordingWriter
+        from ltvn_core.simulation.body_selection import choose_body
         from ltvn_core.simulation.scripted_tour import drive_tour
         from ltvn_core.simulation.wheel_odometry import OdometryNoise
 
         noise = OdometryNoise(self.distance_noise, self.angle_noise)
-        simulation = open_simulation(self.scene, seed=self.seed, odometry_noise=noise)
+        simulation = open_simulation(self.scene, seed=self.seed, odometry_noise=noise, body=self.body)
         robot = simulation.robot
-        settings = {"verb": "collect", "loops": self.loops, "seed": self.seed, "odometry_noise": asdict(noise)}
+        settings = {
+            "verb": "collect",
+            "loops": self.loops,
+            "seed": self.seed,
+            "odometry_noise": asdict(noise),
+            "body": choose_body(self.body),
+        }
         with RecordingWriter(
             self.output,
             scene=simulation.scene.address,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ltvn_core.errors import SceneError
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.verb import Verb
 
 log = logging.getLogger(__name__)
@@ -45,6 +46,7 @@ class CollectOptions(Verb):
     """Standard deviation of odometry's error in distance, as a share of it,"""
     angle_noise: float = 0.01
     """and in angle."""
+    body: BodyOption = "auto"
     robot: str | None = None
     """Record what a robot of your own sees while you drive it by its own controls: an installed robot's name,
     path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ltvn_core.errors import OptionError
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary, Verb
@@ -62,6 +63,7 @@ class HeadlessDemoVerb(Verb):
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
+    body: BodyOption = "auto"
     recording: Path | None = None
     """The recording to write; by default runs/demo-SCENE-SEED-TIME.rrd."""
     map: Path | None = None
@@ -93,18 +95,22 @@ class HeadlessDemoVerb(Verb):
                 preset=self.preset,
                 recording=self.recording or _dated_path(f"story-{Path(self.scene).stem}-{self.seed}"),
                 stream=self.stream,
+                body=self.body,
                 settings=self.settings,
             )
         )
 
     def settings(self, system: "NavigationSystem", predictor: str) -> dict[str, Any]:
         """Say how the run was made, for the recording."""
+        from ltvn_core.simulation.body_selection import choose_body
+
         return {
             "verb": "demo",
             "system": system.name,
             "predictor": predictor,
             "seed": self.seed,
             "loops": self.loops,
+            "body": choose_body(self.body),
             "method": asdict(system.method),
         }
 
@@ -131,7 +137,7 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
-    simulation = open_simulation(options.scene, seed=options.seed, spec=simulated_robot(choice.name))
+    simulation = open_simulation(options.scene, seed=options.seed, spec=simulated_robot(choice.name), body=options.body)
     camera = simulation.robot.spec.camera
     predictor = open_predictor(choice.name, options.scene, options.weights, camera=camera)
     system = open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor))

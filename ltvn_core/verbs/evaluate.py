@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.condition_names import ConditionName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.part_summary import PartSummary
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
@@ -87,6 +88,7 @@ class ProtocolOptions(Verb):
     conditions: tuple[ConditionName, ...] = ()
     """What is harder than usual, for all systems alike: slip (the wheels slip, in the mapping drive and the episodes),
     one-loop (the mapping drive is one round), half-light (the map is made in full light and driven in half of it)."""
+    body: BodyOption = "auto"
     folder: Path = Path("runs/evaluation")
     """Where drives, weights, maps and results are kept, and found again by the next call."""
     workers: int | None = None
@@ -102,8 +104,11 @@ class ProtocolOptions(Verb):
         """Return the numbers of the test. Raises OptionError."""
         from ltvn_core.evaluation.conditions import protocol_under
         from ltvn_core.evaluation.protocol import EvaluationProtocol
+        from ltvn_core.simulation.body_selection import choose_body
 
-        protocol = EvaluationProtocol(self.loops, self.goals, episodes, step_limit=self.step_limit)
+        # Chosen here and not by the workers, which may be machines with other libraries.
+        body = choose_body(self.body)
+        protocol = EvaluationProtocol(self.loops, self.goals, episodes, step_limit=self.step_limit, body=body)
         return protocol_under(protocol, self.conditions)
 
     def plans(self, method: str, episodes: int, perturbations: tuple[str, ...] = ()) -> "list[TrialPlan]":

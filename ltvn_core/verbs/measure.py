@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.training.held_out_scenes import TEST_SCENES
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.part_summary import PartSummary
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
@@ -57,6 +58,7 @@ class MeasureVerb(Verb):
     """Draws drives, edges, starts and odometry noise."""
     scenes: tuple[str, ...] = TEST_SCENES
     """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
+    body: BodyOption = "auto"
     folder: Path | None = None
     """Keep what each scene showed here, so that a stopped measurement goes on, and parts come together."""
     part: str = ""
@@ -140,12 +142,16 @@ class MeasureVerb(Verb):
         from ltvn_core.evaluation.trial_plans import claim_settings
         from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
         from ltvn_core.network.weights_file import weights_fingerprint
+        from ltvn_core.simulation.body_selection import choose_body
 
         if self.folder is None:
             return None
         named = asdict(self) | {"weights": weights_fingerprint(self.weights or SHIPPED_WEIGHTS)}
         for option in ("json", "debug", "write", "folder", "part"):
             del named[option]
+        named["body"] = choose_body(self.body)
+        if named["body"] == "bullet":  # As when there was no other.
+            del named["body"]
         claim_settings(self.folder / "measure.json", named)
         return SceneFigures.load(self._file(name)) if self._file(name).exists() else None
 
@@ -176,14 +182,18 @@ class MeasureVerb(Verb):
             rng=np.random.default_rng([self.seed, number]),
             progress=bar.update,
             spec=spec,
+            body=self.body,
         )
 
     def _command(self) -> str:
+        from ltvn_core.simulation.body_selection import choose_body
+
         named = "" if self.scenes == TEST_SCENES else f" --scenes {' '.join(self.scenes)}"
         of = "" if self.predictor in (AUTO, "network") else f" --predictor {self.predictor}"
         images = "" if self.images == IMAGES_PER_SCENE else f" --images {self.images}"
+        body = " --body planar" if choose_body(self.body) == "planar" else ""
         counts = f"--attempts {self.attempts}{images} --seed {self.seed}"
-        return f"ltvn measure{of} {counts} --preset {self.preset}{named}"
+        return f"ltvn measure{of} {counts} --preset {self.preset}{body}{named}"
 
     def _write(self, measured: "DrivingMeasurements") -> Path:
         if self.predictor == "geometric":

@@ -50,6 +50,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     from ltvn_core.evaluation.true_rooms import true_rooms
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.robots.robot_spec import LOCOBOT
+    from ltvn_core.simulation.body_selection import choose_body
     from ltvn_core.systems.maintenance import with_maintenance
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -65,6 +66,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
         start=_start(loaded, rng),
         spec=replace(LOCOBOT, camera=rectified_camera(LOCOBOT.camera, predictor.camera)),
         script=None if options.world is None else open_script(options.world, meta.scene, seed=options.seed),
+        body=options.body,
     )
     if options.maintenance is not None:
         truth = true_presence(simulation.world, keyframes.observation)
@@ -72,7 +74,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
         system = with_maintenance(system, options.maintenance, truth=truth, room_of=room_of)
     run = RunDescription(
         scene=meta.scene,
-        config=options.settings(system, predictor_name),
+        config=options.settings(system, predictor_name) | {"body": choose_body(options.body)},
         fingerprint=predictor.fingerprint,
         camera=simulation.robot.spec.camera,
         scene_glb=simulation.scene.glb(with_ceiling=False),

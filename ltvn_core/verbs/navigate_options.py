@@ -9,6 +9,7 @@ from tyro.conf import Positional
 
 from ltvn_core.errors import MapError
 from ltvn_core.systems.maintenance_names import MaintenanceName
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Verb
 
@@ -81,6 +82,7 @@ class NavigateOptions(Verb):
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
     """Draws the start, the noise and the goals."""
+    body: BodyOption = "auto"
     robot: str | None = None
     """Drive a robot of your own, from where it stands: an installed robot's name, path/to/file.py:factory, or
     PROFILE@ADDRESS (ROS 2)."""

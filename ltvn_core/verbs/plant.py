@@ -11,6 +11,7 @@ from tyro.conf import Positional
 
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.systems.maintenance_names import MaintenanceName
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -71,6 +72,7 @@ class PlantVerb(Verb):
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
     """Draws the noise."""
+    body: BodyOption = "auto"
 
     @property
     def kinds(self) -> tuple[FaultName, ...]:
@@ -95,6 +97,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
     from ltvn_core.predictors.choice import ImageSource
     from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.run_description import RunDescription
+    from ltvn_core.simulation.body_selection import choose_body
     from ltvn_core.simulation.scene_registry import load_scene
     from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
@@ -116,10 +119,12 @@ def _drive(options: PlantVerb) -> PlantSummary:
     faults = tuple(_insert_faults(options, loaded, truth, keyframes, predictor, system.method))
     spurious = truth.spurious(graph)
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
-    simulation = open_simulation(loaded.meta.scene, seed=options.seed, first_step=first_step, start=start)
+    simulation = open_simulation(
+        loaded.meta.scene, seed=options.seed, first_step=first_step, start=start, body=options.body
+    )
     run = RunDescription(
         scene=meta.scene,
-        config=_settings(options, system, faults) | {"predictor": choice.name},
+        config=_settings(options, system, faults) | {"predictor": choice.name, "body": choose_body(options.body)},
         fingerprint=predictor.fingerprint,
         scene_glb=simulation.scene.glb(with_ceiling=False),
     )

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from ltvn_core.errors import OptionError
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.verb import Summary, Verb
 
 _LOG = logging.getLogger(__name__)
@@ -43,6 +44,7 @@ class ServeVerb(Verb):
     """Where it stands first: x and y in metres of the scene, and degrees from the x axis; else drawn by --seed."""
     seed: int = 0
     """Draws the start, the odometry noise and what changes in the world."""
+    body: BodyOption = "auto"
 
     def run(self) -> Summary:
         """Serve until interrupted; raises OptionError, RobotError and SceneError."""
@@ -70,6 +72,7 @@ class ServeVerb(Verb):
             start=start,
             spec=profile.spec(LOCOBOT.camera.scaled(self.width, max(self.width * 3 // 4, 1))),
             script=None if self.world is None else open_script(self.world, self.scene, seed=self.seed),
+            body=self.body,
         )
         if start is not None and simulation.scene.clearance.at(start[:2]) < profile.body.radius_m:
             raise OptionError(f"--start {start[0]:g} {start[1]:g} is in or beside something that stands there.")

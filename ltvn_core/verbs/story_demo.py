@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary
 
@@ -56,6 +57,7 @@ class StoryOptions:
     preset: str
     recording: Path
     stream: int | None
+    body: BodyName
     settings: Callable[["NavigationSystem", str], dict[str, Any]]
     """Says how the run was made, for the recording."""
 
@@ -80,6 +82,7 @@ def run_story(options: StoryOptions) -> Summary:
         spec=spec,
         first_step=0 if known is None else max(known.observations) + 1,
         start=None if known is None else known.observations[int(rng.choice(list(known.graph.nodes)))].exact_pose,
+        body=options.body,
     )
     story = _play_recorded(replace(options, predictor=choice.name), simulation, predictor, known, rng)
     return StorySummary(

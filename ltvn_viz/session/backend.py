@@ -93,6 +93,7 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
             start=start,
             spec=simulated_robot(options.predictor),
             script=script,
+            body=options.body,
         )
     except SceneError as missing:
         if options.replay is None:

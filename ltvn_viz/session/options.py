@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ltvn_core.predictors.choice import AUTO
+from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_viz.session.fine_tuner import FineTuner
 
@@ -40,6 +41,8 @@ class AppOptions:
     """What changes in the scene by itself: a script's name or file; None is nothing."""
     seed: int = 0
     """Draws the robot's start and its odometry noise."""
+    body: BodyName = "auto"
+    """What moves the simulated robot."""
     tuner: FineTuner = field(default_factory=FineTuner)
     """Fine-tunes the network from the page, by the labels of `system`."""
     stream: int | None = None

@@ -12,6 +12,7 @@ from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.system_option import SystemName
@@ -62,6 +63,7 @@ class AppVerb(Verb):
     all, several of them (doors+moving), or a JSON file with a script."""
     seed: int = 0
     """Draws the robot's start, the odometry noise and what changes in the world."""
+    body: BodyOption = "auto"
     stream: int | None = None
     """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
@@ -131,6 +133,7 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0, ask: str = "
             maintenance=options.maintenance,
             world=options.world,
             seed=options.seed,
+            body=options.body,
             stream=announce_stream(options.stream),
             replay=replay,
             replay_at_s=at_s,

@@ -36,6 +36,7 @@ class DemoVerb(HeadlessDemoVerb):
             seed=self.seed,
             predictor=self.predictor,
             weights=self.weights,
+            body=self.body,
             stream=self.stream,
         )
         return page.run()
@@ -49,7 +50,7 @@ class DemoVerb(HeadlessDemoVerb):
         if self.headless or self.story:
             raise OptionError("--robot is for the page; leave --headless and --story out.")
         _LOG.info("Starting a router, the simulated robot and its guard…")
-        with robot_processes(self.scene, "--seed", str(self.seed)) as robot:
+        with robot_processes(self.scene, "--seed", str(self.seed), "--body", self.body) as robot:
             _LOG.info("For other programs of ROS 2 the robot is at %s.", robot.address)
             page = AppVerb(
                 port=self.port,

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.changes.walking_person import ROOM_M, WalkingPerson
 from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.types import Pose
 from ltvn_core.worlds.world_change import PersonMoved
 

@@ -8,8 +8,8 @@ Who comes and who leaves is `people`.
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.body import PERSON_RADIUS_M
+from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.types import Pose
 from ltvn_core.worlds.world_change import PersonMoved
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.errors import WorldError
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
+from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.changes.outlines import distance_m, outline_of
 from ltvn_core.simulation.changes.people import People
 from ltvn_core.simulation.changes.script_reader import ScriptReader
 from ltvn_core.simulation.changes.world_check import check_change, check_floor
 from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, WorldScript
-from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.types import Pose
 from ltvn_core.worlds import world_change as w

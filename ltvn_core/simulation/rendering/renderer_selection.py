@@ -81,8 +81,9 @@ def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
         from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
     except ImportError as missing:
         raise SceneError(
-            f"Scene {scene.name} cannot be rendered: neither embreex nor pybullet is installed ({missing}). Run "
-            "`pip install embreex`."
+            f"Scene {scene.name} cannot be rendered: neither embreex nor pybullet is installed ({missing}). On Linux "
+            "x86-64, macOS and Windows run `pip install embreex`; it has no wheel for ARM Linux, where recordings are "
+            "replayed and maps built."
         ) from missing
     return PyBulletRenderer(scene.surfaces)
 

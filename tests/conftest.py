@@ -34,7 +34,7 @@ def pytest_collection_finish() -> None:
 def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Skip the modules that import a library which is not installed here, as PyBullet cannot be on Python 3.12."""
+    """Skip the modules that import a library which is not installed here, as Embree cannot be on ARM Linux."""
     report = yield
     if report.outcome == "failed" and (missing := _missing_library(str(report.longrepr))) is not None:
         report.outcome = "skipped"

@@ -6,6 +6,7 @@ geometry, as PyBullet has it, not the cells of the clearance map. See `ltvn_core
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ from ltvn_core.simulation.body import (
 from ltvn_core.simulation.triangle_grid import TriangleGrid, near_outlines
 from ltvn_core.types import Pose
 
+_PERSON_FRICTION = 0.5
+"""As PyBullet's default for what is given no other."""
 _SKIN_M = 0.001
 """Distance that the body keeps from obstacles, as PyBullet's default margin of a mesh."""
 _OVERLAP_KEPT = 0.92
@@ -33,6 +36,17 @@ _CORRECTIONS = 8
 _RING = np.stack([np.cos(angles := np.arange(32) * math.pi / 16), np.sin(angles)], axis=1)
 _RING_STEP_M = 0.05
 _RINGS = 40
+
+
+class _Obstacle(NamedTuple):
+    """The obstacle nearest to a point."""
+
+    distance_m: float
+    """From the point; 0 within the obstacle."""
+    x_m: float
+    """Of the obstacle's nearest point."""
+    y_m: float
+    friction: float = WALL_FRICTION
 
 
 class PlanarBody:
@@ -66,7 +80,7 @@ class PlanarBody:
         """Whether the body is in contact with an obstacle now."""
         if self._is_free(self.x_m, self.y_m, CONTACT_GAP_M):
             return False
-        return self._nearest(self.x_m, self.y_m)[0] - self._radius_m < CONTACT_GAP_M
+        return self._nearest(self.x_m, self.y_m).distance_m - self._radius_m < CONTACT_GAP_M
 
     def set_obstacles(self, group: str, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
         """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); no faces remove them."""
@@ -106,14 +120,14 @@ class PlanarBody:
 
     def _resolved(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return where contacts let the body go when its wheels drive it to a point."""
-        distance_m, _, _ = self._nearest(self.x_m, self.y_m)
-        if distance_m == 0:
+        overlap_m = self._radius_m - self._nearest(self.x_m, self.y_m).distance_m
+        if overlap_m >= self._radius_m:
             return self._way_out()
         # An overlap, which only an obstacle that moves can cause, ends gradually. A motion never makes it larger.
-        allowed_m = min(self._radius_m, self._radius_m - (self._radius_m - distance_m) * _OVERLAP_KEPT)
+        allowed_m = self._radius_m - max(overlap_m, 0.0) * _OVERLAP_KEPT
         from_x, from_y = self.x_m, self.y_m
         for _ in range(_CORRECTIONS):
-            distance_m, nearest_x, nearest_y = self._nearest(x_m, y_m)
+            distance_m, nearest_x, nearest_y, friction = self._nearest(x_m, y_m)
             depth_m = allowed_m - distance_m
             if depth_m <= 1e-9:
                 return x_m, y_m
@@ -122,7 +136,7 @@ class PlanarBody:
             normal_x, normal_y = (x_m - nearest_x) / distance_m, (y_m - nearest_y) / distance_m
             along = (x_m - from_x) * -normal_y + (y_m - from_y) * normal_x
             # Coulomb friction: the wall takes away the motion along it, up to a share of what it takes away across.
-            held = math.copysign(min(abs(along), WALL_FRICTION * depth_m), along)
+            held = math.copysign(min(abs(along), friction * depth_m), along)
             x_m += normal_x * depth_m + normal_y * held
             y_m += normal_y * depth_m - normal_x * held
         return self.x_m, self.y_m
@@ -131,7 +145,7 @@ class PlanarBody:
         """Return the next point on the way to the nearest free place, from amid an obstacle."""
         for ring in range(1, _RINGS):
             for dx, dy in _RING * ring * _RING_STEP_M:
-                if self._nearest(self.x_m + dx, self.y_m + dy)[0] >= self._radius_m:
+                if self._nearest(self.x_m + dx, self.y_m + dy).distance_m >= self._radius_m:
                     self._forget()
                     share = 1 - _OVERLAP_KEPT
                     return self.x_m + share * float(dx), self.y_m + share * float(dy)
@@ -146,26 +160,23 @@ class PlanarBody:
         dx, dy = x_m - self._free_x, y_m - self._free_y
         return dx * dx + dy * dy < left_m * left_m
 
-    def _nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
-        """Return the distance from a point to the nearest obstacle, and the nearest point of that.
-
-        The distance is 0 within an obstacle. Beyond the reach it is a lower bound, and no obstacle is near.
-        """
+    def _nearest(self, x_m: float, y_m: float) -> _Obstacle:
+        """Return the obstacle nearest to a point. Beyond the reach there is none, and its distance is a lower bound."""
         if self._free_x == x_m and self._free_y == y_m:
             return self._last  # A tick ends with the question that the bumper and the next tick ask.
         if abs(x_m - self._anchor_x) > _REACH_M / 2 or abs(y_m - self._anchor_y) > _REACH_M / 2:
             self._collect(x_m, y_m)
-        best = self._radius_m + _REACH_M / 4, x_m, y_m
+        best = _Obstacle(self._radius_m + _REACH_M / 4, x_m, y_m)
         if self._outlines is not None:
             found = self._outlines.nearest(x_m, y_m)
-            best = found if found[0] < best[0] else best
+            best = _Obstacle(*found) if found[0] < best.distance_m else best
         for person_x, person_y in self._people:
             between_m = math.hypot(x_m - person_x, y_m - person_y)
-            if between_m - PERSON_RADIUS_M < best[0]:
+            if between_m - PERSON_RADIUS_M < best.distance_m:
                 share = PERSON_RADIUS_M / max(between_m, 1e-9)
-                nearest_x, nearest_y = person_x + share * (x_m - person_x), person_y + share * (y_m - person_y)
-                best = max(between_m - PERSON_RADIUS_M, 0.0), nearest_x, nearest_y
-        self._last, self._free_x, self._free_y, self._free_m = best, x_m, y_m, best[0] - self._radius_m
+                nearest = person_x + share * (x_m - person_x), person_y + share * (y_m - person_y)
+                best = _Obstacle(max(between_m - PERSON_RADIUS_M, 0.0), *nearest, _PERSON_FRICTION)
+        self._last, self._free_x, self._free_y, self._free_m = best, x_m, y_m, best.distance_m - self._radius_m
         return best
 
     def _collect(self, x_m: float, y_m: float) -> None:
@@ -181,5 +192,5 @@ class PlanarBody:
         self._forget_distance()
 
     def _forget_distance(self) -> None:
-        self._last = 0.0, 0.0, 0.0
+        self._last = _Obstacle(0.0, 0.0, 0.0)
         self._free_x, self._free_y, self._free_m = math.inf, math.inf, 0.0

@@ -22,7 +22,7 @@ from tests.core.plugin_packages import install
 from tests.core.simulation.two_door_scene import NAME, write_map
 from tests.waiting import until
 
-pytest.importorskip("pybullet")
+pytest.importorskip("embreex")
 pytestmark = pytest.mark.browser
 
 SOURCE = "from tests.core.simulation.two_door_scene import two_door_scene\n"

@@ -30,7 +30,7 @@ from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved
 from tests.core.recording import example_recording
 from tests.repository import DEMO_MAP
 
-pytest.importorskip("pybullet")
+pytest.importorskip("embreex")
 
 
 def story(known: LoadedMap) -> list[Event]:

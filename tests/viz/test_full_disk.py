@@ -41,7 +41,7 @@ print("ended", flush=True)
 
 @pytest.mark.slow
 def test_an_app_whose_disk_is_full_says_so_goes_on_and_ends_at_sigterm(tmp_path: Path) -> None:
-    pytest.importorskip("pybullet")
+    pytest.importorskip("embreex")
     run = subprocess.run(
         [sys.executable, "-c", APP, str(tmp_path / "drives"), str(LIMIT_BYTES)],
         capture_output=True,

@@ -25,7 +25,7 @@ from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed
 from tests.repository import DEMO_MAP
 
-pytest.importorskip("pybullet")
+pytest.importorskip("embreex")
 
 TABLE = "own/high-table-1"
 """It stands in the kitchen of the demo apartment and bars the way from door to door."""

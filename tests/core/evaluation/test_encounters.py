@@ -5,8 +5,8 @@ import pytest
 
 from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.body import PERSON_RADIUS_M
+from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.types import Twist
 from ltvn_core.worlds.world_change import PersonMoved
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("embreex")
-pytest.importorskip("pybullet")
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth

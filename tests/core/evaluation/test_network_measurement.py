@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip("embreex")
-pytest.importorskip("pybullet")
 
 from ltvn_core.config import ROBUST
 from ltvn_core.errors import OptionError

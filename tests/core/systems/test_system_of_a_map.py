@@ -19,7 +19,7 @@ from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 
-pytest.importorskip("pybullet")
+pytest.importorskip("embreex")
 DEMO_MAP = Path(__file__).parents[3] / "recordings" / "demo-map.rrd"
 
 

@@ -43,7 +43,7 @@ def read(path: Path, predictor: Predictor, *, most: int = 2000, with_truth: bool
 
 
 def test_a_simulated_drive_is_judged_with_its_perturbations_and_a_page(tmp_path: Path) -> None:
-    pytest.importorskip("pybullet")
+    pytest.importorskip("embreex")
     page = tmp_path / "page.html"
     page.write_text("an older page")
     verb = JudgeVerb(

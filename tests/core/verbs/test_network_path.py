@@ -11,7 +11,6 @@ pytestmark = pytest.mark.slow
 
 
 pytest.importorskip("embreex")
-pytest.importorskip("pybullet")
 
 KEYS = ("far_fpr_at_tpr60", "auc", "position_median_m", "position_p90_m", "yaw_median_deg", "ece")
 SMALL = ["--scenes", "tune-3", "--clusters", "6", "--images", "40"]

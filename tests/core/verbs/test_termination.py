@@ -22,7 +22,7 @@ def size_bytes(path: Path) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("asked", [signal.SIGTERM, signal.SIGINT])
 def test_a_tour_that_is_asked_to_end_leaves_a_finished_recording(tmp_path: Path, asked: signal.Signals) -> None:
-    pytest.importorskip("pybullet")
+    pytest.importorskip("embreex")
     path = tmp_path / "tour.rrd"
     # Whoever runs the tests in the background hands on that interrupts are ignored.
     begin = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"

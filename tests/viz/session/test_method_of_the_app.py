@@ -11,7 +11,7 @@ from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from tests.repository import DEMO_MAP
 
-pytest.importorskip("pybullet")
+pytest.importorskip("embreex")
 
 
 @pytest.mark.parametrize("system", ["sorb", "meng"])  # Of which one has weights of its own.

@@ -10,7 +10,7 @@ from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from tests.core.simulation.two_room_mesh import box_house, save
 
-pytest.importorskip("pybullet")
+pytest.importorskip("embreex")
 
 
 def test_the_robot_sees_as_many_pixels_as_key_points_need(tmp_path: Path) -> None:

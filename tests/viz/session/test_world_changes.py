@@ -24,7 +24,7 @@ from ltvn_viz.session.world_view import WorldView
 from tests.viz.session_harness import FakeDriver, SessionHarness
 from tests.waiting import until
 
-pytest.importorskip("pybullet")
+pytest.importorskip("embreex")
 
 
 @dataclass

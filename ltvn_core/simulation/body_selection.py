@@ -2,7 +2,6 @@
 
 import logging
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +59,6 @@ def _announce(body: KnownBody) -> None:
 @cache
 def _bullet_missing() -> str | None:
     """Return why PyBullet cannot be imported; None where it can."""
-    if find_spec("pybullet") is None:
-        return "it is not installed"
     try:
         import pybullet  # noqa: F401
     except ImportError as error:

@@ -2,8 +2,9 @@
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,12 +14,14 @@ from ltvn_core.errors import SceneError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
-from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import Scene, load_scene
 from ltvn_core.simulation.surface_builder import SurfaceBuilder
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_core.types import Depth, Pose
+from ltvn_core.types import Depth, Pose, Renderer
+
+if TYPE_CHECKING:
+    from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
 
 RED, GREEN, GREY = (220, 30, 30), (30, 200, 30), (128, 128, 128)
 LENS = LOCOBOT.camera
@@ -38,9 +41,16 @@ def scene() -> Scene:
     return load_scene("train-00")
 
 
+def pybullet_renderer(surfaces: Surfaces) -> "PyBulletRenderer":
+    pytest.importorskip("pybullet")
+    from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
+
+    return PyBulletRenderer(surfaces)
+
+
 @pytest.fixture(scope="module")
-def tiny(scene: Scene) -> Iterator[PyBulletRenderer]:
-    camera = PyBulletRenderer(scene.surfaces)
+def tiny(scene: Scene) -> Iterator["PyBulletRenderer"]:
+    camera = pybullet_renderer(scene.surfaces)
     yield camera
     camera.close()
 
@@ -88,7 +98,7 @@ def test_what_stands_on_the_floor_is_seen_below() -> None:
     assert depth[36:].max() > 1.8
 
 
-def test_both_renderers_measure_the_same_depths(scene: Scene, tiny: PyBulletRenderer) -> None:
+def test_both_renderers_measure_the_same_depths(scene: Scene, tiny: Renderer) -> None:
     camera = EmbreeRenderer(scene.surfaces)
     for pose in scene.clearance.sample_poses(np.random.default_rng(0), 5, min_clearance_m=0.3):
         (_, depth), (rgb, other) = camera.render(pose, LENS), tiny.render(pose, LENS)
@@ -98,7 +108,7 @@ def test_both_renderers_measure_the_same_depths(scene: Scene, tiny: PyBulletRend
 
 
 def test_the_other_renderer_measures_the_depths_of_a_box_room() -> None:
-    camera = PyBulletRenderer(_box_room(6.0, 4.0, 2.5))
+    camera = pybullet_renderer(_box_room(6.0, 4.0, 2.5))
     pose = np.array([1.0, 1.0, 0.7])
     _, depth = camera.render(pose, LENS)
     camera.close()
@@ -116,8 +126,8 @@ def test_another_lens_shows_the_same_world(lens: CameraModel) -> None:
     assert depth == pytest.approx(_depth_in_box(pose, 6.0, 4.0, 2.5, lens), abs=2e-3)
 
 
-@pytest.mark.parametrize("camera", [EmbreeRenderer, PyBulletRenderer])
-def test_a_camera_tilted_down_sees_the_floor_where_it_points(camera: type[EmbreeRenderer | PyBulletRenderer]) -> None:
+@pytest.mark.parametrize("camera", [EmbreeRenderer, pybullet_renderer])
+def test_a_camera_tilted_down_sees_the_floor_where_it_points(camera: Callable[[Surfaces], Renderer]) -> None:
     lens = CameraModel.from_fov(97, 73, np.deg2rad(69.4), height_m=0.6, pitch_rad=-0.5)
     _, depth = camera(_box_room(6.0, 4.0, 2.5)).render(np.array([1.0, 2.0, 0.0]), lens)
     assert depth[36, 48] == pytest.approx(lens.height_m / np.sin(0.5), abs=0.02)
@@ -152,6 +162,9 @@ def test_opening_a_camera_says_which_one_and_how_fast(scene: Scene, caplog: pyte
 def test_without_embree_the_other_renderer_is_opened(
     scene: Scene, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    pytest.importorskip("pybullet")
+    from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
+
     monkeypatch.setitem(sys.modules, "embreex.rtcore_scene", None)
     caplog.set_level(logging.INFO)
     camera = open_renderer(scene)

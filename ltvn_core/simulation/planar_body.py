@@ -33,7 +33,7 @@ _REACH_M = 0.1
 """How far around the body obstacles are collected; they are collected again once the body has moved by this."""
 _CORRECTIONS = 8
 """Contacts resolved one after another in one tick, as in a corner between two walls."""
-_RING = np.stack([np.cos(angles := np.arange(32) * math.pi / 16), np.sin(angles)], axis=1)
+_RING = np.stack([np.cos(angles := np.arange(16) * math.pi / 8), np.sin(angles)], axis=1)
 _RING_STEP_M = 0.05
 _RINGS = 40
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from ltvn_core.recording.info import read_info
 from ltvn_core.recording.reader import Recording
+from tests.core.simulation.two_room_mesh import box_house, save
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
@@ -32,12 +31,20 @@ sys.meta_path.insert(0, Refuse())
 """
 
 APP = """
+import threading
 from ltvn_viz.app import AppOptions, open_app
-with open_app(AppOptions(port=0)) as app:
-    for _ in range(5):
-        app.session.step()
+from tests.waiting import until
+
+def watch(app):
     robot = app.session.state.live.robot
-    print(robot.state().stamp, flush=True)
+    before = robot.state().stamp
+    until(lambda: robot.state().stamp > before + 0.5)
+    print("time goes on", flush=True)
+    app.session.stop()
+
+with open_app(AppOptions(port=0)) as app:
+    threading.Thread(target=watch, args=[app]).start()
+    app.session.run()
 """
 
 
@@ -47,6 +54,12 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("site")
     (folder / "sitecustomize.py").write_text(WITHOUT_PYBULLET)
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return a scene of two small rooms."""
+    return str(save(box_house(), tmp_path_factory.mktemp("house") / "house.glb"))
 
 
 def ltvn(environment: dict[str, str], *arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -67,12 +80,11 @@ def summary(environment: dict[str, str], *arguments: str) -> dict[str, Any]:
     return json.loads(done.stdout)
 
 
-def test_a_tour_is_collected_and_names_its_body(environment: dict[str, str], tmp_path: Path) -> None:
+def test_a_tour_is_collected_and_names_its_body(environment: dict[str, str], house: str, tmp_path: Path) -> None:
     drive = tmp_path / "drive.rrd"
-    told = summary(environment, "collect", "--scene", "demo", "--loops", "1", "--output", str(drive))
-    assert told["frames"] > 50
+    told = summary(environment, "collect", "--scene", house, "--loops", "1", "--output", str(drive))
+    assert told["frames"] > 10
     assert Recording.open(drive).meta.config["body"] == "planar"
-    assert read_info(drive).scene == "demo"
 
 
 def test_bullet_is_refused_with_a_line_that_names_what_runs(environment: dict[str, str], tmp_path: Path) -> None:
@@ -83,16 +95,16 @@ def test_bullet_is_refused_with_a_line_that_names_what_runs(environment: dict[st
     assert not (tmp_path / "never.rrd").exists()
 
 
-def test_the_headless_demo_runs(environment: dict[str, str], tmp_path: Path) -> None:
-    recording = str(tmp_path / "demo.rrd")
-    told = summary(environment, "demo", "--headless", "--queries", "1", "--loops", "1", "--recording", recording)
+def test_the_headless_demo_runs(environment: dict[str, str], house: str, tmp_path: Path) -> None:
+    options = ("--scene", house, "--queries", "1", "--loops", "1", "--recording", str(tmp_path / "demo.rrd"))
+    told = summary(environment, "demo", "--headless", *options)
     assert told["queries"] == 1
 
 
 def test_an_evaluation_runs_and_does_not_go_on_from_one_with_another_body(
-    environment: dict[str, str], tmp_path: Path
+    environment: dict[str, str], house: str, tmp_path: Path
 ) -> None:
-    smallest = ("--scene", "demo", "--loops", "1", "--goals", "2", "--episodes", "1", "--finetune-steps", "0")
+    smallest = ("--scene", house, "--loops", "1", "--goals", "2", "--episodes", "1", "--finetune-steps", "0")
     command = ("evaluate", *smallest, "--step-limit", "50", "--workers", "1", "--folder", str(tmp_path))
     assert summary(environment, *command)["episodes"] == 1
     plan = json.loads(next(tmp_path.glob("*/ltvn/plan.json")).read_text())
@@ -106,10 +118,9 @@ def test_an_evaluation_runs_and_does_not_go_on_from_one_with_another_body(
 def test_a_robot_of_ros_2_is_served(environment: dict[str, str]) -> None:
     pytest.importorskip("zenoh")
     served = subprocess.Popen(
-        [sys.executable, "-m", "ltvn_core.cli", "serve", "--listen", "tcp/127.0.0.1:0", "--json", "-"],
+        [sys.executable, "-m", "ltvn_core.cli", "serve", "--listen", "tcp/127.0.0.1:0"],
         env=environment,
         cwd=ROOT,
-        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -120,11 +131,9 @@ def test_a_robot_of_ros_2_is_served(environment: dict[str, str]) -> None:
             assert line, "".join(lines)
             lines.append(line)
         assert any("planar" in each for each in lines)
-        served.send_signal(signal.SIGINT)
-        out, errors = served.communicate(timeout=PATIENCE_S)
-        assert json.loads(out)["scene"] == "demo", errors
     finally:
         served.kill()
+        served.communicate()
 
 
 def test_the_page_opens_and_its_robot_moves_in_time(environment: dict[str, str]) -> None:
@@ -132,4 +141,4 @@ def test_the_page_opens_and_its_robot_moves_in_time(environment: dict[str, str])
         [sys.executable, "-c", APP], env=environment, cwd=ROOT, capture_output=True, text=True, timeout=2 * PATIENCE_S
     )
     assert done.returncode == 0, done.stderr
-    assert float(done.stdout.split()[-1]) > 0
+    assert done.stdout.endswith("time goes on\n")

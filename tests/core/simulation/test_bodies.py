@@ -23,7 +23,7 @@ from tests.core.simulation.two_room_mesh import box_house, save
 NAMED = ("demo", "tune-0", "tune-1", "tune-3", "train-05", "train-10", "plain-1", "plain-2", "office-0")
 STARTS, SECONDS = 2, 6
 BUMPER_S = 0.1
-Triangles = tuple[NDArray[np.float64], NDArray[np.int64]]
+Triangles = tuple[NDArray[np.floating], NDArray[np.integer]]
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ Owns where a simulated robot starts. A robot of one's own has no renderer, no sc
 watches a recording there may be no robot either.
 """
 
+import logging
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.composition import START_CLEARANCE_M, open_predictor, open_simulation, simulated_robot
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
+from ltvn_core.extras import naming_the_extra
 from ltvn_core.network.cards.driving_calibration import measured_likelihoods
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.map_file import LoadedMap
@@ -31,6 +33,8 @@ from ltvn_viz.session.camera_feed import CameraFeed, ImageFeed, ObservationFeed
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.options import AppOptions
+
+logger = logging.getLogger(__name__)
 
 DISPLAY_SIZE = (320, 240)
 START_CANDIDATES = 16
@@ -76,29 +80,36 @@ def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
 def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack) -> Backend:
     """Open the simulator, to be closed by `stack`; where only a recording is watched it may be missing.
 
-    The options name the predictor itself, for the robot's camera depends on it. Raises SceneError.
+    The options name the predictor itself, for the robot's camera depends on it. Raises SceneError, MissingLibraryError.
     """
     try:
-        scene = load_scene(options.scene)
-        renderer = EmbreeRenderer(scene.surfaces, supersampling=1)
-        script = STATIC if options.world is None else make_script(options.world, scene, seed=options.seed)
-        as_it_is = World(scene, script).scene
-        renderer.show(as_it_is)
-        start = _start(as_it_is, renderer, known, np.random.default_rng(options.seed))
-        first_step = 0 if known is None else max(known.observations) + 1
-        simulation = open_simulation(
-            options.scene,
-            seed=options.seed,
-            first_step=first_step,
-            start=start,
-            spec=simulated_robot(options.predictor),
-            script=script,
-            body=options.body,
-        )
-    except SceneError as missing:
+        with naming_the_extra():
+            return _open_simulator(options, known, stack)
+    except (SceneError, MissingLibraryError) as missing:
         if options.replay is None:
             raise
+        logger.info("Watching only, because nothing can be driven here: %s", missing)
         return Backend(robot=None, missing=missing)
+
+
+def _open_simulator(options: AppOptions, known: LoadedMap | None, stack: ExitStack) -> Backend:
+    """Open the simulator, to be closed by `stack`. Raises SceneError and ModuleNotFoundError."""
+    scene = load_scene(options.scene)
+    renderer = EmbreeRenderer(scene.surfaces, supersampling=1)
+    script = STATIC if options.world is None else make_script(options.world, scene, seed=options.seed)
+    as_it_is = World(scene, script).scene
+    renderer.show(as_it_is)
+    start = _start(as_it_is, renderer, known, np.random.default_rng(options.seed))
+    first_step = 0 if known is None else max(known.observations) + 1
+    simulation = open_simulation(
+        options.scene,
+        seed=options.seed,
+        first_step=first_step,
+        start=start,
+        spec=simulated_robot(options.predictor),
+        script=script,
+        body=options.body,
+    )
     robot = simulation.robot
     stack.callback(robot.close)
     world = simulation.world

@@ -6,6 +6,7 @@ to install.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 from ltvn_core.errors import MissingLibraryError
 
@@ -41,6 +42,25 @@ def naming_the_extra() -> Iterator[None]:
         if library not in EXTRAS:
             raise
         raise MissingLibraryError(missing_text(library)) from missing
+
+
+def require_libraries(*libraries: str) -> None:
+    """Raise MissingLibraryError unless all these top-level modules are installed; nothing is imported."""
+    missing = [each for each in libraries if not _is_installed(each)]
+    if not missing:
+        return
+    extras = ",".join(sorted({EXTRAS[each] for each in missing}))
+    if len(missing) == 1:
+        raise MissingLibraryError(missing_text(missing[0]))
+    names = " and ".join((", ".join(missing[:-1]), missing[-1]))
+    raise MissingLibraryError(f"This needs {names}, which are not installed: pip install 'ltvn[{extras}]'.")
+
+
+def _is_installed(library: str) -> bool:
+    try:
+        return find_spec(library) is not None
+    except ModuleNotFoundError:  # What tests refuse.
+        return False
 
 
 def missing_text(library: str) -> str:

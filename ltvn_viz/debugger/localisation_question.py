@@ -30,6 +30,7 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.node_images import NodeImageLoader
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.server.glossary import explained
+from ltvn_viz.session.absent_backend import NO_PREDICTOR
 from ltvn_viz.session.commands import PointAt, QuestionRequest, Seek
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
@@ -78,9 +79,13 @@ class LocalisationQuestion(Question[FindAliases]):
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Colour the nodes and say which are best."""
         builder = AnswerBuilder()
-        if context.weights not in ("", context.predictor.fingerprint):
+        if context.weights not in ("", context.predictor.fingerprint) and context.predictor.fingerprint != NO_PREDICTOR:
             builder.add_text("This was recorded with other weights; the colours show what the weights in use say.")
-        shown = self._compared(context, builder)
+        try:
+            shown = self._compared(context, builder)
+        except LtvnError as missing:  # Without a predictor, what the run itself found is shown all the same.
+            builder.add_text(str(missing))
+            shown = None
         self._past_margins(context, builder)
         strokes = self._perceptual_aliases(context, builder)
         nodes = shown.colours if shown is not None else {}

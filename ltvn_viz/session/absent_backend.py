@@ -16,6 +16,10 @@ from ltvn_core.types import Features, Observation, Pose, Prediction, RobotState,
 from ltvn_viz.session.camera_feed import FeedImage
 
 
+NO_PREDICTOR = "none"
+"""Fingerprint of a predictor that is not there."""
+
+
 class AbsentRobot:
     """A robot that stands for ever. Implements `ltvn_core.robots.robot.Robot`."""
 
@@ -45,7 +49,7 @@ class AbsentRobot:
 class AbsentPredictor:
     """A network that can compare nothing. Implements `ltvn_core.types.Predictor`."""
 
-    fingerprint = "none"
+    fingerprint = NO_PREDICTOR
     camera = LOCOBOT.camera
 
     def __init__(self, why: LtvnError, likelihoods: Likelihoods | None = None) -> None:

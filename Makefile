@@ -1,6 +1,7 @@
-# Each target sets up all it needs from a bare machine with Python 3.11: `make demo`, `make test`.
+# Each target sets up all it needs from a bare machine with Python 3.11 to 3.14: `make demo`, `make test`.
 
-PYTHON ?= python3.11
+# The first of these that is installed; constraints.txt was made with 3.11.
+PYTHON ?= $(firstword $(foreach each,python3.11 python3.12 python3.13 python3.14,$(shell command -v $(each))) python3)
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
@@ -69,19 +70,18 @@ clean:  ## Remove the environment.
 .PHONY: python chromium
 python:
 	@command -v $(PYTHON) >/dev/null 2>&1 || { \
-	  echo "make: $(PYTHON) was not found. Install Python 3.11 (PyBullet has wheels for Linux x86-64 and CPython 3.11 only),"; \
-	  echo "make: or name another interpreter: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11"; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { \
-	  echo "make: $(PYTHON) is not Python 3.11, and PyBullet has wheels for CPython 3.11 on Linux x86-64 only."; \
-	  echo "make: For replay, maps and analysis without the simulator: pip install . in any Python 3.11 to 3.13."; exit 1; }
+	  echo "make: $(PYTHON) was not found. Install Python 3.11 to 3.14,"; \
+	  echo "make: or name an interpreter: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' || { \
+	  echo "make: $(PYTHON) is not Python 3.11 to 3.14. Name another: make $(MAKECMDGOALS) PYTHON=python3.11"; exit 1; }
 
 chromium: $(STAMP)
 	@$(BIN)/python -m tests.browser.chromium
 
-# PyTorch first and by exact version: elsewhere pip would choose a build with gigabytes of CUDA libraries.
+# PyTorch first: on Linux pip would else choose a build with 2.7 GB of CUDA libraries.
 $(STAMP): pyproject.toml constraints.txt | python
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet $(shell grep '^torch==' constraints.txt)
+	$(BIN)/python tools/install_torch.py
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $(STAMP)

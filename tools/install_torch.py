@@ -22,7 +22,9 @@ def main() -> int:
     """Install it; return pip's exit code."""
     wanted = pinned_torch()
     if sys.platform == "linux" and is_index_reachable():
-        _pip("--retries", "1", "--timeout", f"{TIMEOUT_S:.0f}", "install", "--no-deps", "--index-url", CPU_INDEX, wanted)
+        _pip(
+            "--retries", "1", "--timeout", f"{TIMEOUT_S:.0f}", "install", "--no-deps", "--index-url", CPU_INDEX, wanted
+        )
     elif sys.platform == "linux":
         sys.stderr.write(f"{CPU_INDEX} cannot be reached, so pip chooses the build of {wanted}; it may bring CUDA.\n")
     # With the wheel in place this installs only its dependencies.

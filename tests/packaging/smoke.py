@@ -13,9 +13,8 @@ import sysconfig
 import tempfile
 import threading
 from collections.abc import Callable
-from http.client import HTTPConnection
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.request import HTTPCookieProcessor, build_opener
 
 DEMO = "demo-fault.rrd"
 PATIENCE_S = 300.0
@@ -61,7 +60,7 @@ def replay(program: Path, recording: str, *, folder: Path, meanwhile: Callable[[
     watch.start()
     try:
         link = _until_the_link(process)
-        _check_page(link)
+        open_link(link)
         meanwhile(link)
     finally:
         watch.cancel()
@@ -85,20 +84,14 @@ def _until_the_link(process: "subprocess.Popen[str]") -> str:
     raise AssertionError("The app ended before it was ready:\n" + "".join(said))
 
 
-def _check_page(link: str) -> None:
-    """Open a link as a browser does, which keeps the cookie that the token is exchanged for."""
-    address = urlsplit(link)
-    connection = HTTPConnection(str(address.hostname), address.port, timeout=60)
-    connection.request("GET", f"{address.path}?{address.query}")
-    answer = connection.getresponse()
-    answer.read()
-    cookie = (answer.getheader("Set-Cookie") or "").split(";")[0]
-    connection.request("GET", "/", headers={"Cookie": cookie})
-    page = connection.getresponse()
-    text = page.read()
-    connection.close()
+def open_link(link: str) -> str:
+    """Open a link as a browser does; return the cookie that its token is exchanged for."""
+    cookies = HTTPCookieProcessor()
+    with build_opener(cookies).open(link, timeout=60) as page:
+        text = page.read()
     assert page.status == 200, page.status
     assert b"<html" in text.lower(), text[:200]
+    return "; ".join(f"{each.name}={each.value}" for each in cookies.cookiejar)
 
 
 def installed_program() -> Path:

@@ -1,9 +1,6 @@
 """From a wheel, in an empty folder, the toolkit opens on its demo map."""
 
-import os
 import re
-import shutil
-import signal
 import subprocess
 import sys
 import sysconfig
@@ -18,26 +15,12 @@ from zipfile import ZipFile
 import pytest
 
 from ltvn_core.recording.demo_files import DEMO_MAP, DEMO_RECORDING
+from tests.packaging import smoke
+from tests.packaging.environments import program_of
 
-ROOT = Path(__file__).parents[2]
 MAX_WHEEL_BYTES = 8_000_000
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of what git tracks here, built beside the checkout so that no leftovers of older builds get in."""
-    source, folder = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
-    tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True).stdout
-    wanted = [name for name in tracked.decode().split("\0") if name and not name.startswith(("docs/", "tests/"))]
-    for name in wanted:
-        if (ROOT / name).is_file():
-            (source / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(ROOT / name, source / name)
-    build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
-    subprocess.run([*build, "--wheel-dir", str(folder), str(source)], check=True)
-    return next(folder.glob("ltvn-*.whl"))
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +29,10 @@ def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("installed") / "venv"
     venv.create(folder, with_pip=False)
     packages = Path(sysconfig.get_path("purelib", vars={"base": str(folder)}))
-    (packages / "borrowed.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    (packages / "borrowed.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
     pip = [sys.executable, "-m", "pip", "--python", str(folder), "install", "--quiet", "--ignore-installed"]
     subprocess.run([*pip, "--no-deps", "--no-index", str(wheel)], check=True)
-    return folder / "bin" / "ltvn"
+    return program_of(folder)
 
 
 @pytest.fixture
@@ -92,14 +75,10 @@ def test_the_app_opens_on_the_demo_map(program: Path, empty_folder: Path) -> Non
             assert b"<html" in page.read().lower()
 
 
-def test_the_demo_recording_opens_by_its_name(program: Path, empty_folder: Path) -> None:
+def test_the_smoke_test_of_a_release_passes(program: Path) -> None:
     pytest.importorskip("viser")
-    pytest.importorskip("trimesh")
-    with _started(program, "replay", DEMO_RECORDING, "--port", "0", folder=empty_folder) as app:
-        _, link = _until_the_link(app)
-        with _browse(link) as page:
-            assert page.status == 200
-    assert (empty_folder / "recordings" / DEMO_RECORDING).is_file()
+
+    smoke.main(program)
 
 
 @contextmanager
@@ -108,7 +87,7 @@ def _started(program: Path, *arguments: str, folder: Path) -> "Iterator[subproce
     process = subprocess.Popen(
         [str(program), *arguments],
         cwd=folder,
-        env=_environment(),
+        env=smoke.environment(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -116,7 +95,7 @@ def _started(program: Path, *arguments: str, folder: Path) -> "Iterator[subproce
     try:
         yield process
     finally:
-        process.send_signal(signal.SIGINT)
+        process.terminate()
         process.communicate(timeout=60)
 
 
@@ -138,14 +117,9 @@ def _browse(link: str) -> HTTPResponse:
 
 def _run(program: Path, *arguments: str, folder: Path) -> str:
     command = [str(program), *arguments]
-    done = subprocess.run(command, cwd=folder, env=_environment(), capture_output=True, text=True)
+    done = subprocess.run(command, cwd=folder, env=smoke.environment(), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def _environment() -> dict[str, str]:
-    """Nothing of the checkout may be found by chance."""
-    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
 def _metadata_folder(names: set[str]) -> str:

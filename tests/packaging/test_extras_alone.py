@@ -1,0 +1,138 @@
+"""Each extra, alone in an environment of its own, does what `docs/index.md` says of it.
+
+Two extras take their turn in each run, by the number of commits; LTVN_EXTRAS=app,sim names others, and `all` all.
+"""
+
+import json
+import os
+import secrets
+import subprocess
+from pathlib import Path
+
+import pytest
+import viser
+from websockets.sync.client import connect
+
+from ltvn_core.recording.demo_files import DEMO_MAP
+from tests.packaging import smoke
+from tests.packaging.environments import install_with_extra
+from tests.repository import RECORDINGS
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = Path(__file__).with_name("debug_recording.py")
+PLAIN = ""
+"""No extra at all."""
+EXTRAS = (PLAIN, "app", "network", "sim", "place", "train", "import", "ros", "cluster", "docs", "all")
+EACH_RUN = 2
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+
+def _turn() -> tuple[str, ...]:
+    """Return the extras whose turn it is."""
+    named = os.environ.get("LTVN_EXTRAS")
+    if named is not None:
+        return EXTRAS if named == "all" else tuple("" if each == "plain" else each for each in named.split(","))
+    count = subprocess.run(["git", "rev-list", "--count", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+    first = EACH_RUN * int(count.stdout or 0)
+    return tuple(EXTRAS[(first + k) % len(EXTRAS)] for k in range(EACH_RUN))
+
+
+@pytest.mark.parametrize("extra", _turn())
+def test_an_extra_alone_does_its_job(extra: str, wheel: Path, tmp_path: Path) -> None:
+    program = install_with_extra(tmp_path / "venv", wheel, extra)
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    assert json.loads(smoke.run(program, "info", _recording(DEMO_MAP), "--json", "-", folder=folder))["nodes"] == 327
+
+    for arguments in JOBS[extra]:
+        smoke.run(program, *arguments, folder=folder)
+    for code in IMPORTS.get(extra, ()):
+        _python(program, "-c", code, folder=folder)
+    if extra in ("app", "all"):
+        _debug_every_recording(program, folder)
+    if extra in REFUSED:
+        arguments, missing = REFUSED[extra]
+        _check_refusal(program, arguments, missing, folder)
+
+
+def _recording(name: str) -> str:
+    return str(RECORDINGS / name)
+
+
+JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
+    PLAIN: (("verify", _recording("demo-fault.rrd")), ("plugins",)),
+    "app": (("export", _recording("demo-fault.rrd"), "--html", "map.html", "--svg", "map.svg"),),
+    "network": (("measure", "--help"),),
+    "sim": (("collect", "--scene", "demo", "--loops", "1", "--output", "drive.rrd"),),
+    "place": (("plugins",),),
+    "train": (("train", "--help"), ("dataset", "--help")),
+    "import": (("export", _recording("demo-drive.rrd"), "--to", "mcap", "--output", "drive.mcap"),),
+    "ros": (("serve", "--help"),),
+    "cluster": (("evaluate", "--help"),),
+    "docs": (("report", "--help"),),
+    "all": (("collect", "--scene", "demo", "--loops", "1", "--output", "drive.rrd"),),
+}
+"""What each extra must be able to do."""
+
+IMPORTS: dict[str, tuple[str, ...]] = {
+    "network": ("from ltvn_core.network.predictor import load_predictor; load_predictor()",),
+    "place": ("from ltvn_core.composition import open_predictor; open_predictor('composed')",),
+    "train": ("import ltvn_core.training_data.shard_generation, ltvn_core.network.optimization.trainer, tensorboard",),
+    "ros": ("import ltvn_core.robots.ros2, zenoh, rosbags",),
+    "cluster": ("import distributed, ray",),
+    "docs": ("import ltvn_core.reports.evaluation_page, jinja2, matplotlib, mkdocs, mkdocstrings",),
+}
+"""What must be importable where no verb shows it in seconds."""
+
+REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
+    PLAIN: (("replay", _recording("demo-fault.rrd"), "--port", "0"), "'ltvn[app]'"),
+    "app": (("app", "--port", "0"), "'ltvn[network,sim]'"),
+    "all": (("app", "--scene", "nowhere", "--port", "0"), "nowhere"),
+}
+"""What must say what is missing before it prints a link."""
+
+
+def _debug_every_recording(program: Path, folder: Path) -> None:
+    """Open each shipped recording in the page, over both of its sockets, and ask all questions about it."""
+    for recording in sorted(RECORDINGS.glob("*.rrd")):
+        smoke.replay(program, str(recording), folder=folder, meanwhile=_open_socket)
+        answers = json.loads(_python(program, str(SCRIPT), str(recording), folder=folder))
+        assert all(answers.values()), answers
+        assert "What is true?" in answers
+
+
+def _open_socket(link: str) -> None:
+    """Hear viser's first message on a page's socket, with the cookie that the link is exchanged for."""
+    address = link.split("/?")[0]
+    with connect(
+        f"{address.replace('http', 'ws')}/?page={secrets.token_hex(16)}",
+        origin=address,  # pyright: ignore[reportArgumentType]
+        additional_headers={"Cookie": smoke.open_link(link)},
+        subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
+        open_timeout=60,
+        max_size=None,
+    ) as panels:
+        assert panels.recv(timeout=60)
+
+
+def _check_refusal(program: Path, arguments: tuple[str, ...], missing: str, folder: Path) -> None:
+    done = subprocess.run(
+        [str(program), *arguments], cwd=folder, env=smoke.environment(), capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 1, done.stderr
+    assert missing in done.stderr
+    assert "http://" not in done.stderr
+
+
+def _python(program: Path, *arguments: str, folder: Path) -> str:
+    done = subprocess.run(
+        [str(next(program.parent.glob("python*"))), *arguments],
+        cwd=folder,
+        env=smoke.environment(),
+        capture_output=True,
+        encoding="utf-8",
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout

@@ -101,8 +101,10 @@ def open_new_file(path: Path) -> int:
     """
     require_usable_name(path)
     _make_folder(path)
+    # Windows has no O_CLOEXEC, and would change line ends without O_BINARY, which no other system has.
+    flags = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
     try:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o600)
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | flags, 0o600)
     except FileExistsError as error:
         raise _exists(path) from error
     except OSError as error:

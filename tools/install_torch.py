@@ -1,4 +1,4 @@
-"""Installs the PyTorch of constraints.txt into the Python that runs this, on Linux in its build for the CPU if possible.
+"""Installs the PyTorch of constraints.txt into the Python that runs this; on Linux in a CPU build if possible.
 
 On Linux, PyPI's wheel brings CUDA, cuDNN and NCCL along, 2.7 GB together; on macOS and Windows it is a build for the
 CPU. So on Linux PyTorch's own index of CPU builds is asked first. If it cannot be reached, pip decides. Needs only the

@@ -188,7 +188,7 @@ class AppendedFile:
 
     def _bring_to_disk(self) -> None:
         if self.failure is None:
-            self._attempt(lambda: os.fdatasync(self._file))
+            self._attempt(lambda: _to_disk(self._file))
 
     def _attempt(self, job: Callable[[], str | None]) -> str | None:
         """Do something with the file that may go wrong; that is a failure then."""
@@ -202,6 +202,11 @@ class AppendedFile:
         with self._progress:
             self.failure = self.failure or why
             self._progress.notify_all()
+
+
+def _to_disk(file: int) -> None:
+    # Only Linux can leave the times of a file out.
+    getattr(os, "fdatasync", os.fsync)(file)
 
 
 def _broken(path: Path, why: str) -> str:

@@ -4,6 +4,7 @@ Looks at the disk, and may wait for it. Writes nothing.
 """
 
 import os
+import shutil
 from pathlib import Path
 
 
@@ -34,14 +35,19 @@ class FilePlace:
 
     def lack_of_room(self) -> str | None:
         """Return how little room is left when it is too little, else None."""
-        disk = os.fstatvfs(self._file)
-        free = disk.f_bavail * disk.f_frsize
+        free = self._free_bytes()
         if free >= self._min_free_bytes:
             return None
         return (
             f"The disk under {self._path.parent} is full: {free >> 20} MiB are left, recording needs "
             f"{self._min_free_bytes >> 20} MiB. Everything up to here is kept. Free some space, then record again."
         )
+
+    def _free_bytes(self) -> int:
+        if not hasattr(os, "fstatvfs"):  # Windows.
+            return shutil.disk_usage(self._path.parent).free
+        disk = os.fstatvfs(self._file)
+        return disk.f_bavail * disk.f_frsize
 
     def _new_place(self) -> str:
         try:

@@ -228,7 +228,7 @@ class _EpisodeLog:
         """Read what is there. Raises RecordingError where a line is no episode."""
         self.episodes: list[RobotEpisode] = []
         self._path = path
-        for line in path.read_text().splitlines() if path.exists() else ():
+        for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
             try:
                 self.episodes.append(cattrs.structure(json.loads(line), RobotEpisode))
             except (ValueError, KeyError, cattrs.BaseValidationError) as error:

@@ -15,7 +15,6 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, Observation, Pose, Prediction, RobotState, Twist
 from ltvn_viz.session.camera_feed import FeedImage
 
-
 NO_PREDICTOR = "none"
 """Fingerprint of a predictor that is not there."""
 

@@ -140,14 +140,14 @@ def _end(processes: Sequence[BaseProcess]) -> None:
 
 def _run(verb: type[Verb], options: Sequence[str]) -> None:
     _end_with_parent()
-    sys.stdout = open(os.devnull, "w")  # noqa: SIM115  (what it sums up at its end nobody asked for)
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (what it sums up at its end nobody asked for)
     sys.exit(run_verb("ltvn", verb, options))
 
 
 def _route(address: str) -> None:
     _end_with_parent()
     with ZenohLink.listen(address, node="ltvn_router"):
-        signal.pause()
+        threading.Event().wait()  # Until a signal ends the process; Windows has no `signal.pause`.
 
 
 def _end_with_parent() -> None:

@@ -105,7 +105,7 @@ def relative(path: Path) -> str:
 
 @cache
 def syntax(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 @cache

@@ -23,7 +23,7 @@ def run(name: str, *arguments: str | Path, cwd: Path) -> str:
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
 def test_an_example_is_short_and_begins_with_what_it_shows(path: Path) -> None:
-    lines = path.read_text().splitlines()
+    lines = path.read_text(encoding="utf-8").splitlines()
     assert len(lines) <= LONGEST
     assert lines[0].startswith('"""')
 

@@ -19,7 +19,7 @@ SMALL = ["--scenes", "tune-3", "--clusters", "6", "--images", "40"]
 def ltvn(*arguments: object, summary: Path) -> dict:
     """Run a verb and return its summary."""
     assert main([*map(str, arguments), "--json", str(summary)]) == 0
-    return json.loads(summary.read_text())
+    return json.loads(summary.read_text(encoding="utf-8"))
 
 
 def test_data_training_fine_tuning_and_measuring_follow_each_other(

@@ -93,7 +93,7 @@ def test_a_command_of_another_type_is_named_and_moves_nothing(bench: Bench) -> N
 def test_a_guard_that_was_suspended_forwards_nothing_old(bench: Bench) -> None:
     bench.drive_off()
     bench.guard.process.send_signal(signal.SIGSTOP)
-    until(lambda: Path(f"/proc/{bench.guard.process.pid}/stat").read_text().split()[2] == "T")
+    until(lambda: Path(f"/proc/{bench.guard.process.pid}/stat").read_text(encoding="utf-8").split()[2] == "T")
     begun_s = time.monotonic()
     until(lambda: bench.drive(TURN) or time.monotonic() - begun_s > 0.6)
     bench.guard.process.send_signal(signal.SIGCONT)

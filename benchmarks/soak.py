@@ -79,7 +79,10 @@ class SoakVerb(Verb):
         if self.minutes <= SETTLING_MIN:
             raise OptionError(f"--minutes must be more than {SETTLING_MIN:g}, in which memory settles.")
         samples = list[SoakSample]()
-        with self.curve.open("x") as curve, tempfile.TemporaryDirectory(prefix="ltvn-soak-") as folder:
+        with (
+            self.curve.open("x", encoding="utf-8") as curve,
+            tempfile.TemporaryDirectory(prefix="ltvn-soak-") as folder,
+        ):
             print(HEAD, file=curve, flush=True)
             for sample in soak(Path(folder), self.minutes, self.seed):
                 samples.append(sample)

@@ -240,7 +240,7 @@ def _write_summary(path: "Path", summary: "Summary") -> None:
     from ltvn_core.verbs.verb import to_json
 
     try:
-        path.write_text(to_json(summary) + "\n")
+        path.write_text(to_json(summary) + "\n", encoding="utf-8")
     except (OSError, ValueError) as error:
         print(to_json(summary))
         raise OptionError(f"{path}: the summary could not be written ({error}); it is printed instead.") from error

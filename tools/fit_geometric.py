@@ -264,7 +264,7 @@ def fit(drives: Sequence[Drive], rng: np.random.Generator, pairs: int, command: 
         "command": command,
     }
     fitted = Calibration({name: fit_logistic(part) for name, part in found.items()}, card=card)
-    CALIBRATION_FILE.write_text(fitted.text())
+    CALIBRATION_FILE.write_text(fitted.text(), encoding="utf-8")
     shipped_calibration.cache_clear()
 
 

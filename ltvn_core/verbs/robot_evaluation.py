@@ -239,7 +239,7 @@ class _EpisodeLog:
 
     def add(self, episode: RobotEpisode) -> None:
         self.episodes.append(episode)
-        with self._path.open("a") as file:
+        with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(episode)) + "\n")
             file.flush()
             os.fsync(file.fileno())

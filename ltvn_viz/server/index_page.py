@@ -96,23 +96,23 @@ def _guarded(index: str) -> str:
 
 def _with_our_parts(index: str) -> str:
     """Return the page with our layout, keys and pad; the parts come first, so that loading shows before all else."""
-    index = _with_style(index, STYLES).replace("<body>", f"<body>{(STATIC / PARTS).read_text()}")
+    index = _with_style(index, STYLES).replace("<body>", f"<body>{(STATIC / PARTS).read_text(encoding='utf-8')}")
     return index.replace("</head>", f'<script nonce="{NONCE}">{_script()}</script></head>')
 
 
 def _with_style(index: str, names: Iterable[str]) -> str:
-    style = "".join((STATIC / name).read_text() for name in names)
+    style = "".join((STATIC / name).read_text(encoding="utf-8") for name in names)
     return index.replace("</head>", f"<style>{style}</style></head>")
 
 
 def _script() -> str:
-    parts = "\n".join((STATIC / name).read_text() for name in SCRIPTS)
+    parts = "\n".join((STATIC / name).read_text(encoding="utf-8") for name in SCRIPTS)
     tables = {
         "KEYMAP": _keymap(),
         "LINK_WORDS": LINK_PARAMETERS,
         "TIMELINE": strip_tables(),
         "GLOSSARY": [term._asdict() for term in TERMS],
-        "SOCKET_WORKER": (STATIC / SOCKET_WORKER).read_text(),
+        "SOCKET_WORKER": (STATIC / SOCKET_WORKER).read_text(encoding="utf-8"),
     }
     # "<" would let a text end the script element.
     constants = "\n".join(f"const {name} = {json.dumps(table)};" for name, table in tables.items()).replace(

@@ -23,7 +23,7 @@ _WITHOUT_NOTICE = "<style>#webgl-software-rendering { display: none; }</style></
 
 def viser_page() -> str:
     """Return the HTML of viser's page, mended."""
-    return mended((Path(viser.__file__).parent / "client/build/index.html").read_text())
+    return mended((Path(viser.__file__).parent / "client/build/index.html").read_text(encoding="utf-8"))
 
 
 def mended(html: str) -> str:

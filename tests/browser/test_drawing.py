@@ -37,7 +37,7 @@ IS_RIMMED = "() => window.__viserMutable.nodeRefFromName['/thing/outline'].child
 def levels(chromium: Browser) -> Iterator[Page]:
     """An empty page that knows how levels are judged, and tells those after frames of some milliseconds each."""
     page = chromium.new_page()
-    judge = (STATIC / "drawing_speed.js").read_text()
+    judge = (STATIC / "drawing_speed.js").read_text(encoding="utf-8")
     page.add_script_tag(
         content=f"""{judge}
         const speed = drawingSpeed(0);

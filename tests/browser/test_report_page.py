@@ -25,7 +25,7 @@ def report(tmp_path: Path) -> Path:
     )
     failures = [FailureRow(trial, each) for trial in trials for each in trial.episodes if not each.reached]
     path = tmp_path / "report.html"
-    path.write_text(render_page(EvaluationResults(trials), failures, INK, folder=tmp_path))
+    path.write_text(render_page(EvaluationResults(trials), failures, INK, folder=tmp_path), encoding="utf-8")
     return path
 
 

@@ -11,9 +11,11 @@ def install(folder: Path, package: str, entry_points: str, *, source: str = "", 
     module = package.replace("-", "_")
     metadata = folder / f"{module}-{version}.dist-info"
     metadata.mkdir(parents=True)
-    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: {version}\n")
-    (metadata / "entry_points.txt").write_text(entry_points)
-    (folder / f"{module}.py").write_text(source)
+    (metadata / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {package}\nVersion: {version}\n", encoding="utf-8"
+    )
+    (metadata / "entry_points.txt").write_text(entry_points, encoding="utf-8")
+    (folder / f"{module}.py").write_text(source, encoding="utf-8")
 
 
 def ltvn(packages: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":

@@ -87,7 +87,7 @@ def test_a_summary_is_text_for_a_person_and_json_for_a_program(drive: Path, tmp_
     summary = json.loads(ltvn("info", drive, "--json", "-").stdout)
     assert (summary["frames"], summary["nodes"]) == (10, 3)
     assert ltvn("info", drive, "--json", tmp_path / "info.json").returncode == 0
-    assert json.loads((tmp_path / "info.json").read_text()) == summary
+    assert json.loads((tmp_path / "info.json").read_text(encoding="utf-8")) == summary
 
 
 def test_rows_of_a_summary_get_a_line_each() -> None:

@@ -73,7 +73,7 @@ def test_a_module_of_no_extra_is_reported_as_it_is() -> None:
 def test_the_extras_that_errors_name_exist() -> None:
     import tomllib
 
-    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     for library, extra in EXTRAS.items():
         assert any(library in each.replace("-", "_").split(">=")[0].split("==")[0] for each in declared[extra])
 

@@ -21,6 +21,7 @@ from ltvn_core.preprocessing import preprocess_observation
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.verbs.verb import Summary, Verb
+from tests.platforms import needs_posix
 
 FAILURES: dict[str, tuple[BaseException, int, str]] = {
     "full": (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/disk/a.rrd"), FAILED, "free some space"),
@@ -80,6 +81,7 @@ def test_a_mistake_of_a_programmer_is_shown_as_one() -> None:
         run_verb("ltvn fail", Mistaken, [])
 
 
+@needs_posix
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "code", "said"),

@@ -58,9 +58,9 @@ def test_no_other_module_mixes_colours_for_probabilities() -> None:
     red_of_ramp = re.compile(r"235,\s*90,\s*10\b|25,\s*115,\s*250\b|0,\s*158,\s*115\b|213,\s*94,\s*0\b")
     modules = [path for package in ("ltvn_core", "ltvn_viz") for path in (ROOT / package).rglob("*.py")]
 
-    assert [path.relative_to(ROOT).as_posix() for path in modules if red_of_ramp.search(path.read_text())] == [
-        ONE_PLACE
-    ]
+    assert [
+        path.relative_to(ROOT).as_posix() for path in modules if red_of_ramp.search(path.read_text(encoding="utf-8"))
+    ] == [ONE_PLACE]
 
 
 MACHADO_2009 = {

@@ -61,7 +61,7 @@ def test_names_that_are_to_come_first_do_and_the_others_follow_by_name() -> None
 def test_a_module_that_ends_python_while_it_is_imported_ends_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "leaving.py").write_text("raise SystemExit(3)")
+    (tmp_path / "leaving.py").write_text("raise SystemExit(3)", encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
 
     loaded = load_plugins({"away": named("leaving:make"), "here": named("math:sqrt")}, Plugin.load)
@@ -75,7 +75,7 @@ def test_a_module_that_ends_python_while_it_is_imported_ends_nothing(
 def test_a_library_that_an_extra_brings_is_named_with_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "wanting.py").write_text("raise ModuleNotFoundError('no', name='torch')")
+    (tmp_path / "wanting.py").write_text("raise ModuleNotFoundError('no', name='torch')", encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(MissingLibraryError, match=r"ltvn\[network\]"):
         named("wanting:make").load()

@@ -28,28 +28,30 @@ PAGE = ROOT / "docs" / "network.md"
 def test_all_images_of_the_page_are_drawn_and_small(tmp_path: Path) -> None:
     pytest.importorskip("embreex")
     page = tmp_path / "network.md"
-    page.write_text(PAGE.read_text())
+    page.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
     made = FiguresVerb(
         data=tmp_path / "data", output=tmp_path / "images", page=page, scenes=("tune-3",), clusters=8, images=40
     ).run()
     assert isinstance(made, FiguresSummary)
     assert {path.name for path in made.pictures} == {
-        Path(line.split("(")[1].rstrip(")")).name for line in PAGE.read_text().splitlines() if line.startswith("![")
+        Path(line.split("(")[1].rstrip(")")).name
+        for line in PAGE.read_text(encoding="utf-8").splitlines()
+        if line.startswith("![")
     }
     for path in made.pictures:
         assert path.stat().st_size <= MAX_BYTES
         picture = np.asarray(Image.open(path).convert("RGB"))
         assert min(picture.shape[:2]) > 400
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
-    assert "AUC" in page.read_text()
+    assert "AUC" in page.read_text(encoding="utf-8")
 
 
 def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) -> None:
     page = tmp_path / "network.md"
-    page.write_text(PAGE.read_text())
+    page.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
     card = read_card(SHIPPED_WEIGHTS)
     fill_blocks(page, network_blocks(card))
-    filled = page.read_text().split("<!-- figures: begin -->")[1].split("<!-- figures: end -->")[0]
+    filled = page.read_text(encoding="utf-8").split("<!-- figures: begin -->")[1].split("<!-- figures: end -->")[0]
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in filled.splitlines() if "|" in line]
     table = {row[0]: row[1:] for row in rows}
     for key, number in card["measured"]["pairs"].items():
@@ -57,18 +59,20 @@ def test_the_pages_tables_equal_the_card_of_the_shipped_weights(tmp_path: Path) 
     for key, number in card["measured"]["drives"].items():
         assert table[METRIC_NAMES[key]][1] == format_metric(number)
     for command in card["commands"]:
-        assert f"    {command}\n" in page.read_text()
+        assert f"    {command}\n" in page.read_text(encoding="utf-8")
 
 
 def test_the_page_in_the_repository_is_filled_in_from_the_shipped_card(tmp_path: Path) -> None:
     page = tmp_path / "network.md"
-    page.write_text(PAGE.read_text())
+    page.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
     rivals = baseline_blocks({entry.name: read_card(entry.weights) for entry in baseline_systems()})
     fill_blocks(
         page,
         {**network_blocks(read_card(SHIPPED_WEIGHTS)), **rivals, **comparison_tables(PAGE.parent / "measurements")},
     )
-    assert page.read_text() == PAGE.read_text(), "run `python -m figures` after exchanging the weights"
+    assert page.read_text(encoding="utf-8") == PAGE.read_text(encoding="utf-8"), (
+        "run `python -m figures` after exchanging the weights"
+    )
 
 
 def test_rates_of_driving_and_times_are_shown_where_the_card_has_them() -> None:
@@ -84,20 +88,20 @@ def test_rates_of_driving_and_times_are_shown_where_the_card_has_them() -> None:
 
 def test_filling_a_page_twice_changes_nothing_more(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("before\n<!-- a: begin -->\nold\n<!-- a: end -->\nafter\n")
+    page.write_text("before\n<!-- a: begin -->\nold\n<!-- a: end -->\nafter\n", encoding="utf-8")
     fill_blocks(page, {"a": "new"})
-    once = page.read_text()
+    once = page.read_text(encoding="utf-8")
     fill_blocks(page, {"a": "new"})
-    assert page.read_text() == once == "before\n<!-- a: begin -->\nnew\n<!-- a: end -->\nafter\n"
+    assert page.read_text(encoding="utf-8") == once == "before\n<!-- a: begin -->\nnew\n<!-- a: end -->\nafter\n"
 
 
 @pytest.mark.parametrize("text", ["", "<!-- a: end --><!-- a: begin -->", "<!-- a: begin -->"])
 def test_a_page_without_the_comments_is_left_alone_and_named(tmp_path: Path, text: str) -> None:
     page = tmp_path / "page.md"
-    page.write_text(text)
+    page.write_text(text, encoding="utf-8")
     with pytest.raises(OptionError, match="a: begin"):
         fill_blocks(page, {"a": "new"})
-    assert page.read_text() == text
+    assert page.read_text(encoding="utf-8") == text
 
 
 def test_a_missing_page_and_an_empty_card_are_clear_errors(tmp_path: Path) -> None:

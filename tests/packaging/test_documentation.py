@@ -31,7 +31,7 @@ def test_every_page_of_the_site_is_there(site: Path) -> None:
 
 
 def test_the_reference_names_what_a_programmer_needs(site: Path) -> None:
-    text = (site / "reference.html").read_text()
+    text = (site / "reference.html").read_text(encoding="utf-8")
 
     for name in ("Recording", "RecordingWriter", "TopologicalGraph", "Navigator", "Predictor"):
         assert name in text
@@ -39,7 +39,9 @@ def test_the_reference_names_what_a_programmer_needs(site: Path) -> None:
 
 def test_a_page_loads_nothing_from_another_machine(site: Path) -> None:
     for page in site.rglob("*.html"):
-        loaded = re.findall(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=[\"']?([^\"' >]+)", page.read_text())
+        loaded = re.findall(
+            r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=[\"']?([^\"' >]+)", page.read_text(encoding="utf-8")
+        )
         assert [each for each in loaded if each.startswith(("http:", "https:", "//"))] == []
 
 
@@ -47,6 +49,10 @@ def test_the_tutorial_names_commands_that_exist() -> None:
     from ltvn_core.verbs.discovery import find_verbs
 
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-    named = {verb for page in pages for verb in re.findall(r"(?:^|`) *ltvn ([a-z]+)", page.read_text(), re.MULTILINE)}
+    named = {
+        verb
+        for page in pages
+        for verb in re.findall(r"(?:^|`) *ltvn ([a-z]+)", page.read_text(encoding="utf-8"), re.MULTILINE)
+    }
 
     assert named <= set(find_verbs()) | {"figures"}

@@ -39,7 +39,7 @@ def floor_heights(folder: Path) -> list[float] | None:
     if not path.is_file():
         return None
     try:
-        heights = sorted(float(word) for word in path.read_text().split())
+        heights = sorted(float(word) for word in path.read_text(encoding="utf-8").split())
     except (OSError, ValueError) as error:
         raise SceneError(
             f"{path} must contain one height in metres per line ({error}). Correct it, or remove it."

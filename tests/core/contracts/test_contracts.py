@@ -135,9 +135,11 @@ def test_a_plug_in_that_cannot_be_loaded_is_listed_with_the_reason() -> None:
 
 
 def test_the_template_package_is_found_and_passes_its_test(tmp_path: Path) -> None:
-    entry_points = (TEMPLATE / "pyproject.toml").read_text().split("[project.entry-points.")[1].split("\n[")[0]
+    entry_points = (
+        (TEMPLATE / "pyproject.toml").read_text(encoding="utf-8").split("[project.entry-points.")[1].split("\n[")[0]
+    )
     listed = entry_points.replace('"', "").replace("ltvn.predictors]", "[ltvn.predictors]")
-    source = (TEMPLATE / "thumbnail_predictor.py").read_text()
+    source = (TEMPLATE / "thumbnail_predictor.py").read_text(encoding="utf-8")
     install(tmp_path, "thumbnail_predictor", listed, source=source)
 
     tested = ltvn(tmp_path, "plugins", "test", "thumbnails", "--json", "-")

@@ -20,7 +20,10 @@ from ltvn_core.evaluation.trial_plans import TrialPlan
 from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
 from ltvn_core.evaluation.workers import workers
 from tests.core.simulation.two_room_mesh import box_house, save
+from tests.platforms import needs_posix
 from tests.waiting import until
+
+pytestmark = needs_posix
 
 EPISODES, SEEDS = 2, (0, 1, 2, 3)
 

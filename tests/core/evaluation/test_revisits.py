@@ -9,6 +9,7 @@ import pytest
 from ltvn_core.errors import DatasetError
 from ltvn_core.evaluation.predictor_accuracy.revisits import read_revisits, revisit_accuracy, summarise_revisits
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
+from tests.platforms import needs_posix
 
 
 @pytest.fixture
@@ -34,13 +35,14 @@ def test_a_matrix_of_another_size_or_of_no_numbers_is_refused(two_rounds: np.nda
     np.savetxt(path, two_rounds, "%d")
     with pytest.raises(DatasetError, match="must be a matrix of 41 x 41 numbers"):
         read_revisits(path, 41)
-    path.write_text("yes no\nno yes\n")
+    path.write_text("yes no\nno yes\n", encoding="utf-8")
     with pytest.raises(DatasetError, match="cannot be read as a loop-closure matrix"):
         read_revisits(path, 2)
     with pytest.raises(DatasetError, match="cannot be read"):
         read_revisits(tmp_path / "nothing.png", 2)
 
 
+@needs_posix
 @pytest.mark.parametrize("name", ["matrix.txt", "matrix.png"])
 def test_a_matrix_that_would_never_end_is_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / name).symlink_to("/dev/zero")

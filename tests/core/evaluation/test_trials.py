@@ -121,7 +121,7 @@ def test_episodes_with_a_spoiled_camera_are_kept_apart_from_others(trial: TrialR
 
 def test_a_folder_says_nothing_of_perturbations_where_there_are_none(trial: TrialResult, folder: Path) -> None:
     files = TrialFiles.of(_plan(folder), folder)
-    settings = json.loads((files.folder / files.label / "plan.json").read_text())
+    settings = json.loads((files.folder / files.label / "plan.json").read_text(encoding="utf-8"))
 
     assert "perturbations" not in settings
 
@@ -142,7 +142,7 @@ def test_the_drawing_of_the_map_lies_beside_the_result(trial: TrialResult, folde
 
 
 def test_a_broken_result_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.trial.json").write_text('{"scene": 3}')
+    (tmp_path / "a.trial.json").write_text('{"scene": 3}', encoding="utf-8")
 
     with pytest.raises(OptionError, match=r"a\.trial\.json holds no TrialResult"):
         load_results(tmp_path / "a.trial.json", TrialResult)
@@ -169,13 +169,13 @@ def test_an_evaluation_under_harder_conditions_says_so(tmp_path: Path) -> None:
 
     assert trial.conditions == ("slip", "half-light", "1 mapping loop")
     assert setup_of(trial).scene == "house, slip, half-light, 1 mapping loop"
-    noted = json.loads((tmp_path / "house-slip-0" / plan.label / "plan.json").read_text())
+    noted = json.loads((tmp_path / "house-slip-0" / plan.label / "plan.json").read_text(encoding="utf-8"))
     assert (noted["conditions"], noted["protocol"]["slips_per_m"]) == (["half-light", "slip"], 0.2)
 
 
 def test_a_folder_from_before_there_were_conditions_is_gone_on_with(trial: TrialResult, folder: Path) -> None:
-    noted = json.loads((folder / "house-0" / _plan(folder).label / "plan.json").read_text())
-    drive = json.loads((folder / "house-0" / "drive.plan.json").read_text())
+    noted = json.loads((folder / "house-0" / _plan(folder).label / "plan.json").read_text(encoding="utf-8"))
+    drive = json.loads((folder / "house-0" / "drive.plan.json").read_text(encoding="utf-8"))
 
     assert not {"conditions", "perturbations", "maintenance"} & noted.keys()
     assert "slips_per_m" not in {*noted["protocol"], *drive}

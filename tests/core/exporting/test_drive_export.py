@@ -112,7 +112,7 @@ def test_a_tum_folder_comes_back_and_is_read_by_numpy(tmp_path: Path, recording:
     truth = np.loadtxt(tmp_path / "folder/groundtruth.txt")
     assert truth.shape == (COUNT, 8)
     assert truth[2, 1:4] == pytest.approx([0.41, 0.21, 0.55])
-    listed = (tmp_path / "folder/depth.txt").read_text().splitlines()[2].split()[1]
+    listed = (tmp_path / "folder/depth.txt").read_text(encoding="utf-8").splitlines()[2].split()[1]
     depth = cv2.imread(str(tmp_path / "folder" / listed), cv2.IMREAD_UNCHANGED)
     assert depth is not None
     assert depth.max() == 7500
@@ -135,7 +135,7 @@ def test_a_lerobot_data_set_comes_back_and_is_read_by_pyarrow(tmp_path: Path, re
     check_frames(frames, recording, depth_within_m=1e-6)
     check_camera(frames[0].camera)
     table = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")
-    info = json.loads((tmp_path / "set/meta/info.json").read_text())
+    info = json.loads((tmp_path / "set/meta/info.json").read_text(encoding="utf-8"))
     assert info["total_frames"] == table.num_rows == COUNT
     assert set(info["features"]) == set(table.column_names)
     assert np.array(table["observation.time"].to_pylist())[:, 0] == pytest.approx([100, 100.5, 101, 101.5, 102])
@@ -159,7 +159,7 @@ def test_nothing_is_ever_overwritten_and_nothing_is_left_behind(
 ) -> None:
     target = tmp_path / "out" / "taken"
     target.mkdir(parents=True)
-    (target / "diary.txt").write_text("mine")
+    (target / "diary.txt").write_text("mine", encoding="utf-8")
 
     with pytest.raises(LtvnError, match=r"exists already|holds no map"):
         export_recording(recording, target, to)

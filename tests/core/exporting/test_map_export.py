@@ -34,7 +34,7 @@ def test_graphml_is_read_by_networkx(tmp_path: Path, recording: Recording) -> No
 def test_geojson_has_nodes_as_points_and_edges_as_lines_between_them(tmp_path: Path, recording: Recording) -> None:
     export_recording(recording, tmp_path / "map.geojson", ExportFormat.GEOJSON)
 
-    collection = json.loads((tmp_path / "map.geojson").read_text())
+    collection = json.loads((tmp_path / "map.geojson").read_text(encoding="utf-8"))
     features = collection["features"]
     points = {
         each["properties"]["id"]: each["geometry"]["coordinates"]
@@ -54,7 +54,7 @@ def test_a_route_graph_has_what_the_route_server_reads(tmp_path: Path, recording
     """As nav2_route's own loader takes it: unsigned ids, and edges between nodes that exist."""
     export_recording(recording, tmp_path / "route.geojson", ExportFormat.NAV2_ROUTE)
 
-    features = json.loads((tmp_path / "route.geojson").read_text())["features"]
+    features = json.loads((tmp_path / "route.geojson").read_text(encoding="utf-8"))["features"]
     nodes = [each["properties"] for each in features if each["geometry"]["type"] == "Point"]
     edges = [each["properties"] for each in features if each["geometry"]["type"] == "MultiLineString"]
     ids = [each["id"] for each in (*nodes, *edges)]

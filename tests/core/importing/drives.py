@@ -57,10 +57,12 @@ def write_tum_folder(
     for stamp in stamps:
         cv2.imwrite(str(folder / f"rgb/{stamp:.2f}.png"), rng.integers(0, 255, (size[1], size[0], 3), np.uint8))
         cv2.imwrite(str(folder / f"depth/{stamp:.2f}.png"), np.full((size[1], size[0]), 10_000, np.uint16))
-    (folder / "rgb.txt").write_text("# colours\n" + "".join(f"{s:.4f} rgb/{s:.2f}.png\n" for s in stamps))
+    (folder / "rgb.txt").write_text(
+        "# colours\n" + "".join(f"{s:.4f} rgb/{s:.2f}.png\n" for s in stamps), encoding="utf-8"
+    )
     if depth_delay_s is not None:
         lines = (f"{s + depth_delay_s:.4f} depth/{s:.2f}.png\n" for s in stamps)
-        (folder / "depth.txt").write_text("".join(lines))
+        (folder / "depth.txt").write_text("".join(lines), encoding="utf-8")
     poses = [f"{s:.4f} {0.2 * k:.2f} 1 0.5 {FORWARD}" for k, s in enumerate(stamps)]
-    (folder / "groundtruth.txt").write_text("\n".join(poses if pose_lines is None else pose_lines))
+    (folder / "groundtruth.txt").write_text("\n".join(poses if pose_lines is None else pose_lines), encoding="utf-8")
     return folder

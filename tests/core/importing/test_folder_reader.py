@@ -15,6 +15,7 @@ from ltvn_core.importing.folder_reader import FolderReader
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.importing.reader_registry import open_drive
 from ltvn_core.recording.reader import Recording
+from tests.platforms import needs_posix
 
 
 def write_pictures(folder: Path, names: list[str]) -> Path:
@@ -50,7 +51,7 @@ def test_depth_of_the_same_name_is_in_millimetres_or_as_the_camera_file_says(tmp
     assert frames[1].depth_m is not None
     assert np.allclose(frames[1].depth_m, 2.5)
     fields = {"width": 640, "height": 480, "fx": 500, "fy": 500, "cx": 319.5, "cy": 239.5, "depth_scale": 5000}
-    (folder / "camera.json").write_text(json.dumps(fields))
+    (folder / "camera.json").write_text(json.dumps(fields), encoding="utf-8")
     again = read(folder)[1]
     assert again.depth_m is not None
     assert np.allclose(again.depth_m, 0.5)
@@ -70,7 +71,7 @@ def test_depth_of_the_same_name_is_in_millimetres_or_as_the_camera_file_says(tmp
 )
 def test_a_table_of_odometry_finds_its_pictures(tmp_path: Path, table: str) -> None:
     folder = write_pictures(tmp_path / "drive", ["1.jpg", "2.jpg"])
-    (folder / "odometry.csv").write_text(table)
+    (folder / "odometry.csv").write_text(table, encoding="utf-8")
     assert [frame.odometry.tolist() for frame in read(folder) if frame.odometry is not None] == [[0, 0, 0], [1, 2, 0.5]]
     (folder / "odometry.csv").rename(tmp_path / "elsewhere.csv")
     assert [frame.odometry for frame in read(folder)] == [None, None]
@@ -80,7 +81,7 @@ def test_a_table_of_odometry_finds_its_pictures(tmp_path: Path, table: str) -> N
 
 def test_a_picture_that_the_table_does_not_name_is_left_out_with_the_reason(tmp_path: Path) -> None:
     folder = write_pictures(tmp_path / "drive", ["a.jpg", "b.jpg", "c.jpg"])
-    (folder / "odometry.csv").write_text("file,x,y,yaw\na.jpg,0,0,0\nc.jpg,1,0,0\n")
+    (folder / "odometry.csv").write_text("file,x,y,yaw\na.jpg,0,0,0\nc.jpg,1,0,0\n", encoding="utf-8")
     summary = import_drive(FolderReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
     assert summary.dropped == {"no odometry at that time": 1}
     assert Recording.open(tmp_path / "tour.rrd").poses.odometry.tolist() == [[0, 0, 0], [1, 0, 0]]
@@ -124,6 +125,7 @@ def test_a_cut_or_foreign_picture_is_left_out_and_counted(tmp_path: Path, blob: 
     assert "2.jpg" in reader.doubts[0]
 
 
+@needs_posix
 def test_pipes_and_links_in_a_circle_are_left_out_and_never_waited_for(tmp_path: Path) -> None:
     write_pictures(tmp_path, ["1.jpg", "4.jpg"])
     os.mkfifo(tmp_path / "2.jpg")
@@ -135,6 +137,7 @@ def test_pipes_and_links_in_a_circle_are_left_out_and_never_waited_for(tmp_path:
     assert "2.jpg is a pipe or a device" in reader.doubts[0]
 
 
+@needs_posix
 @pytest.mark.parametrize("table", ["/dev/zero", "pipe.csv"])
 def test_a_table_that_would_never_end_is_refused(tmp_path: Path, table: str) -> None:
     os.mkfifo(write_pictures(tmp_path, ["1.jpg", "2.jpg"]) / "pipe.csv")

@@ -101,11 +101,15 @@ def test_it_is_opened_by_its_path_and_has_the_camera_of_the_bag(path: Path) -> N
 
 def test_a_profile_says_which_topics_and_how_the_camera_sits(path: Path, tmp_path: Path) -> None:
     profile = tmp_path / "mine.toml"
-    profile.write_text(shipped_profiles()["nav2"].replace("height_m = 0.4", "height_m = 0.9\npitch_deg = -10"))
+    profile.write_text(
+        shipped_profiles()["nav2"].replace("height_m = 0.4", "height_m = 0.9\npitch_deg = -10"), encoding="utf-8"
+    )
     robot = open_robot(f"{profile}@{path}")
     assert robot.spec.radius_m == 0.25
     assert (robot.spec.camera.height_m, np.degrees(robot.spec.camera.pitch_rad)) == pytest.approx((0.9, -10))
-    profile.write_text(profile.read_text().replace("/camera/color/image_raw", "/front/image_raw"))
+    profile.write_text(
+        profile.read_text(encoding="utf-8").replace("/camera/color/image_raw", "/front/image_raw"), encoding="utf-8"
+    )
     with pytest.raises(DriveError, match=r"/front/image_raw.*/camera/color/image_raw"):
         open_robot(f"{profile}@{path}")
 

@@ -106,7 +106,7 @@ def test_a_world_whose_z_is_not_up_is_turned_and_that_is_said(tmp_path: Path) ->
     ],
 )
 def test_a_list_that_cannot_be_right_is_refused_in_one_line(tmp_path: Path, file: str, text: str, message: str) -> None:
-    (write_tum_folder(tmp_path) / file).write_text(text)
+    (write_tum_folder(tmp_path) / file).write_text(text, encoding="utf-8")
     with pytest.raises(DriveError, match=message) as refusal:
         read(tmp_path)
     assert "\n" not in str(refusal.value)
@@ -116,7 +116,7 @@ def test_a_list_that_cannot_be_right_is_refused_in_one_line(tmp_path: Path, file
 def test_a_file_that_is_missing_or_outside_or_no_image_is_left_out_and_counted(tmp_path: Path, listed: str) -> None:
     folder = write_tum_folder(tmp_path / "drive")
     (tmp_path / "secret.png").write_bytes((folder / "rgb/100.00.png").read_bytes())
-    with (folder / "rgb.txt").open("a") as file:
+    with (folder / "rgb.txt").open("a", encoding="utf-8") as file:
         file.write(f"100.9 {listed}\n")
     reader = TumReader.open(folder, ReadOptions())
     assert len(list(reader.frames())) == 4
@@ -142,7 +142,7 @@ def test_a_cut_image_is_left_out_and_a_picture_that_unpacks_to_gigabytes_is_neve
 
 def test_a_calibration_as_eth3d_writes_it_names_the_lens(tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path, frames=1)
-    (folder / "calibration.txt").write_text("55.5 56.5 31.5 23.5\n")
+    (folder / "calibration.txt").write_text("55.5 56.5 31.5 23.5\n", encoding="utf-8")
     camera = read(folder)[0].camera
     assert camera is not None
     assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.width) == (55.5, 56.5, 31.5, 23.5, 64)

@@ -13,6 +13,7 @@ import pytest
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.raw_frame import ReadOptions
 from ltvn_core.importing.vint_reader import VintReader
+from tests.platforms import needs_posix
 
 POSES = np.array([[0.0, 0.0, 0.0], [0.25, 0.0, 0.1], [0.5, 0.1, 0.2], [0.75, 0.1, 0.3]])
 
@@ -123,6 +124,7 @@ def test_what_is_no_trajectory_ends_in_one_line(tmp_path: Path, content: bytes) 
     assert "\n" not in str(caught.value)
 
 
+@needs_posix
 def test_damaged_images_are_left_out_and_images_without_a_pose_have_no_odometry(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "hall", images=5)
     (folder / "1.jpg").write_bytes((folder / "1.jpg").read_bytes()[:100])

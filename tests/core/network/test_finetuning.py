@@ -94,7 +94,7 @@ def test_a_cancelled_run_goes_on_where_it_was(tmp_path: Path, start: Path) -> No
 
 def test_an_unfinished_run_of_other_weights_is_not_gone_on_with(tmp_path: Path, start: Path) -> None:
     (tmp_path / "work").mkdir()
-    (tmp_path / "work" / "run.json").write_text(json.dumps({"parent": "another", "drive": "x"}))
+    (tmp_path / "work" / "run.json").write_text(json.dumps({"parent": "another", "drive": "x"}), encoding="utf-8")
     with pytest.raises(WeightsError, match="unfinished fine-tuning of weights another on x"):
         run_fine_tuning(data(), start, PLAN, tmp_path / "work")
 

@@ -71,7 +71,7 @@ def test_training_ends_with_calibrated_weights_that_load(tmp_path: Path) -> None
     assert result.best is not None
     assert result.best.drives is not None
     assert result.best.drives.far_pairs == tiny_drive().far.sum()
-    assert (tmp_path / "validation.jsonl").read_text().count("\n") == 1
+    assert (tmp_path / "validation.jsonl").read_text(encoding="utf-8").count("\n") == 1
     predictor = load_predictor(result.weights)
     assert len(predictor.fingerprint) == 12
     pairs, drives = evaluate_all_pairs(predictor, [tiny_drive()])

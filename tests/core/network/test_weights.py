@@ -104,13 +104,13 @@ def test_weights_with_numbers_that_are_not_finite_are_refused(tmp_path: Path) ->
 
 
 def test_an_unwritable_place_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
     with pytest.raises(WeightsError, match="could not be written"):
         save_weights(PairNetwork(SMALL), tmp_path / "file" / "w.safetensors")
 
 
 def test_a_damaged_card_is_an_error(tmp_path: Path) -> None:
-    card_path(tmp_path / "w.safetensors").write_text("{")
+    card_path(tmp_path / "w.safetensors").write_text("{", encoding="utf-8")
     with pytest.raises(WeightsError, match="card"):
         read_card(tmp_path / "w.safetensors")
 

@@ -139,7 +139,7 @@ def test_a_drive_without_depth_teaches_how_far_away_things_are() -> None:
 def test_a_calibration_is_read_back_as_it_was_written_and_names_itself(tmp_path: Path) -> None:
     written = replace(parent(-1.0), room_depth_m=1.4, card={"command": "ltvn finetune"})
     path = tmp_path / "own.json"
-    path.write_text(written.text())
+    path.write_text(written.text(), encoding="utf-8")
     assert read_calibration(path) == written
     opened = [
         open_predictor("geometric", weights=weights, camera=LOCOBOT.camera).fingerprint for weights in (path, None)
@@ -162,7 +162,7 @@ def test_a_calibration_is_read_back_as_it_was_written_and_names_itself(tmp_path:
 )
 def test_what_is_no_calibration_is_refused_with_the_command_that_makes_one(tmp_path: Path, spoil: object) -> None:
     path = tmp_path / "own.json"
-    path.write_text(json.dumps(spoil(json.loads(shipped_calibration().text()))))  # type: ignore[operator]
+    path.write_text(json.dumps(spoil(json.loads(shipped_calibration().text()))), encoding="utf-8")  # type: ignore[operator]
     with pytest.raises(WeightsError, match=r"--predictor geometric --output NAME\.json"):
         open_predictor("geometric", weights=path)
 

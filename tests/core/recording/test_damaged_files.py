@@ -130,8 +130,12 @@ def test_when_no_frame_and_no_event_is_left_nothing_is_written(whole: Path, dama
 
 
 def test_only_the_guarded_way_leads_to_reruns_reader() -> None:
-    readers = [path.name for path in (ROOT / "ltvn_core").rglob("*.py") if "RrdReader" in path.read_text()]
-    readers += [path.name for path in (ROOT / "ltvn_viz").rglob("*.py") if "RrdReader" in path.read_text()]
+    readers = [
+        path.name for path in (ROOT / "ltvn_core").rglob("*.py") if "RrdReader" in path.read_text(encoding="utf-8")
+    ]
+    readers += [
+        path.name for path in (ROOT / "ltvn_viz").rglob("*.py") if "RrdReader" in path.read_text(encoding="utf-8")
+    ]
     assert sorted(readers) == ["reading_trial.py", "rrd_contents.py"]
 
 

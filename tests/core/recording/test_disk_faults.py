@@ -12,8 +12,11 @@ import pytest
 from ltvn_core.recording.appended_file import AppendedFile
 from ltvn_core.recording.integrity import repair, verify
 from tests.core.recording.disk_faults import FAULTS, FaultOutcome, KillOutcome, kill_while_recording, may_mount, strike
+from tests.platforms import needs_posix
 from tests.repository import ROOT
 from tests.waiting import until
+
+pytestmark = needs_posix
 
 NO_ROOM = r"No space left|is full"
 """Whether a write or the look at the free space meets the full disk first is the clock's choice."""

@@ -116,7 +116,7 @@ def test_the_test_that_is_written_passes(tmp_path: Path) -> None:
 def test_a_page_and_a_figure_ask_nothing_of_another_machine(tmp_path: Path) -> None:
     run = ltvn("export", DEMO_DRIVE, "--html", tmp_path / "map.html", "--svg", tmp_path / "map.svg")
     assert run.returncode == 0, run.stderr
-    page, figure = ((tmp_path / name).read_text() for name in ("map.html", "map.svg"))
+    page, figure = ((tmp_path / name).read_text(encoding="utf-8") for name in ("map.html", "map.svg"))
     assert "180 nodes, 528 edges" in page
     # What the page asks for in a browser is tested there; by its own policy it is nothing.
     assert "default-src 'none'" in page

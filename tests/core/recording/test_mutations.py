@@ -4,9 +4,11 @@ from pathlib import Path
 
 from tests.core.recording import example_recording
 from tests.core.recording.mutations import Fate, judge_mutations
+from tests.platforms import needs_posix
 from tests.repository import GOLDEN_RECORDING
 
 
+@needs_posix
 def test_mutations_are_noticed_end_no_process_and_cost_only_what_they_hit(tmp_path: Path) -> None:
     whole = tmp_path / "drive.rrd"
     example_recording.write(whole, frames=40)

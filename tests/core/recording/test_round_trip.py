@@ -180,7 +180,7 @@ def test_an_existing_file_is_never_overwritten(path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(RecordingError, match="file"):
         RecordingWriter(tmp_path / "file" / "drive.rrd", scene="demo", config={}, fingerprint="")
 

@@ -17,6 +17,7 @@ from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
+from tests.platforms import needs_posix
 from tests.repository import GOLDEN_RECORDING, ROOT
 
 RECORD_FOR_EVER = """
@@ -99,6 +100,7 @@ def test_a_killed_recording_loses_at_most_half_a_second(tmp_path: Path) -> None:
     assert verify(tmp_path / "repaired.rrd").frames == saved.last_step + 1
 
 
+@needs_posix
 def test_an_interrupted_recording_is_finished(tmp_path: Path) -> None:
     path = tmp_path / "interrupted.rrd"
     with recording_for_ever(path) as recorder:
@@ -200,6 +202,7 @@ print(told, message)
 """
 
 
+@needs_posix
 @pytest.mark.slow
 def test_a_disk_that_fills_up_is_said_once_and_the_beginning_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "filled.rrd"

@@ -90,8 +90,8 @@ def folder(results: EvaluationResults, tmp_path_factory: pytest.TempPathFactory)
 def made(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> ReportSummary:
     """Their report, which has taken the place of an older one."""
     output = tmp_path_factory.mktemp("report") / "report.html"
-    output.write_text("old")
-    output.with_suffix(".json").write_text("old")
+    output.write_text("old", encoding="utf-8")
+    output.with_suffix(".json").write_text("old", encoding="utf-8")
     made = ReportVerb(folder=folder, output=output).run()
     assert isinstance(made, ReportSummary)
     return made
@@ -105,7 +105,7 @@ def keep(runs: Path, result: TrialResult | LifelongResult, name: str) -> Path:
 
 
 def test_the_report_is_one_page_that_asks_nothing_of_other_machines(made: ReportSummary) -> None:
-    html = made.output.read_text()
+    html = made.output.read_text(encoding="utf-8")
     read = Reader(html)
     assert read.open == []
     assert read.tags["svg"] >= 6
@@ -119,7 +119,7 @@ def test_the_report_is_one_page_that_asks_nothing_of_other_machines(made: Report
 
 
 def test_the_page_holds_every_number_of_its_tables(made: ReportSummary, results: EvaluationResults) -> None:
-    words = {word.strip() for word in Reader(made.output.read_text()).words}
+    words = {word.strip() for word in Reader(made.output.read_text(encoding="utf-8")).words}
     lines = [line for table in markdown_tables(results).values() for line in table.splitlines()]
     shown = [line for line in lines if not line.startswith("| ---")]
     assert len(shown) > 30
@@ -137,7 +137,7 @@ def test_the_json_beside_the_page_is_all_that_was_found(made: ReportSummary, res
 
 
 def test_nothing_is_left_of_an_older_report(made: ReportSummary) -> None:
-    assert made.output.read_text().startswith("<!DOCTYPE html>")
+    assert made.output.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert {path.name for path in made.output.parent.iterdir()} == {"report.html", "report.json"}
 
 
@@ -257,7 +257,7 @@ def test_a_failed_episode_shows_both_images_and_the_command_for_its_recording(tm
     recording = file.parent / "ltvn" / "failure-0007.rrd"
     example_recording.write(recording)
     ReportVerb(folder=tmp_path / "runs", output=tmp_path / "report.html").run()
-    read = Reader((tmp_path / "report.html").read_text())
+    read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert len([address for address in read.asked if address.startswith("data:image/jpeg")]) == 2
     assert "runs/tune-1-0/ltvn/failure-0007.rrd" in read.links
     (command,) = [word for word in read.words if word.startswith("ltvn replay")]
@@ -281,6 +281,6 @@ def test_a_damaged_drive_costs_the_images_and_nothing_else(tmp_path: Path) -> No
     for episode in trial.episodes:
         (there / "ltvn" / f"failure-{episode.episode:04d}.rrd").write_bytes(b"no recording")
     ReportVerb(folder=tmp_path / "runs", output=tmp_path / "report.html").run()
-    read = Reader((tmp_path / "report.html").read_text())
+    read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert [word for word in read.words if word.startswith("ltvn replay")]
     assert not any("--at" in word for word in read.words)

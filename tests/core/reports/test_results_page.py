@@ -33,9 +33,9 @@ def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) ->
     save_results(folder / "ltvn-100-20.lifelong.json", make_lifelong_result(points=2))
     page_file, images = tmp_path / "docs" / "results.md", tmp_path / "docs" / "images"
     page_file.parent.mkdir()
-    page_file.write_text(PAGE.read_text())
+    page_file.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
     pictures = fill_results_page(find_results(folder).results, INK, page=page_file, images=images)
-    text = page_file.read_text()
+    text = page_file.read_text(encoding="utf-8")
     links = re.findall(r"!\[[^]]*\]\((?!images/results/house-)([^)]*)\)", text)
     assert {page_file.parent / link for link in links} == set(pictures)
     assert "No results yet." not in text
@@ -51,7 +51,8 @@ def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> Non
         "".join(
             f"<!-- {name}: begin -->\n<!-- {name}: end -->\n"
             for name in ("main", "house-main", "house-causes-pictures")
-        )
+        ),
+        encoding="utf-8",
     )
     house = ReportVerb(
         folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="house"
@@ -59,7 +60,7 @@ def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> Non
     made = house.run()
     assert isinstance(made, ReportSummary)
     assert [path.name for path in made.pictures] == ["house-causes.png"]
-    first, second = page_file.read_text().split("<!-- main: end -->")
+    first, second = page_file.read_text(encoding="utf-8").split("<!-- main: end -->")
     assert "tune-1" not in first
     assert "tune-1" in second
     with pytest.raises(OptionError, match="flat-main"):
@@ -67,7 +68,7 @@ def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> Non
 
 
 def test_the_page_in_the_repository_has_every_block() -> None:
-    text = PAGE.read_text()
+    text = PAGE.read_text(encoding="utf-8")
     for name in [*markdown_tables(EvaluationResults()), *(f"{kind}-pictures" for kind in FIGURE_KINDS)]:
         assert text.count(f"<!-- {name}: begin -->") == text.count(f"<!-- {name}: end -->") == 1
 
@@ -77,16 +78,18 @@ def test_worlds_that_change_have_tables_of_their_own(tmp_path: Path) -> None:
         save_results(tmp_path / f"{name}.world.json", replace(make_world_result(), maintenance=name))
     page_file = tmp_path / "results.md"
     names = "changing-worlds", "changing-world-runs"
-    page_file.write_text("".join(f"<!-- {name}: begin -->\n<!-- {name}: end -->\n" for name in names))
+    page_file.write_text("".join(f"<!-- {name}: begin -->\n<!-- {name}: end -->\n" for name in names), encoding="utf-8")
     made = ReportVerb(
         folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="changing"
     ).run()
     assert isinstance(made, ReportSummary)
     assert (made.worlds, made.trials) == (2, 0)
-    rows = [line.split(" | ") for line in page_file.read_text().splitlines() if line.startswith("| doors")]
+    rows = [
+        line.split(" | ") for line in page_file.read_text(encoding="utf-8").splitlines() if line.startswith("| doors")
+    ]
     assert [row[2] for row in rows] == ["static", "persistent", "static, persistent"]
     assert rows[0][3].startswith("50.0 % (")
-    assert "What if the world changes?" in made.output.read_text()
+    assert "What if the world changes?" in made.output.read_text(encoding="utf-8")
 
 
 def test_people_whom_the_robot_met_have_a_table(tmp_path: Path) -> None:
@@ -100,13 +103,15 @@ def test_people_whom_the_robot_met_have_a_table(tmp_path: Path) -> None:
     )
     save_results(tmp_path / "none.world.json", made)
     page_file = tmp_path / "results.md"
-    page_file.write_text("<!-- met-people: begin -->\n<!-- met-people: end -->\n")
+    page_file.write_text("<!-- met-people: begin -->\n<!-- met-people: end -->\n", encoding="utf-8")
     ReportVerb(folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="met").run()
     (row,) = [
-        line.strip("| ").split(" | ") for line in page_file.read_text().splitlines() if line.startswith("| people")
+        line.strip("| ").split(" | ")
+        for line in page_file.read_text(encoding="utf-8").splitlines()
+        if line.startswith("| people")
     ]
     assert row[3:12] == ["3", "1", "0", "0.00", "0.01", "0.06", "0.30", "66.7 %", "2.0"]
-    assert "Whom did it meet?" in (tmp_path / "report.html").read_text()
+    assert "Whom did it meet?" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_results_of_one_command_are_one_row_that_names_their_scenes_and_seeds() -> None:

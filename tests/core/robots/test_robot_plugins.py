@@ -48,7 +48,7 @@ number = 3
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "my_robot.py"
-    path.write_text(ROBOT)
+    path.write_text(ROBOT, encoding="utf-8")
     return path
 
 
@@ -96,7 +96,7 @@ def test_a_robot_that_is_not_there_is_refused_with_what_would_be_valid(wanted: s
 
 def test_a_file_that_cannot_be_run_is_named(tmp_path: Path) -> None:
     path = tmp_path / "torn.py"
-    path.write_text("import nothing_of_this_name")
+    path.write_text("import nothing_of_this_name", encoding="utf-8")
     with pytest.raises(PluginError, match=r"torn\.py could not be run"):
         open_robot(f"{path}:make_robot")
 

@@ -125,7 +125,7 @@ def test_of_a_house_without_a_ceiling_the_rooms_are_kept(tmp_path: Path) -> None
 def test_a_gibson_folder_is_a_scene_with_its_own_floor_and_map(tmp_path: Path) -> None:
     folder = tmp_path / "Space"
     save(box_house(ground=0.4), folder / "mesh_z_up.obj")
-    (folder / "floors.txt").write_text("3.2\n0.4\n")
+    (folder / "floors.txt").write_text("3.2\n0.4\n", encoding="utf-8")
     free = np.zeros((1600, 1600), np.uint8)
     free[800:1200, 800:1100] = 255  # The west room: x from 0 to 3 m, y from 0 to 4 m.
     cv2.imwrite(str(folder / "floor_trav_0.png"), free)
@@ -138,7 +138,7 @@ def test_a_gibson_folder_is_a_scene_with_its_own_floor_and_map(tmp_path: Path) -
 
 def test_the_notes_beside_a_mesh_say_its_unit_and_which_way_is_up(tmp_path: Path) -> None:
     path = save(box_house(scale=1000.0, up="y"), tmp_path / "millimetres.glb")
-    (tmp_path / "millimetres.json").write_text('{"scale": 0.001, "up": "y"}')
+    (tmp_path / "millimetres.json").write_text('{"scale": 0.001, "up": "y"}', encoding="utf-8")
     assert load_scene(str(path)).area_m2 == pytest.approx(24.0, rel=0.15)
 
 
@@ -181,7 +181,7 @@ def test_a_colour_that_runs_over_a_large_face_is_kept() -> None:
 def wrong(tmp_path: Path, kind: str) -> Path:
     path = tmp_path / f"{kind}.ply"
     if kind == "text":
-        path.write_text("no mesh at all")
+        path.write_text("no mesh at all", encoding="utf-8")
     elif kind == "points":
         trimesh.PointCloud(np.random.default_rng(0).random((50, 3))).export(path)
     elif kind == "narrow":
@@ -218,7 +218,7 @@ def test_other_formats_and_wrong_notes_are_refused(plain: Path) -> None:
     with pytest.raises(SceneError, match=r"\.glb, \.gltf, \.obj, \.ply"):
         load_scene(str(plain.rename(plain.with_suffix(".fbx"))))
     path = save(box_house(), plain)
-    path.with_suffix(".json").write_text('{"up": "north"}')
+    path.with_suffix(".json").write_text('{"up": "north"}', encoding="utf-8")
     with pytest.raises(SceneError, match='"up" is "y" or "z"'):
         load_scene(str(path))
 
@@ -238,7 +238,7 @@ def test_other_formats_and_wrong_notes_are_refused(plain: Path) -> None:
     ],
 )
 def test_a_note_that_is_misspelt_or_no_number_is_refused(plain: Path, note: str, said: str) -> None:
-    plain.with_suffix(".json").write_text(note)
+    plain.with_suffix(".json").write_text(note, encoding="utf-8")
     with pytest.raises(SceneError) as refused:
         load_scene(str(plain))
     assert said in str(refused.value)
@@ -248,7 +248,8 @@ def test_a_note_that_is_misspelt_or_no_number_is_refused(plain: Path, note: str,
 def test_what_a_person_notes_for_others_is_let_alone(plain: Path) -> None:
     notes = '{"name": "a", "description": "b", "units": "m", "bounds": [[0, 0, 0], [1, 1, 1]], "triangles": 3, '
     plain.with_suffix(".json").write_text(
-        notes + '"textures": 2, "free_area_m2": 1.0, "licence": "MIT", "file_mb": 1.0, "scale": 1.0, "up": "z"}'
+        notes + '"textures": 2, "free_area_m2": 1.0, "licence": "MIT", "file_mb": 1.0, "scale": 1.0, "up": "z"}',
+        encoding="utf-8",
     )
     assert load_scene(str(plain)).area_m2 == pytest.approx(24.0, rel=0.15)
 
@@ -266,7 +267,7 @@ def test_a_map_of_a_floor_that_the_mesh_does_not_have_is_refused(tmp_path: Path)
     folder, house = tmp_path / "Space", box_house()
     house.delete_geometry([name for name, part in house.geometry.items() if part.bounds[1, 2] < 0.05])
     save(house, folder / "mesh_z_up.obj")
-    (folder / "floors.txt").write_text("0.0\n")
+    (folder / "floors.txt").write_text("0.0\n", encoding="utf-8")
     cv2.imwrite(str(folder / "floor_trav_0.png"), np.full((1600, 1600), 255, np.uint8))
     with pytest.raises(SceneError, match="no floor that is wide enough"):
         load_scene(str(folder))
@@ -277,6 +278,6 @@ def test_a_mesh_in_which_nothing_is_seen_is_refused_before_anything_is_driven(tm
     parts = [((0, 0, -0.1), (1.6, 1.6, 0.0)), ((0, 0, 9.0), (1.6, 1.6, 9.1))]
     scene = trimesh.Scene([trimesh.creation.box(bounds=part) for part in parts])
     path = save(scene, tmp_path / "platform.glb")
-    (tmp_path / "platform.json").write_text('{"up": "z", "floor_height": 0.0}')
+    (tmp_path / "platform.json").write_text('{"up": "z", "floor_height": 0.0}', encoding="utf-8")
     with pytest.raises(SceneError, match="those from 11 more places on its floor, are blank"):
         open_simulation(str(path), seed=0)

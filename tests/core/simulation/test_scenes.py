@@ -137,7 +137,7 @@ def test_a_changed_recipe_is_not_served_from_an_old_cache(empty_cache: Path, mon
 
 
 def test_a_scene_loads_where_nothing_can_be_cached(empty_cache: Path, caplog: pytest.LogCaptureFixture) -> None:
-    (empty_cache / "scenes").write_text("A file stands where the folder should be.")
+    (empty_cache / "scenes").write_text("A file stands where the folder should be.", encoding="utf-8")
     assert load_scene(SMALLEST).rooms
     assert "could not be cached" in caplog.text
 

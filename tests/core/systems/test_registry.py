@@ -36,11 +36,11 @@ NOT_A_SYSTEM = 7
 
 def install(folder: Path, monkeypatch: pytest.MonkeyPatch, entry_points: str) -> None:
     """Put a package beside ours that brings these entry points, as pip would."""
-    (folder / "cautious_robots.py").write_text(FOREIGN_MODULE)
+    (folder / "cautious_robots.py").write_text(FOREIGN_MODULE, encoding="utf-8")
     metadata = folder / "cautious_robots-1.0.dist-info"
     metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: cautious-robots\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(f"[ltvn.systems]\n{entry_points}\n")
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: cautious-robots\nVersion: 1.0\n", encoding="utf-8")
+    (metadata / "entry_points.txt").write_text(f"[ltvn.systems]\n{entry_points}\n", encoding="utf-8")
     monkeypatch.syspath_prepend(str(folder))
     monkeypatch.delitem(sys.modules, "cautious_robots", raising=False)
 

@@ -121,15 +121,17 @@ def test_weights_of_an_earlier_version_with_the_same_run_are_kept(tmp_path: Path
     card = read_card(output)
     for key in ("labels", "rehearsal"):
         del card["run"][key]
-    card_path(output).write_text(json.dumps(card))
+    card_path(output).write_text(json.dumps(card), encoding="utf-8")
     written = output.stat().st_mtime_ns
     assert fine_tune_for("ltvn", start, output, data=dataset) is not None
     assert output.stat().st_mtime_ns == written
     for spoilt in ({**card, "steps": None, "before": 3}, {key: card[key] for key in ("fingerprint", "run")}):
-        card_path(output).write_text(json.dumps(spoilt))
+        card_path(output).write_text(json.dumps(spoilt), encoding="utf-8")
         with pytest.raises(WeightsError, match="does not fit them"):
             fine_tune_for("ltvn", start, output, data=dataset)
-    card_path(output).write_text(json.dumps(card | {"run": {"parent": card["parent"], "minutes": 3.0}}))
+    card_path(output).write_text(
+        json.dumps(card | {"run": {"parent": card["parent"], "minutes": 3.0}}), encoding="utf-8"
+    )
     with pytest.raises(WeightsError, match="made otherwise"):
         fine_tune_for("ltvn", start, output, data=dataset)
 

@@ -110,7 +110,7 @@ def test_several_processes_write_below_the_folder_of_the_moment(
 
 
 def test_an_unwritable_folder_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
     with pytest.raises(DatasetError, match="could not be written"):
         generate_shards(["a"], two_rooms, tmp_path / "file", RECIPE)
 

@@ -116,7 +116,7 @@ def test_a_calibration_learns_from_half_a_drive_and_compares_images_afterwards(t
     assert (found["images"], found["poses"]) == (20, "odometry")
     assert found["after"]["near_recall"] >= found["before"]["near_recall"]
     assert found["after"]["far_fpr"] <= found["before"]["far_fpr"]
-    card = json.loads(output.read_text())["card"]
+    card = json.loads(output.read_text(encoding="utf-8"))["card"]
     assert card["command"] == "ltvn finetune drive.rrd --output own.json --predictor geometric --part 1/2 --seed 0"
     assert card["parent"] == shipped_calibration().fingerprint
     recording = Recording.open(drive)

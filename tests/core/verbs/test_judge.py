@@ -45,7 +45,7 @@ def read(path: Path, predictor: Predictor, *, most: int = 2000, with_truth: bool
 def test_a_simulated_drive_is_judged_with_its_perturbations_and_a_page(tmp_path: Path) -> None:
     pytest.importorskip("embreex")
     page = tmp_path / "page.html"
-    page.write_text("an older page")
+    page.write_text("an older page", encoding="utf-8")
     verb = JudgeVerb(
         recording=ROOT / "recordings" / "demo-drive.rrd",
         predictor="oracle",
@@ -61,7 +61,7 @@ def test_a_simulated_drive_is_judged_with_its_perturbations_and_a_page(tmp_path:
     assert summary["far_fpr"] == 0
     assert summary["images"] == 120
     assert summary["skipped"] > 0
-    assert "oracle on demo-drive.rrd" in page.read_text()
+    assert "oracle on demo-drive.rrd" in page.read_text(encoding="utf-8")
     lines = judgement_table([summary]).markdown().splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| demo-drive", "| demo-drive, jpeg"]
 

@@ -53,7 +53,7 @@ def test_data_training_fine_tuning_and_measuring_follow_each_other(
     assert driven["driving"]["images"] == 25
     assert len(driven["driving"]["calibration"]) == 10
 
-    card = json.loads((tmp_path / "second.card.json").read_text())
+    card = json.loads((tmp_path / "second.card.json").read_text(encoding="utf-8"))
     assert card["parent_card"]["commands"][1].startswith("ltvn train --data data")
     assert card["command"].startswith("ltvn finetune drive.rrd")
     assert card["seed"] == 0

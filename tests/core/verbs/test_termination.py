@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.recording.integrity import verify
+from tests.platforms import needs_posix
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S, until
+
+pytestmark = needs_posix
 
 MORE_THAN_THE_BEGINNING = 400_000
 """Bytes; by then a tour has written images."""

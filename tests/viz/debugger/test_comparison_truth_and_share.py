@@ -167,14 +167,16 @@ def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo:
     moments, tests = [p for p in written if p.suffix == ".rrd"], [p for p in written if p.suffix == ".py"]
     assert (len(moments), len(tests)) == (2, 2)
     assert Recording.open(moments[0]).final_graph().edges == Recording.open(moments[1]).final_graph().edges
-    compile(tests[0].read_text(), str(tests[0]), "exec")
-    assert sum(name in tests[0].read_text() for name in (p.name for p in moments)) == 1
+    compile(tests[0].read_text(encoding="utf-8"), str(tests[0]), "exec")
+    assert sum(name in tests[0].read_text(encoding="utf-8") for name in (p.name for p in moments)) == 1
 
 
 def test_the_map_is_written_as_a_page_and_a_figure_that_ask_nothing_of_others(demo: SessionHarness) -> None:
     demo.do(c.ChooseQuestion(QuestionName.SHARE))
     follow(demo, ShareAction.SAVE_MAP)
-    page, figure = (next(demo.library.folder.glob(f"map-*{end}")).read_text() for end in (".html", ".svg"))
+    page, figure = (
+        next(demo.library.folder.glob(f"map-*{end}")).read_text(encoding="utf-8") for end in (".html", ".svg")
+    )
     assert figure.startswith("<svg")
     assert not re.search(r"(src|href)=[\"']?https?:", page + figure)
 

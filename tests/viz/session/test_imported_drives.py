@@ -90,7 +90,7 @@ def test_a_map_is_built_from_an_open_drive_without_a_simulator_and_opened(page: 
 
 def test_a_drive_in_another_format_is_offered_imported_and_opened(page: Page, folder: Path) -> None:
     copytree(EXCERPT, folder / "a drive")
-    (folder / "notes.txt").write_text("no drive")
+    (folder / "notes.txt").write_text("no drive", encoding="utf-8")
     now = page.until(lambda now: now.sources == ("a drive",))
     assert page.do(c.ImportDrive("a drive")).is_making
     now = page.until(lambda now: now.replay is not None and now.replay.name == "a drive.rrd")
@@ -100,7 +100,7 @@ def test_a_drive_in_another_format_is_offered_imported_and_opened(page: Page, fo
 
 @pytest.mark.parametrize("name", ["../elsewhere", "notes.txt", DRIVE, ""])
 def test_nothing_is_imported_but_what_is_listed(page: Page, folder: Path, name: str) -> None:
-    (folder / "notes.txt").write_text("no drive")
+    (folder / "notes.txt").write_text("no drive", encoding="utf-8")
     now = page.do(c.ImportDrive(name))
     assert now.message is not None
     assert "There is no drive" in now.message.text

@@ -87,7 +87,7 @@ def test_a_full_disk_ends_the_recording_keeps_the_file_and_says_so(harness: Sess
 
 def test_an_unwritable_folder_is_a_clear_error(tmp_path: Path) -> None:
     blocked = tmp_path / "a file"
-    blocked.write_text("in the way")
+    blocked.write_text("in the way", encoding="utf-8")
     harness = SessionHarness(blocked)
     shown = harness.do(c.StartRecording())
     assert shown.recording.name is None

@@ -179,7 +179,7 @@ def test_a_script_of_changes_runs_in_the_page_from_the_beginning(tmp_path: Path)
     script = tmp_path / "evening.json"
     changes = [{"at_s": 0, "change": "DoorMoved", "door": 0, "is_open": False}]
     changes.append({"at_s": 32400.5, "change": "LightChanged", "level": 0.5})
-    script.write_text(json.dumps({"name": "evening", "changes": changes}))
+    script.write_text(json.dumps({"name": "evening", "changes": changes}), encoding="utf-8")
     options = AppOptions(predictor="oracle", recordings=tmp_path / "recordings", world=str(script))
     with ExitStack() as stack:
         shown: list[Snapshot] = []

@@ -62,7 +62,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Path:
     half_way_s = MORNING_S + DAYS * 86400 / 2
     changes = [{"at_s": MORNING_S, "change": "ThingPlaced", **box}]
     changes += [{"at_s": half_way_s, "change": "ThingRemoved", "thing": "crate"}]
-    (folder / "box.json").write_text(json.dumps({"name": "box", "changes": changes}))
+    (folder / "box.json").write_text(json.dumps({"name": "box", "changes": changes}), encoding="utf-8")
     return folder
 
 
@@ -124,13 +124,13 @@ def test_queries_in_two_batches_come_to_the_same_as_in_one(house: Path, summary:
 
 def test_results_of_another_script_are_not_mixed_with_these(house: Path, summary: WorldSummary) -> None:
     script = house / "box.json"
-    before = script.read_text()
+    before = script.read_text(encoding="utf-8")
     try:
-        script.write_text(before.replace('"box", "changes"', '"other", "changes"'))
+        script.write_text(before.replace('"box", "changes"', '"other", "changes"'), encoding="utf-8")
         with pytest.raises(OptionError, match="script"):
             verb(house).run()
     finally:
-        script.write_text(before)
+        script.write_text(before, encoding="utf-8")
 
 
 def test_more_queries_than_the_days_have_room_for_are_refused(house: Path) -> None:

@@ -94,7 +94,7 @@ def write_dataset(
     write_table(folder / "data/chunk-000/file-000.parquet", columns)
     write_episodes(folder, lengths)
     said = {"codebase_version": "v3.0", "fps": FPS, "total_frames": count, "features": features, **(info or {})}
-    (folder / "meta/info.json").write_text(json.dumps(said))
+    (folder / "meta/info.json").write_text(json.dumps(said), encoding="utf-8")
     return folder
 
 

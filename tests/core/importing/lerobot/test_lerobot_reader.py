@@ -24,6 +24,7 @@ from tests.core.importing.lerobot.dataset_examples import (
     write_dataset,
     write_episodes,
 )
+from tests.platforms import needs_posix
 
 
 def read(path: Path, options: ReadOptions | None = None) -> tuple[list[RawFrame], LerobotReader]:
@@ -105,6 +106,7 @@ def test_what_a_data_set_says_of_itself_is_not_believed(tmp_path: Path, info: di
     assert "\n" not in str(caught.value)
 
 
+@needs_posix
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
     folder, other = write_dataset(tmp_path / "set"), write_dataset(tmp_path / "other")
     video = folder / "videos" / FRONT / "chunk-000/file-000.mp4"
@@ -191,6 +193,7 @@ def test_states_that_are_no_numbers_leave_odometry_open(tmp_path: Path, cell: An
     assert [frame.odometry for frame in frames] == [None] * 6
 
 
+@needs_posix
 def test_a_pipe_in_place_of_a_table_is_never_waited_for(tmp_path: Path) -> None:
     file = write_dataset(tmp_path / "set") / "data/chunk-000/file-000.parquet"
     file.unlink()

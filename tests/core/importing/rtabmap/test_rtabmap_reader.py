@@ -221,7 +221,7 @@ def test_another_programs_database_and_another_file_are_refused(tmp_path: Path) 
     with sqlite3.connect(tmp_path / "other.db") as database:
         database.execute("CREATE TABLE Songs (id INTEGER)")
     database.close()
-    (tmp_path / "text.db").write_text("a diary")
+    (tmp_path / "text.db").write_text("a diary", encoding="utf-8")
 
     with pytest.raises(DriveError, match="lacks its tables"):
         read(tmp_path / "other.db")

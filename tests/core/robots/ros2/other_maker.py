@@ -36,7 +36,7 @@ def write_definitions(folder: Path) -> None:
 def _write(folder: Path, name: str, text: str) -> None:
     file = folder / f"{name}.msg"
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(text.strip() + "\n")
+    file.write_text(text.strip() + "\n", encoding="utf-8")
 
 
 @contextmanager

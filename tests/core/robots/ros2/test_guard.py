@@ -15,6 +15,7 @@ from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, TopicPublisher, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
 from tests.core.robots.ros2.processes import Program, running
+from tests.platforms import needs_linux
 from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.slow
@@ -62,7 +63,7 @@ class Bench:
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     file = tmp_path_factory.mktemp("profile") / "guarded.toml"
-    file.write_text(shipped_profiles()["sim"].replace("guarded = false", "guarded = true"))
+    file.write_text(shipped_profiles()["sim"].replace("guarded = false", "guarded = true"), encoding="utf-8")
     with ZenohLink.listen("tcp/127.0.0.1:0", node="bench") as link:
         robot = f"{file}@{link.address}"
         with running("ltvn_core.verbs.guard", "GuardVerb", robot, ready="Guarding") as guard:
@@ -90,6 +91,7 @@ def test_a_command_of_another_type_is_named_and_moves_nothing(bench: Bench) -> N
     assert bench.reached.empty()
 
 
+@needs_linux
 def test_a_guard_that_was_suspended_forwards_nothing_old(bench: Bench) -> None:
     bench.drive_off()
     bench.guard.process.send_signal(signal.SIGSTOP)

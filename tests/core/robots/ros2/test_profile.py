@@ -22,7 +22,9 @@ def test_a_shipped_profile_makes_a_robot(name: str) -> None:
 
 def test_a_profile_of_ones_own_is_named_by_its_path(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(SIM.replace("0.178", "0.3").replace("height_m = 0.6", "height_m = 0.6\npitch_deg = -20"))
+    file.write_text(
+        SIM.replace("0.178", "0.3").replace("height_m = 0.6", "height_m = 0.6\npitch_deg = -20"), encoding="utf-8"
+    )
 
     profile = open_profile(str(file))
 
@@ -54,7 +56,7 @@ def test_a_profile_of_ones_own_is_named_by_its_path(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_with_a_profile_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(SIM.replace(old, new, 1))
+    file.write_text(SIM.replace(old, new, 1), encoding="utf-8")
 
     with pytest.raises(RobotError) as caught:
         open_profile(str(file))

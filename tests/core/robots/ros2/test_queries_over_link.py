@@ -121,8 +121,8 @@ def test_an_evaluation_is_judged_by_the_true_pose_and_goes_on_where_it_was(
     options = ["--robot", place.robot, "--map", str(place.map), "--folder", str(tmp_path), "--episodes", "1"]
 
     first = told(EvaluateVerb, lambda _: [*options, "--queries", "1"], capsys)
-    lines = (tmp_path / "episodes.jsonl").read_text().splitlines()
-    (tmp_path / "episodes.jsonl").write_text("\n".join(lines[:2]) + "\n")
+    lines = (tmp_path / "episodes.jsonl").read_text(encoding="utf-8").splitlines()
+    (tmp_path / "episodes.jsonl").write_text("\n".join(lines[:2]) + "\n", encoding="utf-8")
     again = told(EvaluateVerb, lambda _: [*options, "--queries", "1"], capsys)
 
     assert [json.loads(line)["phase"] for line in lines] == ["before", "queries", "after"]
@@ -131,4 +131,4 @@ def test_an_evaluation_is_judged_by_the_true_pose_and_goes_on_where_it_was(
     assert (first["before"]["episodes"], first["queries"]["episodes"], first["after"]["episodes"]) == (1, 1, 1)
     assert (tmp_path / "map-1.rrd").exists()
     assert again["before"] == first["before"]
-    assert (tmp_path / "episodes.jsonl").read_text().splitlines()[:2] == lines[:2]
+    assert (tmp_path / "episodes.jsonl").read_text(encoding="utf-8").splitlines()[:2] == lines[:2]

@@ -107,7 +107,7 @@ def test_another_maker_lists_its_topics_reads_its_images_and_drives_it(address: 
 def test_another_maker_computes_the_same_hashes(tmp_path: Path, name: str) -> None:
     write_definitions(tmp_path)
     get_registry().messages_dir = tmp_path
-    text = (tmp_path / f"{name}.msg").read_text()
+    text = (tmp_path / f"{name}.msg").read_text(encoding="utf-8")
 
     assert type_hash(name) == get_type_hash(name, text, load_dependencies_recursive(name, text, get_registry()))
 
@@ -132,7 +132,7 @@ def test_a_robot_that_is_not_there_is_an_error_that_says_what_to_do() -> None:
 
 def test_topics_that_nobody_publishes_are_named(address: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    file.write_text(shipped_profiles()["sim"].replace('"/odom"', '"/odometry"'))
+    file.write_text(shipped_profiles()["sim"].replace('"/odom"', '"/odometry"'), encoding="utf-8")
 
     with pytest.raises(RobotError, match="/odometry never came"):
         open_ros_robot(f"{file}@{address}", patience_s=1.0)

@@ -147,14 +147,16 @@ def test_a_file_that_cannot_be_right_is_refused_with_the_place(
     scene: Scene, tmp_path: Path, text: str, why: str
 ) -> None:
     path = tmp_path / "script.json"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     with pytest.raises(WorldError, match=why):
         read_script(path, scene)
 
 
 def test_a_file_by_hand_may_leave_out_everything_but_its_changes(scene: Scene, tmp_path: Path) -> None:
     path = tmp_path / "evening.json"
-    path.write_text(json.dumps({"changes": [{"at_s": 68400, "change": "DoorMoved", "door": 2, "is_open": False}]}))
+    path.write_text(
+        json.dumps({"changes": [{"at_s": 68400, "change": "DoorMoved", "door": 2, "is_open": False}]}), encoding="utf-8"
+    )
     script = read_script(path, scene)
     assert (script.name, script.people) == ("evening", 0)
     assert state_at(script, 68400).closed_doors == {2}

@@ -167,6 +167,7 @@ def _unwinding_at_sigterm() -> Iterator[None]:
 def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
     """Do a job and return its exit code; the one place where a failure of any verb is met."""
     _allow_any_file_name()
+    _honour_no_color()
     try:
         try:
             code = job()
@@ -221,6 +222,12 @@ def _allow_any_file_name() -> None:
     reconfigure = getattr(sys.stdout, "reconfigure", None)
     if reconfigure is not None:
         reconfigure(errors="backslashreplace")
+
+
+def _honour_no_color() -> None:
+    """Print help without colours where NO_COLOR is set (https://no-color.org); tyro looks at TERM alone."""
+    if os.environ.get("NO_COLOR"):
+        os.environ["TERM"] = "dumb"
 
 
 def _is_output_closed() -> bool:

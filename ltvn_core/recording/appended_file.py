@@ -62,6 +62,7 @@ class AppendedFile:
         self._queue: queue.SimpleQueue[Sequence[bytes] | None] = queue.SimpleQueue()
         self._handed_in = self._dealt_with = 0  # Bytes.
         self._progress = threading.Condition()
+        self._ending_is_known = threading.Event()
         self._file = open_new_file(path)
         self._place = FilePlace(path, self._file, min_free_bytes)
         if (full := self._place.lack_of_room()) is not None:
@@ -113,6 +114,8 @@ class AppendedFile:
         """
         self._queue.put(None)
         in_time = self.wait_until_written(at_most_s=_CLOSE_S)
+        if in_time:
+            self._ending_is_known.wait(_CLOSE_S)  # That of an hour takes seconds to put together.
         self._thread.join(_STALL_S if in_time else 0)
         if self._thread.is_alive():
             self._fail(
@@ -130,6 +133,7 @@ class AppendedFile:
             _LOG.exception("%s was given up", self.path)
             self._fail(_broken(self.path, f"{type(error).__name__}: {error}"))
         finally:
+            self._ending_is_known.set()
             self._attempt(lambda: os.close(self._file))
 
     def _write_until_closed(self) -> None:
@@ -151,7 +155,9 @@ class AppendedFile:
     def _end(self) -> None:
         """Write the ending, and the short one where there is no room for the other."""
         complete = self.failure is None
-        if self._put(self._ending.encoded(complete=complete)) is not None:
+        ending = self._ending.encoded(complete=complete)
+        self._ending_is_known.set()
+        if self._put(ending) is not None:
             self._write([self._ending.encoded(complete=complete, is_short=True)])
 
     def _next(self) -> Sequence[bytes] | None:

@@ -92,7 +92,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
         library,
         lambda path: _new_recording(path, options, backend, robot, live_map),
         take_map=lambda: (live_map.graph.copy(), live_map.map_observations()),
-        scene_glb=lambda: None if backend.scene is None else backend.scene.glb(with_ceiling=False),
+        scene_glb=lambda: None if backend.scene is None else backend.scene.glb(),
     )
     live = LiveRun(robot, recorder, Timeline())
     if known is not None:

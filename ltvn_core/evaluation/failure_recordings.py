@@ -44,7 +44,7 @@ def _record(
         scene=runner.scene.address,
         config=settings,
         fingerprint=runner.fingerprint,
-        scene_glb=runner.scene.glb(with_ceiling=False),
+        scene_glb=runner.scene.glb(),
     )
     with atomic_output(files.failure(number)) as part, described.open_writer(part) as writer:
         writer.write_map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])

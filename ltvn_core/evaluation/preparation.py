@@ -113,7 +113,7 @@ def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGrou
                 scene=simulation.scene.address,
                 config=settings,
                 fingerprint="",
-                scene_glb=simulation.scene.glb(with_ceiling=False),
+                scene_glb=simulation.scene.glb(),
             ) as writer,
         ):
             deque(record_images(seen, writer), maxlen=0)
@@ -177,7 +177,7 @@ def _build(
         scene=scene.address,
         fingerprint=predictor.fingerprint,
         config=config,
-        scene_glb=scene.glb(with_ceiling=False),
+        scene_glb=scene.glb(),
     )
 
 

@@ -15,8 +15,8 @@ from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as ev
 from ltvn_core.recording import schema
-from ltvn_core.recording.durable_stream import RowTime
 from ltvn_core.recording.map_drawing import DrawnEntity
+from ltvn_core.recording.schema import RowTime
 
 LAST_CHANGED = 8
 """Number of changed edges in the table."""
@@ -27,8 +27,7 @@ PLANNED_EDGES = 12
 class TimedDrawing(NamedTuple):
     """A row for the viewer and its place on the timelines."""
 
-    time: RowTime | None
-    """None for a row that holds at all times."""
+    time: RowTime
     drawn: DrawnEntity
 
 
@@ -92,12 +91,13 @@ class BeliefDrawing:
         yield self._table(time)
 
     def _begin_curve(self, edge: EdgeKey) -> Iterator[TimedDrawing]:
-        """Yield the names of an edge's curves and their first point, unless it has them already."""
+        """Yield the first point of an edge's curves, unless it has them already.
+
+        Curves have no styles of their own: Rerun's table of chunks grows by a kilobyte for each.
+        """
         if edge in self._curves:
             return
         self._curves.add(edge)
-        yield TimedDrawing(None, DrawnEntity(probability_entity(edge), _styles(_name(edge))))
-        yield TimedDrawing(None, DrawnEntity(length_entity(edge), _styles(f"μ {_name(edge)}", f"σ {_name(edge)}")))
         if edge in self._newest:
             yield from _points(edge, *self._newest[edge])
 
@@ -133,12 +133,6 @@ def probability_entity(edge: EdgeKey) -> str:
 def length_entity(edge: EdgeKey) -> str:
     """Return the entity that holds mu and sigma of an edge."""
     return f"{schema.LENGTHS}/{edge[0]}_{edge[1]}"
-
-
-def _styles(*names: str) -> list[rr.AsComponents]:
-    line = rr.SeriesLines(names=names, widths=2, interpolation_mode="StepAfter")
-    # Many edges are driven once; a marker shows the moment.
-    return [line, rr.SeriesPoints(names=names, markers="Circle", marker_sizes=4)]
 
 
 def _points(edge: EdgeKey, time: RowTime, belief: Belief) -> Iterator[TimedDrawing]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.archetypes import TextLogColumns
 
@@ -17,6 +18,8 @@ _SINCE_THE_BEGINNING = rrb.VisibleTimeRanges(
     start=rrb.TimeRangeBoundary.infinite(),
     end=rrb.TimeRangeBoundary.cursor_relative(),
 )
+_STEPS = rr.SeriesLines(widths=2, interpolation_mode="StepAfter")
+"""A belief holds until the next drive changes it."""
 _HALF_FIELD_OF_VIEW_RAD = math.radians(55 / 2)
 """Half the vertical field of view of Rerun's 3D view."""
 _ASPECT = 1.4
@@ -115,6 +118,7 @@ def _probabilities(edges: Sequence[EdgeKey] | None) -> rrb.View:
         origin=schema.PROBABILITIES,
         contents="$origin/**" if edges is None else [f"/{probability_entity(edge)}" for edge in edges],
         name="p of all edges" if edges is None else "p of edges planned or changed last",
+        defaults=[_STEPS],
         axis_y=rrb.ScalarAxis(range=(0.0, 1.05)),
         # Hundreds of names would cover the curves; hovering tells the name of one.
         plot_legend=rrb.PlotLegend(visible=edges is not None),
@@ -126,6 +130,7 @@ def _lengths(edges: Sequence[EdgeKey] | None) -> rrb.View:
         origin=schema.LENGTHS,
         contents="$origin/**" if edges is None else [f"/{length_entity(edge)}" for edge in edges],
         name="Length μ, σ",
+        defaults=[_STEPS],
         plot_legend=rrb.PlotLegend(visible=edges is not None),
     )
 

@@ -10,19 +10,18 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 import rerun as rr
-import rerun.blueprint as rrb
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.appended_file import WAITING_BYTES, AppendedFile
+from ltvn_core.recording.blueprint import Layout, blueprint
 from ltvn_core.recording.closing_record import RecordingEnding
 from ltvn_core.recording.interrupts import interrupts_deferred
 from ltvn_core.recording.live_server import LiveServer
 from ltvn_core.recording.message_stream import MessageStream
-from ltvn_core.types import FrameId
+from ltvn_core.recording.schema import RowTime
 
 _LOG = logging.getLogger(__name__)
 
@@ -35,16 +34,6 @@ PATIENCE_S = 60.0
 """So long may the disk keep a run waiting that has time, before the recording is given up."""
 MIN_FREE_DISK_BYTES = 16 << 20
 """Recording stops, with a whole file, when the disk has less than this left."""
-
-
-class RowTime(NamedTuple):
-    """The place of a row on the timelines of a recording."""
-
-    step: FrameId
-    stamp: float
-    """Seconds on the robot's clock."""
-    event: int | None = None
-    """Number of the event that the row tells of or draws; None for rows that no event caused."""
 
 
 class DurableStream:
@@ -71,7 +60,7 @@ class DurableStream:
         self._failure_told = False
         self._closed = False
         self._time: tuple[int, RowTime] | None = None
-        self._blueprint: rrb.Blueprint | None = None
+        self._layout: Layout | None = None
         self._description: rr.AsComponents | None = None
         self._lock = threading.RLock()
         """Guards what is logged; nobody waits for the disk while holding it."""
@@ -101,14 +90,16 @@ class DurableStream:
         """The file is finished, or given up."""
         return self._closed
 
-    def begin(self, name: str, description: rr.AsComponents, blueprint: rrb.Blueprint) -> None:
-        """Write what the recording says of itself and the layout in which it opens."""
+    def begin(self, name: str, description: rr.AsComponents, layout: Layout) -> None:
+        """Write what the recording says of itself, and for those who watch it live the layout in which it opens."""
         self._description = description
         self._rerun.send_property(schema.PROPERTIES, description)
         self._pass_on()  # First in the file, so that every cut file can still say what it is.
         self._rerun.send_recording_name(name)
-        self._rerun.send_blueprint(blueprint)
+        self._layout = layout
         if self._live is not None:
+            # A layout takes 150 kB in the finished file, so only one that somebody may watch has two of them.
+            self._rerun.send_blueprint(blueprint(layout))
             self._live.start()
 
     @contextmanager
@@ -135,9 +126,9 @@ class DurableStream:
                 self._rerun.log(entity, values[0], *values[1:], static=True)
                 self._ending.static_rows[entity] += 1
 
-    def arrange(self, blueprint: rrb.Blueprint) -> None:
+    def arrange(self, layout: Layout) -> None:
         """Let the finished file open in this layout instead of the one that it began with."""
-        self._blueprint = blueprint
+        self._layout = layout
 
     def flush(self) -> None:
         """Bring everything to the file now; blocks, so never call it while driving."""
@@ -166,8 +157,8 @@ class DurableStream:
         if self._description is not None:
             # Twice in the file, so that damage to one place leaves the other.
             self._rerun.send_property(schema.PROPERTIES, self._description)
-        if self._blueprint is not None:
-            self._rerun.send_blueprint(self._blueprint)
+        if self._layout is not None:
+            self._rerun.send_blueprint(blueprint(self._layout))
         self._pass_on()
         self._rerun.disconnect()
         self._file.close()

@@ -22,7 +22,7 @@ from ltvn_core.recording.arrow_columns import ArchetypeColumns, number_column
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.image_codec import MILLIMETRES_PER_METRE
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import Pose
+from ltvn_core.types import NodeId, Pose
 
 GRAPH_HEIGHT_M = 0.05
 """The graph floats a little above the floor."""
@@ -76,35 +76,55 @@ def draw_robot(drawn_pose: Pose, odometry: Pose) -> list[DrawnEntity]:
     ]
 
 
-def draw_graph(
-    nodes: Sequence[Node], edges: Sequence[Edge], blocked: Sequence[EdgeKey], drawn_poses: DrawnPoses
-) -> list[DrawnEntity]:
-    """Draw the whole map, and once more those of its edges that were seen blocked when they were seen last.
+class MapDrawing:
+    """Draws a map as it changes: where nodes and edges lie only when that changes, beliefs every time."""
 
-    `drawn_poses` must know every node.
-    """
-    ids = [node.id for node in nodes]
+    def __init__(self) -> None:
+        self._nodes: list[NodeId] = []
+        self._edges: list[EdgeKey] = []
+        self._blocked: list[EdgeKey] = []
+
+    def draw(
+        self, nodes: Sequence[Node], edges: Sequence[Edge], blocked: Sequence[EdgeKey], drawn_poses: DrawnPoses
+    ) -> list[DrawnEntity]:
+        """Draw the map, and once more those of its edges that were seen blocked when they were seen last.
+
+        `drawn_poses` must know every node. The viewer shows the newest of each column, so what is left out stays.
+        """
+        ids, keys = [node.id for node in nodes], [(edge.source, edge.target) for edge in edges]
+        drawn = [
+            DrawnEntity(schema.EDGES, _beliefs(edges) if keys == self._edges else _edges(keys, edges, drawn_poses)),
+            DrawnEntity(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
+        ]
+        if ids != self._nodes:
+            drawn.append(DrawnEntity(schema.NODES, _nodes(ids, drawn_poses)))
+        if list(blocked) != self._blocked:
+            drawn.append(DrawnEntity(schema.BLOCKED, _blocked(blocked, drawn_poses)))
+        self._nodes, self._edges, self._blocked = ids, keys, list(blocked)
+        return drawn
+
+
+def _nodes(ids: Sequence[NodeId], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:
     points = rr.Points3D(drawn_poses.points(ids, GRAPH_HEIGHT_M), radii=0.07, colors=[palette.NODE])
-    return [
-        DrawnEntity(
-            schema.NODES, [points, ArchetypeColumns(schema.NODE_ROW, {"node_id": number_column(ids, np.int32)})]
-        ),
-        DrawnEntity(schema.EDGES, _edges(edges, drawn_poses)),
-        DrawnEntity(schema.BLOCKED, _blocked(blocked, drawn_poses)),
-        DrawnEntity(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
-    ]
+    return [points, ArchetypeColumns(schema.NODE_ROW, {"node_id": number_column(ids, np.int32)})]
 
 
-def _edges(edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:
-    keys = [(edge.source, edge.target) for edge in edges]
+def _edges(keys: Sequence[EdgeKey], edges: Sequence[Edge], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:
+    colours, belief = _belief_columns(edges)
+    strips = rr.LineStrips3D(_strips(keys, drawn_poses, GRAPH_HEIGHT_M), radii=0.02, colors=colours)
+    return [strips, ArchetypeColumns(schema.EDGE_ROW, _ends(keys) | belief)]
+
+
+def _beliefs(edges: Sequence[Edge]) -> list[rr.AsComponents]:
+    colours, belief = _belief_columns(edges)
+    return [rr.LineStrips3D.from_fields(colors=colours), ArchetypeColumns(schema.EDGE_ROW, belief)]
+
+
+def _belief_columns(edges: Sequence[Edge]) -> tuple[NDArray[np.uint8], dict[str, pa.Array]]:
+    """Return the colours (E, 3 or 4) of edges, and their beliefs by name."""
     beliefs = np.array([(e.belief.p, e.belief.mu, e.belief.sigma2) for e in edges], np.float32).reshape(-1, 3)
-    belief = {name: number_column(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
-    return [
-        rr.LineStrips3D(
-            _strips(keys, drawn_poses, GRAPH_HEIGHT_M), radii=0.02, colors=palette.probability_colours(beliefs[:, 0])
-        ),
-        ArchetypeColumns(schema.EDGE_ROW, _ends(keys) | belief),
-    ]
+    columns = {name: number_column(beliefs[:, k], np.float32) for k, name in enumerate(("p", "mu", "sigma2"))}
+    return palette.probability_colours(beliefs[:, 0]), columns
 
 
 def _blocked(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses) -> list[rr.AsComponents]:

@@ -3,6 +3,10 @@
 `recordings/README.md` explains the same to people. Owns no reading and no writing.
 """
 
+from typing import NamedTuple
+
+from ltvn_core.types import FrameId
+
 SCHEMA_VERSION = 1
 """Goes up whenever an older reader could misunderstand the file."""
 
@@ -15,6 +19,17 @@ SIM_TIME = "sim_time"
 """Timeline: the robot's clock, as measured."""
 EVENT = "event"
 """Timeline: the number of an event. Several events may share a step, so a query by `step` keeps one of them only."""
+
+
+class RowTime(NamedTuple):
+    """The place of a row on the timelines of a recording."""
+
+    step: FrameId
+    stamp: float
+    """Seconds on the robot's clock."""
+    event: int | None = None
+    """Number of the event that the row tells of or draws; None for rows that no event caused."""
+
 
 PROPERTIES = "ltvn"
 """Name of the recording property that holds `meta.Meta`; Rerun keeps it at /__properties/ltvn."""

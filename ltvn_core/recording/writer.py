@@ -20,16 +20,17 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
 from ltvn_core.recording import event_drawing, map_drawing, schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, number_column, text_column
-from ltvn_core.recording.belief_drawing import BeliefDrawing, TimedDrawing
-from ltvn_core.recording.blueprint import Layout, blueprint
+from ltvn_core.recording.belief_drawing import BeliefDrawing
+from ltvn_core.recording.blueprint import Layout
 from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream, RowTime
+from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream
 from ltvn_core.recording.event_codec import EncodedEvent
 from ltvn_core.recording.floor_extent import FloorExtent
 from ltvn_core.recording.frame_codec import EncodedFrame, camera_text, encode_frame
 from ltvn_core.recording.map_drawing import DrawnEntity
 from ltvn_core.recording.metadata import RecordingMetadata, metadata_row, package_versions
 from ltvn_core.recording.node_images import NodeImages
+from ltvn_core.recording.schema import RowTime
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, Observation, OriginalImage
 
@@ -91,13 +92,14 @@ class RecordingWriter:
         self._frames: set[FrameId] = set()
         self._events = 0
         self._drawn_poses = DrawnPoses()
+        self._map = map_drawing.MapDrawing()
         self._beliefs = BeliefDrawing()
         self._node_images = NodeImages()
         self._draw_schedule = _DrawSchedule()
         self._newest = RowTime(0, 0.0)
         self._user_scalars: dict[str, None] = {}
         self._scene_extent = None if scene_glb is None else FloorExtent.of_glb(scene_glb)
-        self._stream.begin(f"{scene} {started_at}", description, blueprint(Layout(floor=self._scene_extent)))
+        self._stream.begin(f"{scene} {started_at}", description, Layout(floor=self._scene_extent))
         for part in map_drawing.static_entities(camera):
             self._stream.log_static(part.entity, *part.values)
         if scene_glb is not None:
@@ -152,7 +154,7 @@ class RecordingWriter:
             self._draw(time, event_drawing.draw_event(stamped.event, self._drawn_poses))
             self._draw(time, self._node_images.draw(stamped.event))
             for each in self._beliefs.draw(stamped.event, time):
-                self._draw_timed(each)
+                self._draw(each.time, [each.drawn])
 
     def log(
         self, entity: str, *values: rr.AsComponents | float, step: FrameId | None = None, stamp: float | None = None
@@ -208,7 +210,7 @@ class RecordingWriter:
         try:
             if (pending := self._draw_schedule.pending()) is not None and not self._stream.closed:
                 self._draw_graph(*pending)
-            self._stream.arrange(blueprint(self._final_layout()))
+            self._stream.arrange(self._final_layout())
         finally:
             self._stream.close()
 
@@ -235,17 +237,11 @@ class RecordingWriter:
             self._drawn_poses.add_node(node)
         nodes, edges = tuple(graph.nodes.values()), tuple(graph.edges.values())
         blocked = [key for key, observed in graph.presence.items() if not observed[-1].present]
-        self._draw(time, map_drawing.draw_graph(nodes, edges, blocked, self._drawn_poses))
+        self._draw(time, self._map.draw(nodes, edges, blocked, self._drawn_poses))
 
     def _draw(self, time: RowTime, parts: Iterable[DrawnEntity]) -> None:
         for part in parts:
             self._stream.log(time, part.entity, *part.values)
-
-    def _draw_timed(self, row: TimedDrawing) -> None:
-        if row.time is None:
-            self._stream.log_static(row.drawn.entity, *row.drawn.values)
-        else:
-            self._stream.log(row.time, row.drawn.entity, *row.drawn.values)
 
 
 class _DrawSchedule:

@@ -22,16 +22,17 @@ CORNER_LIGHT = "_LIGHT"
 """Attribute of corners (3,) that says how much light of each colour they send back."""
 
 
-def to_glb(surfaces: Surfaces, face_light: NDArray[np.floating] | None = None) -> bytes:
+def to_glb(
+    surfaces: Surfaces, face_light: NDArray[np.floating] | None = None, *, most_texels: int = MAX_EXPORTED_TEXELS
+) -> bytes:
     """Return a GLB file with one mesh per texture, in metres, z up, textures as JPEG.
 
+    Textures are made smaller until all together have at most `most_texels`.
     Where the light of faces is given, (F,) in [0, 1], corners have the attribute `CORNER_LIGHT`.
     """
     scene = trimesh.Scene()
     used = np.unique(surfaces.face_texture)
-    for texture, image in zip(
-        used, shrink_to_budget([surfaces.textures[k] for k in used], MAX_EXPORTED_TEXELS), strict=True
-    ):
+    for texture, image in zip(used, shrink_to_budget([surfaces.textures[k] for k in used], most_texels), strict=True):
         chosen = surfaces.face_texture == texture
         part = _part(surfaces.only(chosen), image)
         if face_light is not None:

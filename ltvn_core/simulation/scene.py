@@ -14,6 +14,9 @@ from ltvn_core.simulation.rooms import Room
 from ltvn_core.simulation.scene_parts import SceneParts
 from ltvn_core.simulation.surfaces import Surfaces, joined
 
+RECORDED_TEXELS = 300_000
+"""Limit for the textures of a scene in a recording: each recording carries its scene, as the ground of its map."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -42,7 +45,7 @@ class Scene:
         """Return vertices (V, 3) in metres and faces (F, 3) of all obstacles."""
         return extrude_blocked_cells(self.clearance, OBSTACLE_HEIGHT_M)
 
-    def glb(self, *, with_ceiling: bool) -> bytes:
-        """Return the visible surfaces as a binary glTF, z up."""
+    def glb(self) -> bytes:
+        """Return the scene as recordings draw it: binary glTF, z up, without ceilings, textures made small."""
         whole = joined([self.surfaces, *self.added]) if self.added else self.surfaces
-        return to_glb(whole if with_ceiling else whole.without_overhead())
+        return to_glb(whole.without_overhead(), most_texels=RECORDED_TEXELS)

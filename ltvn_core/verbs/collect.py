@@ -48,7 +48,7 @@ class CollectVerb(CollectOptions):
             scene=simulation.scene.address,
             config=settings,
             fingerprint="",
-            scene_glb=simulation.scene.glb(with_ceiling=False),
+            scene_glb=simulation.scene.glb(),
         ) as writer:
             rng = np.random.default_rng(self.seed)
             images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)

@@ -147,7 +147,7 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
         config=options.settings(system, choice.name),
         fingerprint=predictor.fingerprint,
         camera=camera,
-        scene_glb=simulation.scene.glb(with_ceiling=False),
+        scene_glb=simulation.scene.glb(),
     )
     with run.open_writer(path, live_port=announce_stream(options.stream)) as writer:
         runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, system, TopologicalGraph())

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from ltvn_core.composition import Simulation
 from ltvn_core.errors import MapError
-from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.deltas import BULK_CAUSES, GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -164,6 +164,8 @@ class HeadlessRunner:
         """Write down that something happened now."""
         state = self.robot.state()
         self.writer.write_event(StampedEvent(state.step, state.stamp, event))
+        if isinstance(event, GraphChanged) and event.delta.cause not in BULK_CAUSES:
+            self._draw()
 
     def _record_world(self, events: Sequence[WorldChanged]) -> None:
         for event in events:

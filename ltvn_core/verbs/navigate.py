@@ -77,7 +77,7 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
         config=options.settings(system, predictor_name) | {"body": choose_body(options.body)},
         fingerprint=predictor.fingerprint,
         camera=simulation.robot.spec.camera,
-        scene_glb=simulation.scene.glb(with_ceiling=False),
+        scene_glb=simulation.scene.glb(),
     )
     with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
         writer.write_map(loaded.graph, loaded.observations.values())

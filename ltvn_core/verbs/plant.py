@@ -126,7 +126,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
         scene=meta.scene,
         config=_settings(options, system, faults) | {"predictor": choice.name, "body": choose_body(options.body)},
         fingerprint=predictor.fingerprint,
-        scene_glb=simulation.scene.glb(with_ceiling=False),
+        scene_glb=simulation.scene.glb(),
     )
     with run.open_writer(options.recording) as writer:
         writer.write_map(graph, [loaded.observations[frame] for frame in graph.frames])

@@ -87,6 +87,7 @@ class RobotQueries:
                         continue
                     self._record(event)
                     if isinstance(event, GraphChanged):
+                        self._draw()
                         changes[type(event.delta)] += 1
                     ended = event if isinstance(event, QueryEnded) else ended
         except RobotError as error:
@@ -94,9 +95,12 @@ class RobotQueries:
             raise RobotError(f"{error} The query to node {goal} is over; {path} has what came before.") from error
         assert ended is not None
         _LOG.info("Node %d: %s after %.1f m.", goal, ended.outcome, ended.path_m)
+        self._draw()
+        return QueryResult(ended, changes[EdgePruned], changes[EdgeAdded] + changes[NodeAdded])
+
+    def _draw(self) -> None:
         state = self._robot.state()
         self._writer.draw_graph(self._graph, state.step, state.stamp)
-        return QueryResult(ended, changes[EdgePruned], changes[EdgeAdded] + changes[NodeAdded])
 
     def _record(self, event: Event) -> None:
         state = self._robot.state()

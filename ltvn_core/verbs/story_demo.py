@@ -123,7 +123,7 @@ def _play_recorded(
         config=options.settings(system, options.predictor) | {"maintenance": STORY_MAINTENANCE},
         fingerprint=predictor.fingerprint,
         camera=simulation.robot.spec.camera,
-        scene_glb=simulation.scene.glb(with_ceiling=False),
+        scene_glb=simulation.scene.glb(),
     )
     keyframes = KeyframeStore(predictor)
     with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:

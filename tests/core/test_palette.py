@@ -12,7 +12,7 @@ from ltvn_core import palette
 from ltvn_core.evaluation.map_layout import map_layout
 from ltvn_core.graph.deltas import Belief, Edge, Node, PoseRow
 from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.map_drawing import draw_graph
+from ltvn_core.recording.map_drawing import MapDrawing
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.schema import EDGES
 from ltvn_core.reports.evaluation_style import probability_colour_map
@@ -28,7 +28,7 @@ def rerun_edge_colour(p: float) -> tuple[int, ...]:
     poses = DrawnPoses()
     for node in nodes:
         poses.add_node(node)
-    drawn = draw_graph(nodes, [Edge(0, 1, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.1))], [], poses)
+    drawn = MapDrawing().draw(nodes, [Edge(0, 1, PoseRow(1.0, 0.0, 0.0), Belief(p, 1.0, 0.1))], [], poses)
     (strips,) = (
         part for row in drawn if row.entity == EDGES for part in row.values if isinstance(part, rr.LineStrips3D)
     )

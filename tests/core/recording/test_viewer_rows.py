@@ -127,6 +127,7 @@ def test_the_images_of_goal_subgoal_and_node_are_shown_when_they_are_named(tmp_p
     for entity, node in (("goal", 3), ("node", 1), ("subgoal", 2)):
         ((_, jpeg),) = rows(path, f"/images/{entity}", "EncodedImage:blob", "step")
         shown = cv2.imdecode(jpeg, cv2.IMREAD_COLOR_RGB)
+        assert shown is not None
         assert np.array_equal(shown, recording.observation(node).rgb)
 
 
@@ -151,7 +152,7 @@ def test_own_rows_never_go_where_the_recorder_writes(tmp_path: Path, entity: str
 
 
 def test_the_extent_of_a_scene_is_that_of_its_walls() -> None:
-    glb = load_scene("demo").glb(with_ceiling=False)
+    glb = load_scene("demo").glb()
     extent = FloorExtent.of_glb(glb)
     assert extent is not None
     low, high = trimesh.load_scene(trimesh.util.wrap_as_stream(glb), file_type="glb").bounds

@@ -17,6 +17,7 @@ from ltvn_core.errors import SceneError
 from ltvn_core.simulation import scene_registry
 from ltvn_core.simulation.apartments.generation import Building, generate_apartment
 from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
+from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.rooms import Room
 from ltvn_core.simulation.scene_registry import Scene, load_scene, scene_names
 from ltvn_core.simulation.surfaces import Surfaces
@@ -143,7 +144,7 @@ def test_a_scene_loads_where_nothing_can_be_cached(empty_cache: Path, caplog: py
 
 
 def test_the_drawing_without_a_ceiling_is_small_and_loads(scene: Scene) -> None:
-    open_above, closed = scene.glb(with_ceiling=False), scene.glb(with_ceiling=True)
+    open_above, closed = scene.glb(), to_glb(scene.surfaces)
     assert len(open_above) < 4_000_000
     drawing = trimesh.load_scene(io.BytesIO(open_above), file_type="glb")
     # The rooms' floors reach into the outer walls' middle at most, so the drawing is as large as the apartment.

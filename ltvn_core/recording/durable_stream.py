@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pyarrow as pa
 import rerun as rr
 
 from ltvn_core.errors import RecordingError
@@ -118,6 +119,12 @@ class DurableStream:
             self._set_time(time)
             self._rerun.log(entity, values[0], *values[1:])
             self._ending.rows[entity] += 1
+
+    def send(self, batch: pa.RecordBatch) -> None:
+        """Write rows as Rerun's readers return them."""
+        with self._lock:
+            if self._taking():
+                self._rerun.send_record_batch(batch)
 
     def log_static(self, entity: str, *values: rr.AsComponents) -> None:
         """Write something that holds at all times."""

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
+import pyarrow as pa
+
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import NodeAdded, ViewAdded
@@ -29,6 +31,7 @@ from ltvn_core.navigation.events import (
     StateChanged,
     WorldChanged,
 )
+from ltvn_core.recording import schema
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rewriting import open_rewriter, rewrite_event
 from ltvn_core.types import FrameId
@@ -197,6 +200,16 @@ def _write(
         writer.draw_graph(graph, begin.step, begin.stamp)
         for stamped in everything:
             rewrite_event(writer, stamped, graph)
+        for batch in recording.user_rows():
+            writer.copy_user_rows(_between(batch, *times))
+
+
+def _between(batch: pa.RecordBatch, from_s: float, to_s: float) -> pa.RecordBatch:
+    """Return the rows of a moment, and those that hold at all times."""
+    if schema.SIM_TIME not in batch.schema.names:
+        return batch
+    stamps = batch.column(schema.SIM_TIME).cast(pa.int64()).to_numpy(zero_copy_only=False) / 1e9
+    return batch.filter(pa.array((stamps >= from_s) & (stamps <= to_s)))
 
 
 def _start_note(recording: Recording, events: Sequence[StampedEvent], from_s: float) -> StampedEvent:

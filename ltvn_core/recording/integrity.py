@@ -15,7 +15,7 @@ from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording.closing_record import ClosingRecord
 from ltvn_core.recording.losses import Losses, find_losses
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.rewriting import open_rewriter, rewrite_event
+from ltvn_core.recording.rewriting import rewrite
 from ltvn_core.recording.rrd_contents import open_contents, require_file
 from ltvn_core.recording.salvage import open_salvage
 from ltvn_core.types import FrameId
@@ -106,7 +106,7 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     if not frames and not events and (salvage.ended or salvage.lost_places):
         raise RecordingError(f"{path} holds no whole frame and no whole event; nothing in it can be saved.")
     with atomic_output(output) as part:
-        _rewrite(recording, part, frames, events)
+        rewrite(recording, part, frames, events)
     return _report(recording, output, frames, events, losses)
 
 
@@ -169,15 +169,3 @@ def _consistent_events(recording: Recording, without_image: Set[FrameId]) -> Ite
             except MapError:
                 continue
         yield stamped
-
-
-def _rewrite(recording: Recording, output: Path, frames: Sequence[FrameId], events: Sequence[StampedEvent]) -> None:
-    graph = TopologicalGraph()
-    left = list(reversed(frames))
-    with open_rewriter(recording, output, recording_id=recording.meta.recording_id) as writer:
-        for stamped in events:
-            while left and left[-1] <= stamped.step:
-                writer.write_encoded_frame(recording.stored_frame(left.pop()).frame)
-            rewrite_event(writer, stamped, graph)
-        while left:
-            writer.write_encoded_frame(recording.stored_frame(left.pop()).frame)

@@ -4,7 +4,7 @@ Owns nothing on disk and changes nothing. Pictures stay compressed until somebod
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -197,6 +197,10 @@ class Recording:
             return None
         batches = self._contents.batches_of(entity)
         return sum(batch.num_rows for batch in batches if schema.STEP in batch.schema.names)
+
+    def user_rows(self) -> Iterator[pa.RecordBatch]:
+        """Yield the rows that a user logged with `RecordingWriter.log`, as Rerun's readers return them."""
+        return self._contents.user_rows()
 
     def scene_glb(self) -> bytes | None:
         """Return the scene that is drawn, as a binary glTF, when the file holds one."""

@@ -7,7 +7,7 @@ nothing of frames and events.
 
 import warnings
 from collections import defaultdict
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,6 +51,12 @@ class RrdContents(NamedTuple):
     def batches_of(self, entity: str) -> Sequence[pa.RecordBatch]:
         """Return the batches of one entity."""
         return self.rows.get(f"/{entity}", ())
+
+    def user_rows(self) -> Iterator[pa.RecordBatch]:
+        """Yield the rows that a user logged beside the recorder's."""
+        for entity, batches in self.rows.items():
+            if not entity.startswith("/__properties") and not schema.is_own_entity(entity):
+                yield from batches
 
 
 def require_rrd(path: Path) -> None:
@@ -214,7 +220,7 @@ def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
 
 def _is_read(entity: str) -> bool:
     """Tell whether anybody reads an entity back; most only draw."""
-    return entity in _READ or entity.startswith("/__properties")
+    return entity in _READ or entity.startswith("/__properties") or not schema.is_own_entity(entity)
 
 
 def _damaged_inside(path: Path, why: str) -> RecordingError:

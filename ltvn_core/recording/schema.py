@@ -95,6 +95,13 @@ OWN_ENTITIES = (
 )
 """What the recorder writes itself; each name also stands for all entities below it."""
 
+
+def is_own_entity(path: str) -> bool:
+    """Return whether an entity is written by the recorder and may hold no rows of a user's."""
+    path = path.strip("/")
+    return path == WORLD or any(f"{path}/".startswith(f"{own}/") for own in OWN_ENTITIES)
+
+
 READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)
 """The entities that carry data; all others are drawn only."""
 

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 from uuid import uuid4
 
+import pyarrow as pa
 import rerun as rr
 
 from ltvn_core.cameras.camera_model import CameraModel
@@ -171,7 +172,7 @@ class RecordingWriter:
             RecordingError: The recorder itself writes this entity, or no values are given.
         """
         path = entity.strip("/")
-        if not path or path == schema.WORLD or any(f"{path}/".startswith(f"{own}/") for own in schema.OWN_ENTITIES):
+        if not path or schema.is_own_entity(path):
             raise RecordingError(
                 f"The entity {entity!r} is the recorder's own. Choose another path, such as my/{path or 'values'}."
             )
@@ -185,6 +186,11 @@ class RecordingWriter:
         rows = [rr.Scalars(value) if isinstance(value, int | float) else value for value in values]
         with self._stream.together():
             self._stream.log(time, path, *rows)
+
+    def copy_user_rows(self, batch: pa.RecordBatch) -> None:
+        """Write rows of a user's own out of another recording, see `Recording.user_rows`."""
+        with self._stream.together():
+            self._stream.send(batch)
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
         """Draw the map if it changed, at most twice a second; call it as often as you like."""

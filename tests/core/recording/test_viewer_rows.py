@@ -35,7 +35,10 @@ from ltvn_core.navigation.events import (
     StampedEvent,
 )
 from ltvn_core.recording.arrow_columns import read_cell
+from ltvn_core.recording.excerpt import write_excerpt
+from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.floor_extent import FloorExtent
+from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.scene_registry import load_scene
@@ -159,3 +162,21 @@ def test_the_extent_of_a_scene_is_that_of_its_walls() -> None:
     assert np.allclose([*extent.low, *extent.high, extent.top_m], [*low[:2], *high[:2], high[2]], atol=1e-3)
     assert FloorExtent.of_glb(b"no scene") is None
     assert FloorExtent.of_glb(glb[:100]) is None
+
+
+def test_own_rows_come_back_from_a_cut_recording_and_travel_with_an_excerpt(tmp_path: Path) -> None:
+    path, cut = tmp_path / "own.rrd", tmp_path / "cut.rrd"
+    with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
+        for step in range(20):
+            writer.write_frame(example_recording.observation(step))
+            writer.log("score", float(step))
+        writer.log("world/landmarks", rr.Points3D([[1.0, 2.0, 0.0]]))
+    verify(path)
+    cut.write_bytes(path.read_bytes()[: check_file(path).framing.whole_bytes])
+    repair(cut, tmp_path / "mended.rrd")
+    write_excerpt(Recording.open(path), tmp_path / "excerpt.rrd", from_s=0.5, to_s=0.9)
+    for name, steps in (("own", range(20)), ("mended", range(20)), ("excerpt", range(5, 10))):
+        found = rows(tmp_path / f"{name}.rrd", "/score", "Scalars:scalars", "step")
+        assert [(at, row[0]) for at, row in found] == [(step, float(step)) for step in steps], name
+        verify(tmp_path / f"{name}.rrd")
+    assert "/world/landmarks" in entities(tmp_path / "mended.rrd")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import MissingLibraryError
-from ltvn_core.extras import EXTRAS, naming_the_extra
+from ltvn_core.extras import EXTRAS, naming_the_extra, require_libraries
 
 ROOT = Path(__file__).parents[2]
 
@@ -81,3 +81,11 @@ def test_the_extras_that_errors_name_exist() -> None:
 def test_a_missing_library_is_an_error_of_the_toolkit() -> None:
     with pytest.raises(MissingLibraryError, match=r"ltvn\[network\]"), naming_the_extra():
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+
+def test_all_missing_libraries_are_named_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ltvn_core.extras.find_spec", lambda name: None if name in ("torch", "embreex") else name)
+
+    require_libraries("viser", "joblib")
+    with pytest.raises(MissingLibraryError, match=r"embreex and torch.*'ltvn\[network,sim\]'"):
+        require_libraries("embreex", "viser", "torch")

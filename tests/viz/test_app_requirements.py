@@ -1,0 +1,40 @@
+"""What makes the app impossible is said before anybody gets a link."""
+
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError
+from ltvn_viz.app import AppOptions, check_requirements
+from tests.repository import RECORDINGS
+
+MAP = RECORDINGS / "demo-map.rrd"
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the page's own libraries are installed."""
+    missing = ("torch", "safetensors", "embreex")
+    monkeypatch.setattr("ltvn_core.extras.find_spec", lambda name: None if name in missing else name)
+
+
+def test_an_unknown_scene_is_said() -> None:
+    with pytest.raises(SceneError, match="nowhere"):
+        check_requirements(AppOptions(scene="nowhere"))
+
+
+@pytest.mark.parametrize("options", [AppOptions(), AppOptions(map=MAP), AppOptions(predictor="network", robot="any")])
+@pytest.mark.usefixtures("bare")
+def test_missing_libraries_are_said(options: AppOptions) -> None:
+    with pytest.raises(MissingLibraryError, match="network"):
+        check_requirements(options)
+
+
+@pytest.mark.usefixtures("bare")
+def test_to_watch_a_recording_nothing_more_is_needed() -> None:
+    check_requirements(AppOptions(replay="demo-fault.rrd", scene="nowhere"))
+
+
+def test_a_map_that_is_not_there_is_said() -> None:
+    with pytest.raises(LtvnError):
+        check_requirements(AppOptions(map=Path("nowhere.rrd")))

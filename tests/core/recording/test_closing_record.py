@@ -14,7 +14,7 @@ from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
 from tests.core.recording import example_recording
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, GOLDEN_RECORDING
-from tools.add_checksums import add_checksums
+from tools.redraw import redraw
 
 
 def test_a_finished_recording_counts_its_rows_and_messages(whole: Path) -> None:
@@ -73,15 +73,15 @@ def test_the_record_is_found_in_a_file_that_is_damaged_elsewhere(whole: Path) ->
     assert find_closing_record(b"") is None
 
 
-def test_an_older_recording_can_be_given_its_checksums_and_stays_as_it_was(tmp_path: Path) -> None:
-    path = tmp_path / "older.rrd"
-    path.write_bytes(GOLDEN_RECORDING.read_bytes())
-    assert add_checksums(path)
-    assert verify(path).checksummed
-    messages = check_file(path).framing.whole_bytes
-    assert path.read_bytes()[:messages] == GOLDEN_RECORDING.read_bytes()[:messages]
-    assert Recording.open(path).events == Recording.open(GOLDEN_RECORDING).events
-    assert not add_checksums(path)
+def test_an_older_recording_can_be_drawn_anew_and_holds_the_same(tmp_path: Path) -> None:
+    redraw(GOLDEN_RECORDING, tmp_path / "new.rrd")
+    assert verify(tmp_path / "new.rrd").checksummed
+    old, new = Recording.open(GOLDEN_RECORDING), Recording.open(tmp_path / "new.rrd")
+    assert new.events == old.events
+    assert new.frames == old.frames
+    assert all(new.stored_frame(each).frame.rgb == old.stored_frame(each).frame.rgb for each in old.frames)
+    with pytest.raises(RecordingError, match="exists"):
+        redraw(GOLDEN_RECORDING, tmp_path / "new.rrd")
 
 
 @pytest.mark.parametrize("path", [DEMO_DRIVE, DEMO_FAULT, DEMO_MAP], ids=lambda path: path.stem)

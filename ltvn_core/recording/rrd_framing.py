@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, Self
 
-from ltvn_core.recording.xxh32 import xxh32
+import xxhash
 
 HEADER_BYTES = 12
 MESSAGE_HEADER = struct.Struct("<QQ")
@@ -62,7 +62,7 @@ class Tail(NamedTuple):
     @classmethod
     def of(cls, footer_start: int, footer: bytes) -> Self:
         """Return the tail of a file whose end message begins with `footer`."""
-        return cls(footer_start, len(footer), xxh32(footer, _FOOTER_SEED) if footer else 0)
+        return cls(footer_start, len(footer), xxhash.xxh32_intdigest(footer, _FOOTER_SEED) if footer else 0)
 
     @classmethod
     def read(cls, data: bytes) -> Self | None:

@@ -20,7 +20,6 @@ from ltvn_core.recording.joined_rows import joined_rows
 from ltvn_core.recording.protobuf_fields import read_fields
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import read_store
-from ltvn_core.recording.xxh32 import xxh32
 from tests.core.recording import example_recording
 
 TOOLS: dict[str, Callable[[Path, Path], list[str]]] = {
@@ -199,14 +198,6 @@ def test_columns_in_any_batches_and_rows_in_any_order_are_joined(whole: Path, se
         parts += [events.select([*keys, name]).take(pa.array(part)) for part in (rows[:cut], rows[cut:]) if len(part)]
     (joined,) = joined_rows([parts[place] for place in rng.permutation(len(parts))], needed)
     assert sorted(map(str, _cells(joined, needed))) == sorted(map(str, _cells(events, needed)))
-
-
-@pytest.mark.parametrize(
-    ("data", "seed", "checksum"),
-    [(b"", 0, 0x02CC5D05), (b"abc", 0, 0x32D153FF), (b"Nobody inspects the spammish repetition", 0, 0xE2293B2F)],
-)
-def test_the_checksum_is_xxh32(data: bytes, seed: int, checksum: int) -> None:
-    assert xxh32(data, seed) == checksum
 
 
 def _rows(table: pa.Table) -> dict[bytes, dict[str, object]]:

@@ -1,9 +1,10 @@
 """Libraries that only some jobs need, and the extra of the package that installs each of them.
 
-A plain installation records, replays into maps and analyses in Python. Owns the table and the sentence that says what
-to install.
+A plain installation records, replays into maps and analyses in Python. Owns the table, and the
+sentence that says what to install, or that a library cannot be installed on this platform.
 """
 
+import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -31,6 +32,14 @@ EXTRAS = {
 }
 """Top-level module -> extra."""
 
+_ARM_MACHINES = ("aarch64", "ARM64")
+"""Values of `platform.machine()` for which embreex has no wheel: Linux and Windows on ARM. On a Mac it is `arm64`,
+which has one. The marker of embreex in pyproject.toml has the same values."""
+_NO_EMBREE = (
+    "The simulator does not work on ARM Linux or ARM Windows, because Embree, its renderer, has no wheel for this "
+    "platform. Replay (ltvn replay FILE), building maps (ltvn build) and real robots (ltvn app --robot NAME) do work."
+)
+
 
 @contextmanager
 def naming_the_extra() -> Iterator[None]:
@@ -45,10 +54,16 @@ def naming_the_extra() -> Iterator[None]:
 
 
 def require_libraries(*libraries: str) -> None:
-    """Raise MissingLibraryError unless all these top-level modules are installed; nothing is imported."""
+    """Raise MissingLibraryError unless all these top-level modules are installed; nothing is imported.
+
+    A library that cannot be installed on this platform is reported alone, because the others would not help.
+    """
     missing = [each for each in libraries if not _is_installed(each)]
     if not missing:
         return
+    impossible = [each for each in missing if not _has_wheel(each)]
+    if impossible:
+        raise MissingLibraryError(missing_text(impossible[0]))
     extras = ",".join(sorted({EXTRAS[each] for each in missing}))
     if len(missing) == 1:
         raise MissingLibraryError(missing_text(missing[0]))
@@ -64,7 +79,14 @@ def _is_installed(library: str) -> bool:
 
 
 def missing_text(library: str) -> str:
-    """Say what is missing and how to get it."""
+    """Return what is missing and how to install it, or what works without it where it cannot be installed."""
+    if not _has_wheel(library):
+        return _NO_EMBREE
     extra = EXTRAS.get(library)
     install = library if extra is None else f"'ltvn[{extra}]'"
     return f"This needs {library}, which is not installed: pip install {install}."
+
+
+def _has_wheel(library: str) -> bool:
+    """Tell whether a library can be installed on this platform."""
+    return library != "embreex" or platform.machine() not in _ARM_MACHINES

@@ -1,10 +1,13 @@
 """A plain installation records, replays into maps and analyses; what needs more says what to install."""
 
+import platform
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from ltvn_core.errors import MissingLibraryError
 from ltvn_core.extras import EXTRAS, naming_the_extra, require_libraries
@@ -71,8 +74,6 @@ def test_a_module_of_no_extra_is_reported_as_it_is() -> None:
 
 
 def test_the_extras_that_errors_name_exist() -> None:
-    import tomllib
-
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     for library, extra in EXTRAS.items():
         assert any(library in each.replace("-", "_").split(">=")[0].split("==")[0] for each in declared[extra])
@@ -89,3 +90,42 @@ def test_all_missing_libraries_are_named_at_once(monkeypatch: pytest.MonkeyPatch
     require_libraries("viser", "joblib")
     with pytest.raises(MissingLibraryError, match=r"embreex and torch.*'ltvn\[network,sim\]'"):
         require_libraries("embreex", "viser", "torch")
+
+
+@pytest.fixture
+def without_embree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of what the simulator needs is installed."""
+    missing = ("embreex", "joblib", "torch")
+    monkeypatch.setattr("ltvn_core.extras.find_spec", lambda name: None if name in missing else name)
+
+
+@pytest.mark.parametrize("machine", ["aarch64", "ARM64"])
+@pytest.mark.usefixtures("without_embree")
+def test_where_embree_has_no_wheel_the_message_says_what_works(machine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+
+    with pytest.raises(MissingLibraryError, match="ltvn replay") as refused:
+        require_libraries("embreex", "torch")
+    with pytest.raises(MissingLibraryError, match="ltvn replay") as unimportable, naming_the_extra():
+        raise ModuleNotFoundError("No module named 'embreex.mesh'", name="embreex.mesh")
+
+    assert str(refused.value) == str(unimportable.value)
+    assert "pip install" not in str(refused.value)
+    with pytest.raises(MissingLibraryError, match=r"ltvn\[network,sim\]"):
+        require_libraries("joblib", "torch")
+
+
+@pytest.mark.parametrize("machine", ["x86_64", "AMD64", "arm64", "aarch64", "ARM64"])
+@pytest.mark.usefixtures("without_embree")
+def test_embree_is_to_be_installed_exactly_where_the_extra_installs_it(
+    machine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    embree = next(each for each in map(Requirement, declared["sim"]) if each.name == "embreex")
+    assert embree.marker is not None
+
+    with pytest.raises(MissingLibraryError) as refused:
+        require_libraries("embreex")
+
+    assert ("pip install" in str(refused.value)) == embree.marker.evaluate({"platform_machine": machine})

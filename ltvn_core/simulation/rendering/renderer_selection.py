@@ -11,6 +11,7 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
+from ltvn_core.extras import missing_text
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
@@ -75,16 +76,16 @@ def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
     try:
         return EmbreeRenderer(scene.surfaces)
     except ImportError as missing:
-        log.warning("Embree is missing (%s); PyBullet renders instead, more slowly.", missing)
+        without_embree = missing
     try:
         # Imported here, because PyBullet has no wheel for most platforms and Embree is enough.
         from ltvn_core.simulation.rendering.pybullet_renderer import PyBulletRenderer
     except ImportError as missing:
         raise SceneError(
-            f"Scene {scene.name} cannot be rendered: neither embreex nor pybullet is installed ({missing}). On Linux "
-            "x86-64, macOS and Windows run `pip install embreex`; it has no wheel for ARM Linux, where recordings are "
-            "replayed and maps built."
+            f"Scene {scene.name} cannot be rendered: neither embreex nor pybullet can be imported ({without_embree}; "
+            f"{missing}). {missing_text('embreex')}"
         ) from missing
+    log.warning("Embree is missing (%s); PyBullet renders instead, more slowly.", without_embree)
     return PyBulletRenderer(scene.surfaces)
 
 

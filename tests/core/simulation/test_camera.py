@@ -1,6 +1,7 @@
 """The camera measures true depths, sees left on the left, and says when it sees nothing."""
 
 import logging
+import platform
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -174,10 +175,14 @@ def test_without_embree_the_other_renderer_is_opened(
     assert "TinyRenderer" in caplog.text
 
 
-def test_without_any_renderer_the_message_says_what_to_install(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("machine", "advice"), [("x86_64", "pip install 'ltvn"), ("aarch64", "ltvn replay")])
+def test_without_any_renderer_the_message_says_what_to_do(
+    machine: str, advice: str, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(platform, "machine", lambda: machine)
     monkeypatch.setitem(sys.modules, "embreex.rtcore_scene", None)
     monkeypatch.setitem(sys.modules, "ltvn_core.simulation.rendering.pybullet_renderer", None)
-    with pytest.raises(SceneError, match="pip install embreex"):
+    with pytest.raises(SceneError, match=advice):
         open_renderer(scene)
 
 

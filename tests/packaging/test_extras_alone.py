@@ -1,6 +1,6 @@
 """Each extra, alone in an environment of its own, does what `docs/index.md` says of it.
 
-Two extras take their turn in each run, by the number of commits; LTVN_EXTRAS=app,sim names others, and `all` all.
+Two extras take their turn in each run, by the number of commits; LTVN_EXTRAS=plain,sim names others, and `all` all.
 """
 
 import json
@@ -49,7 +49,7 @@ def test_an_extra_alone_does_its_job(extra: str, wheel: Path, tmp_path: Path) ->
         smoke.run(program, *arguments, folder=folder)
     for code in IMPORTS.get(extra, ()):
         _python(program, "-c", code, folder=folder)
-    if extra in ("app", "all"):
+    if extra in (PLAIN, "all"):
         _debug_every_recording(program, folder)
     if extra in REFUSED:
         arguments, missing = REFUSED[extra]
@@ -61,8 +61,12 @@ def _recording(name: str) -> str:
 
 
 JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
-    PLAIN: (("verify", _recording("demo-fault.rrd")), ("plugins",)),
-    "app": (("export", _recording("demo-fault.rrd"), "--html", "map.html", "--svg", "map.svg"),),
+    PLAIN: (
+        ("verify", _recording("demo-fault.rrd")),
+        ("plugins",),
+        ("export", _recording("demo-fault.rrd"), "--html", "map.html", "--svg", "map.svg"),
+    ),
+    "app": (("plugins",),),
     "network": (("measure", "--help"),),
     "sim": (("collect", "--scene", "demo", "--loops", "1", "--output", "drive.rrd"),),
     "place": (("plugins",),),
@@ -86,8 +90,7 @@ IMPORTS: dict[str, tuple[str, ...]] = {
 """What must be importable where no verb shows it in seconds."""
 
 REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
-    PLAIN: (("replay", _recording("demo-fault.rrd"), "--port", "0"), "'ltvn[app]'"),
-    "app": (("app", "--port", "0"), "'ltvn[network,sim]'"),
+    PLAIN: (("app", "--port", "0"), "'ltvn[network,sim]'"),
     "all": (("app", "--scene", "nowhere", "--port", "0"), "nowhere"),
 }
 """What must say what is missing before it prints a link."""

@@ -16,7 +16,7 @@ from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
-for library in ("embreex", "torch", "trimesh"):
+for library in ("embreex", "torch"):
     pytest.importorskip(library)
 
 WITHOUT_PYBULLET = """

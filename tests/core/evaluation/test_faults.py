@@ -87,7 +87,6 @@ def shipped() -> Recording:
 
 
 def test_the_shipped_recording_is_small_and_holds_all_three_faults(shipped: Recording) -> None:
-    pytest.importorskip("trimesh")
     assert DEMO_FAULT.stat().st_size < 3_000_000
     before = shipped.graph_at(next(s.step for s in shipped.events if isinstance(s.event, QueryStarted)) - 1)
     known = recorded_ground_truth(shipped, before)

@@ -90,7 +90,6 @@ def test_fifty_thousand_events_out_of_order_are_counted_whole() -> None:
 
 
 def test_the_demo_drive_is_calibrated_by_its_own_poses() -> None:
-    pytest.importorskip("trimesh")
     recording = Recording.open(DEMO_DRIVE)
     known = recorded_ground_truth(recording, recording.final_graph())
     assert known is not None

@@ -15,7 +15,7 @@ from ltvn_core.recording.reader import Recording
 
 pytestmark = pytest.mark.slow
 
-for library in ("embreex", "torch", "trimesh"):
+for library in ("embreex", "torch"):
     pytest.importorskip(library)
 
 KEYS = {"frames", "nodes", "edges", "queries", "reached", "collisions", "pruned", "added", "recording", "wall_s"}

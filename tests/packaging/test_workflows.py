@@ -1,0 +1,49 @@
+"""The workflows can be read, and test the Pythons and the versions of Rerun that pyproject.toml allows."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+
+ROOT = Path(__file__).parents[2]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def _jobs(name: str) -> dict[str, Any]:
+    """Return the jobs of a workflow by name."""
+    yaml = pytest.importorskip("yaml")  # Comes with mkdocs.
+    return yaml.safe_load((ROOT / ".github" / "workflows" / name).read_text(encoding="utf-8"))["jobs"]
+
+
+@pytest.mark.parametrize("name", ["ci.yml", "release.yml"])
+def test_every_job_of_a_workflow_has_a_machine_and_steps(name: str) -> None:
+    jobs = _jobs(name)
+
+    assert jobs
+    assert all({"runs-on", "steps"} <= set(job) and job["steps"] for job in jobs.values())
+
+
+def test_the_core_is_tested_on_all_pythons_that_are_supported() -> None:
+    tested = _jobs("ci.yml")["core"]["strategy"]["matrix"]["python"]
+    named = [each.rsplit(" ", 1)[1] for each in PROJECT["classifiers"] if "Python :: 3." in each]
+
+    assert tested == named
+    assert all(each in SpecifierSet(PROJECT["requires-python"]) for each in tested)
+
+
+def test_only_a_version_of_rerun_above_the_range_may_fail() -> None:
+    job = _jobs("ci.yml")["rerun"]
+    allowed = next(each for each in map(Requirement, PROJECT["dependencies"]) if each.name == "rerun-sdk").specifier
+    named = [each.removeprefix("==").removesuffix(".*") for each in job["strategy"]["matrix"]["rerun"] if each]
+
+    assert all(f"{each}.0" in allowed for each in named)
+    assert job["continue-on-error"] == "${{ matrix.rerun == '' }}"
+
+
+def test_a_release_is_tried_as_the_plain_wheel() -> None:
+    commands = [step.get("run", "") for step in _jobs("release.yml")["smoke"]["steps"]]
+
+    assert any("pip install dist/*.whl" in each for each in commands)

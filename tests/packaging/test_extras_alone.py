@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from ltvn_core.recording.demo_files import DEMO_MAP
 from tests.packaging import smoke
-from tests.packaging.environments import install_with_extra
+from tests.packaging.environments import extras_of, install_with_extra
 from tests.repository import RECORDINGS
 
 ROOT = Path(__file__).parents[2]
@@ -36,6 +36,10 @@ def _turn() -> tuple[str, ...]:
     count = subprocess.run(["git", "rev-list", "--count", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     first = EACH_RUN * int(count.stdout or 0)
     return tuple(EXTRAS[(first + k) % len(EXTRAS)] for k in range(EACH_RUN))
+
+
+def test_every_extra_of_the_wheel_is_tested(wheel: Path) -> None:
+    assert {PLAIN, "dev", *extras_of(wheel)} == {"dev", *EXTRAS}
 
 
 @pytest.mark.parametrize("extra", _turn())

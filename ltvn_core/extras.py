@@ -15,7 +15,9 @@ EXTRAS = {
     "av": "import",
     "embreex": "sim",
     "pybullet": "sim",
+    "DracoPy": "sim",
     "joblib": "sim",
+    "pillow_heif": "import",
     "rosbags": "import",
     "zenoh": "ros",
     "torch": "network",
@@ -54,7 +56,7 @@ def require_libraries(*libraries: str) -> None:
 
     A library that cannot be installed on this platform is reported alone, because the others would not help.
     """
-    missing = [each for each in libraries if not _is_installed(each)]
+    missing = [each for each in libraries if not is_installed(each)]
     if not missing:
         return
     impossible = [each for each in missing if not _has_wheel(each)]
@@ -67,7 +69,8 @@ def require_libraries(*libraries: str) -> None:
     raise MissingLibraryError(f"This needs {names}, which are not installed: pip install 'ltvn[{extras}]'.")
 
 
-def _is_installed(library: str) -> bool:
+def is_installed(library: str) -> bool:
+    """Tell whether a top-level module can be imported; nothing is imported."""
     try:
         return find_spec(library) is not None
     except ModuleNotFoundError:  # What tests refuse.

@@ -35,6 +35,8 @@ class Scene:
     added: tuple[Surfaces, ...] = ()
     """What stands in it for now beside its own surfaces: leaves of closed doors, things, people."""
     light: Light = PLAIN_LIGHT
+    doubts: tuple[str, ...] = ()
+    """What of the file it was read from is missing, in whole sentences with what to do."""
 
     @property
     def address(self) -> str:

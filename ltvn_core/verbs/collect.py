@@ -54,7 +54,7 @@ class CollectVerb(CollectOptions):
             images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)
             has_depth = [image.has_depth for image in tqdm(images, desc="collect", unit="frame")]
         return CollectSummary(
-            doubts=doubts_of(self.output, has_depth),
+            doubts=(*simulation.scene.doubts, *doubts_of(self.output, has_depth)),
             recording=self.output,
             scene=simulation.scene.name,
             frames=len(has_depth),

@@ -1,5 +1,6 @@
 """Loads a mesh as a scene: read, align, detect the floor, divide it into places to visit, mark what is overhead."""
 
+import logging
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +16,8 @@ from ltvn_core.simulation.meshes.mesh_file import read_mesh
 from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.surfaces import Surfaces
+
+log = logging.getLogger(__name__)
 
 _PLACE_M = 3.5
 """Side of the squares that stand for rooms in a tour, because a mesh does not say where its rooms are."""
@@ -41,7 +44,10 @@ def load_mesh_scene(source: Path) -> Scene:
         source = source.parent
     mesh = gibson.find_mesh(source) if source.is_dir() else source
     settings = read_mesh_settings(mesh)
-    surfaces = align_z_up(read_mesh(mesh), mesh, settings)
+    content = read_mesh(mesh)
+    for doubt in content.doubts:
+        log.warning(doubt)
+    surfaces = align_z_up(content.surfaces, mesh, settings)
     heights = gibson.floor_heights(source) if source.is_dir() else None
     floor_height_m = heights[0] if heights is not None and settings.floor_height is None else settings.floor_height
     storey = 0
@@ -57,6 +63,7 @@ def load_mesh_scene(source: Path) -> Scene:
         clearance=floor.clearance,
         surfaces=replace(standing, overhead=_overhead(standing, floor)),
         source=source,
+        doubts=content.doubts,
     )
 
 

@@ -141,7 +141,21 @@ def _numbers(held: object) -> np.ndarray:
         array = np.asarray(held) if all(map(_is_short_row, held)) else np.empty(0)
     else:
         array = held if isinstance(held, np.ndarray) else np.empty(0)
+    if array.dtype.kind == "O":
+        array = _plain(array)
     return array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
+
+
+def _plain(objects: np.ndarray) -> np.ndarray:
+    """Return an array of objects as one of numbers: (T,) rows become (T, n), rows of one number that number."""
+    rows = objects.ravel().tolist()
+    if not rows or not all(map(_is_short_row, rows)):
+        return np.empty(0)
+    flat = [np.asarray(row).ravel() for row in rows]
+    if len({row.size for row in flat}) != 1:
+        return np.empty(0)
+    shape = objects.shape if flat[0].size == 1 else (*objects.shape, flat[0].size)
+    return np.stack(flat).reshape(shape)
 
 
 def _is_short_row(row: object) -> bool:

@@ -67,6 +67,30 @@ def test_poses_may_be_plain_lists(tmp_path: Path) -> None:
     assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES)
 
 
+def objects(rows: list[Any], shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of Python objects, as pandas and careless conversions leave them."""
+    array = np.empty(len(rows), object)
+    array[:] = rows
+    return array.reshape(shape)
+
+
+@pytest.mark.parametrize(
+    ("position", "yaw"),
+    [
+        (POSES[:, :2].astype(object), objects([np.array([yaw]) for yaw in POSES[:, 2]], (4,))),
+        (objects(list(POSES[:, :2]), (4,)), POSES[:, 2:].astype(object)),
+        (objects([np.array([x]) for x in POSES[:, :2].ravel()], (4, 2)), POSES[:, 2].tolist()),
+    ],
+    ids=["numbers and arrays of one", "rows", "arrays of one"],
+)
+def test_arrays_of_objects_that_hold_numbers_are_read(tmp_path: Path, position: Any, yaw: Any) -> None:
+    folder = write_folder(tmp_path / "hall", {"position": position, "yaw": yaw})
+
+    frames = list(VintReader.open(folder, ReadOptions()).frames())
+
+    assert np.allclose(np.array([frame.odometry for frame in frames], float), POSES)
+
+
 def test_pickles_that_older_numpy_wrote_are_read(tmp_path: Path) -> None:
     older = pickle.dumps({"position": POSES[:, :2], "yaw": POSES[:, 2]}, 2).replace(b"numpy._core.", b"numpy.core.")
 
@@ -116,6 +140,8 @@ LYING_LENGTH = b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"abc."
         pickle.dumps({"position": POSES * np.nan, "yaw": POSES[:, 2]}),
         pickle.dumps({"position": "far", "yaw": None}),
         pickle.dumps({"position": np.array([[{}, {}]] * 4, dtype=object), "yaw": POSES[:, 2]}),
+        pickle.dumps({"position": POSES[:, :2], "yaw": np.array([0.1, "north", 0.2, None], dtype=object)}),
+        pickle.dumps({"position": np.array([[], [1.0]], dtype=object), "yaw": POSES[:2, 2]}),
     ],
 )
 def test_what_is_no_trajectory_ends_in_one_line(tmp_path: Path, content: bytes) -> None:

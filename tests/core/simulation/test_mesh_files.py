@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import trimesh
+from trimesh.exchange.gltf import export_glb
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.meshes import gltf_file
@@ -68,7 +68,7 @@ def test_a_mesh_that_is_compressed_with_draco_is_read(tmp_path: Path, monkeypatc
     pytest.importorskip("DracoPy")
     house = box_house(up="y")
     path = tmp_path / "house.glb"
-    path.write_bytes(trimesh.exchange.gltf.export_glb(house, extension_draco=True))
+    path.write_bytes(export_glb(house, extension_draco=True))
     assert b"KHR_draco_mesh_compression" in path.read_bytes()
     read = read_mesh(path).surfaces.vertices
     assert np.allclose([read.min(axis=0), read.max(axis=0)], house.bounds, atol=0.01)
@@ -81,7 +81,7 @@ def test_a_mesh_that_is_compressed_with_draco_is_read(tmp_path: Path, monkeypatc
 def test_damaged_draco_is_not_taken_for_a_mesh_without_triangles(tmp_path: Path) -> None:
     pytest.importorskip("DracoPy")
     path = tmp_path / "house.glb"
-    data = trimesh.exchange.gltf.export_glb(box_house(up="y"), extension_draco=True)
+    data = export_glb(box_house(up="y"), extension_draco=True)
     path.write_bytes(data.replace(b"DRACO", b"OCARD"))
     with pytest.raises(SceneError, match="Draco and damaged"):
         read_mesh(path)

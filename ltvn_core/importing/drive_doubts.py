@@ -13,6 +13,8 @@ from ltvn_core.importing.source_camera import HOW_TO
 
 STEEP_DEG = 20.0
 """A predictor that looks level sees less than two thirds of a picture that is tilted by more."""
+ROLLED_DEG = 60.0
+"""No robot carries a camera that is rolled by more, if it holds it upright at all."""
 NARROW_PX = 160
 """In narrower images the geometric predictor, which real ones are compared by, finds too little."""
 MUCH_DRIFT = 0.15
@@ -63,6 +65,13 @@ def _camera_doubts(found: DriveFindings) -> Iterator[str]:
         yield (
             f"The camera looks {way} by {abs(found.tilt.pitch_median_deg):.0f} degrees; a predictor for a level camera "
             "sees little of such images. Use `--predictor geometric`, or mount the camera nearly level."
+        )
+    if found.tilt is not None and found.tilt.roll_largest_deg > ROLLED_DEG:
+        yield (
+            f"By its poses the camera rolls by up to {found.tilt.roll_largest_deg:.0f} degrees, and pitches from "
+            f"{found.tilt.pitch_lowest_deg:.0f} to {found.tilt.pitch_highest_deg:.0f}. If the quaternions are written "
+            "with w first, write them as qx qy qz qw; if the poses are of the robot's body, turn them to the camera's "
+            "optical frame (x right, y down, z forward)."
         )
 
 

@@ -4,8 +4,10 @@ Owns reading such files (TUM's format, which evo, ORB-SLAM and RTAB-Map write to
 axis of the world is up.
 """
 
+import codecs
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,16 +32,34 @@ _BESIDE_S = 0.025
 """A sample so near in time is the pose, where there is none on the other side."""
 _MOST_BYTES = 100_000_000
 """A million poses."""
+_SECONDS_BELOW = 1e11
+"""Stamps are in seconds below this, the year 5138."""
+_UNITS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""With these a text begins that Windows' PowerShell wrote."""
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
 """What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
+
+
+class StampedLines(NamedTuple):
+    """A list of stamps and what belongs to each."""
+
+    rows: Sequence[tuple[float, list[str]]]
+    """Stamps in seconds, in rising order, and the words that follow."""
+    doubt: str | None
+    """Says that the stamps of the file are in another unit."""
 
 
 class PoseTrack:
     """Poses of a camera's optical frame over time."""
 
-    def __init__(self, stamps: NDArray[np.float64], positions: NDArray[np.float64], rotations: Rotation) -> None:
+    def __init__(
+        self, stamps: NDArray[np.float64], positions: NDArray[np.float64], rotations: Rotation, doubt: str | None = None
+    ) -> None:
         """Take N stamps in rising order, positions (N, 3) in metres and as many rotations, optical to world."""
         self.stamps = stamps
+        self.doubt = doubt
+        """What is doubtful of its stamps."""
         self.up_axis = _up_axis(rotations)
         """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
@@ -75,13 +95,14 @@ class PoseTrack:
         return spatial_pose(self._positions[place], self._rotations[place].as_matrix())
 
 
-def stamped_lines(path: Path, *, least_columns: int) -> Sequence[tuple[float, list[str]]]:
+def stamped_lines(path: Path, *, least_columns: int) -> StampedLines:
     """Return the lines of a text file as stamps and the words that follow, in the order of the stamps.
 
-    Lines that begin with # are comments. Raises DriveError that names the first line that cannot be right.
+    Lines that begin with # are comments. Stamps in thousandths of a second or less are turned into seconds. Raises DriveError that names the first line that cannot be right.
     """
     try:
-        text = read_foreign(path, most_bytes=_MOST_BYTES, what="list of images or poses").decode()
+        blob = read_foreign(path, most_bytes=_MOST_BYTES, what="list of images or poses")
+        text = blob.decode("utf-16" if blob.startswith(_UTF_16) else "utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
     lines: list[tuple[float, list[str]]] = []
@@ -99,11 +120,20 @@ def stamped_lines(path: Path, *, least_columns: int) -> Sequence[tuple[float, li
                 f"{line!s:.60}."
             )
         lines.append((stamp, words[1:]))
-    return sorted(lines, key=lambda line: line[0])
+    return _in_seconds(sorted(lines, key=lambda line: line[0]), path)
 
 
-def _parsed(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Rotation]:
-    lines = stamped_lines(path, least_columns=_COLUMNS)
+def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines:
+    middle = abs(rows[len(rows) // 2][0]) if rows else 0.0
+    if middle < _SECONDS_BELOW:
+        return StampedLines(rows, None)
+    name, unit_s = next((each for each in _UNITS if middle * each[1] < _SECONDS_BELOW), _UNITS[-1])
+    doubt = f"The stamps of {path.name} are too large for seconds ({middle:.0f}), and were read as {name}."
+    return StampedLines([(stamp * unit_s, words) for stamp, words in rows], doubt)
+
+
+def _parsed(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Rotation, str | None]:
+    lines, doubt = stamped_lines(path, least_columns=_COLUMNS)
     if not lines:
         raise DriveError(f"{path} holds no poses; it needs lines of stamp tx ty tz qx qy qz qw.")
     try:
@@ -118,7 +148,7 @@ def _parsed(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Rotat
             f"{path}: the pose at {numbers[np.argmax(wrong), 0]} is not finite, or its quaternion is not of length 1; "
             "the columns are stamp tx ty tz qx qy qz qw."
         )
-    return numbers[:, 0], numbers[:, 1:4], Rotation.from_quat(numbers[:, 4:])
+    return numbers[:, 0], numbers[:, 1:4], Rotation.from_quat(numbers[:, 4:]), doubt
 
 
 def _up_axis(rotations: Rotation) -> str:

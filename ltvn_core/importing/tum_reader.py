@@ -45,14 +45,16 @@ class TumReader:
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """Read the lists, and no image yet. Raises DriveError."""
         self._folder = folder
-        self._colour = _image_list(folder, options.rgb or "rgb.txt")
-        self._depth = _depth_list(folder, options.depth)
+        self.doubts: list[str] = []
+        self._colour = self._image_list(options.rgb or "rgb.txt")
+        self._depth = self._depth_list(options.depth)
         self._truth = _track(folder / "groundtruth.txt")
         self._odometry = _track(folder / options.odometry) if options.odometry else None
         self._described = camera_beside(folder)
         self._camera = options.camera or self._described.camera or _benchmark_camera(folder)
         self.dropped: Counter[str] = Counter()
-        self.doubts = _axis_doubts(self._truth, self._odometry)
+        self.doubts[:0] = self._time_doubts()  # First, for it may be why no image can be used.
+        self.doubts += _axis_doubts(self._truth, self._odometry)
         self.facts = DriveFacts(
             format="tum", frames=len(self._colour), streams=self._streams(), place=folder.resolve().name
         )
@@ -84,6 +86,32 @@ class TumReader:
                 if not self.dropped["damaged or missing image"]:
                     self.doubts.append(f"An image was left out: {error}")
                 self.dropped["damaged or missing image"] += 1
+
+    def _image_list(self, name: str) -> list[tuple[float, str]]:
+        """Return the stamps and files of a list. Raises DriveError."""
+        rows, doubt = stamped_lines(self._folder / name, least_columns=2)
+        if not rows:
+            raise DriveError(f"{self._folder / name} lists no images; it needs lines of a stamp and a file.")
+        self.doubts += [doubt] if doubt else []
+        return [(stamp, _local(self._folder, words[0])) for stamp, words in rows]
+
+    def _depth_list(self, wanted: str | None) -> list[tuple[float, str]]:
+        if wanted == NO_DEPTH or (wanted is None and not (self._folder / "depth.txt").is_file()):
+            return []
+        return self._image_list(wanted or "depth.txt")
+
+    def _time_doubts(self) -> Iterator[str]:
+        """Yield which list has no moment in common with the images."""
+        tracks = (("groundtruth.txt", self._truth), ("the odometry", self._odometry))
+        yield from (track.doubt for _, track in tracks if track is not None and track.doubt)
+        spans = [(name, track.stamps) for name, track in tracks if track is not None]
+        begin, end = self._colour[0][0], self._colour[-1][0]
+        for name, stamps in [("depth.txt", [stamp for stamp, _ in self._depth]), *spans]:
+            if len(stamps) and (stamps[-1] < begin - SLACK_S or stamps[0] > end + SLACK_S):
+                yield (
+                    f"The images are from {begin:.3f} to {end:.3f} s, {name} from {stamps[0]:.3f} to {stamps[-1]:.3f} "
+                    "s, with no moment in common. Write both in seconds of one clock."
+                )
 
     def _moment(self, stamp: float) -> FrameMoment:
         truth = None if self._truth is None else self._truth.at(stamp)
@@ -145,17 +173,9 @@ class TumReader:
         )
 
 
-def _image_list(folder: Path, name: str) -> list[tuple[float, str]]:
-    images = [(stamp, words[0]) for stamp, words in stamped_lines(folder / name, least_columns=2)]
-    if not images:
-        raise DriveError(f"{folder / name} lists no images; it needs lines of a stamp and a file.")
-    return images
-
-
-def _depth_list(folder: Path, wanted: str | None) -> list[tuple[float, str]]:
-    if wanted == NO_DEPTH or (wanted is None and not (folder / "depth.txt").is_file()):
-        return []
-    return _image_list(folder, wanted or "depth.txt")
+def _local(folder: Path, name: str) -> str:
+    """Return a name in a list as it is written here; lists from Windows have backslashes."""
+    return name.replace("\\", "/") if "\\" in name and not (folder / name).is_file() else name
 
 
 def _track(path: Path) -> PoseTrack | None:

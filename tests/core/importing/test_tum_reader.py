@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.drive_import import import_drive
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.importing.source_camera import parse_camera
 from ltvn_core.importing.tum_reader import BENCHMARK_CAMERAS, TumReader
@@ -156,3 +157,45 @@ def test_a_camera_that_looks_down_steeply_does_not_change_what_is_up(tmp_path: P
     frame = read(write_tum_folder(tmp_path, pose_lines=lines))[1]
     assert frame.truth == pytest.approx([0.2, 1, 0], abs=1e-6)
     assert frame.tilt == pytest.approx((np.radians(pitch_deg), 0), abs=1e-6)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_lists_from_windows_are_read(tmp_path: Path, encoding: str) -> None:
+    folder = write_tum_folder(tmp_path)
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
+        text = (folder / name).read_text(encoding="utf-8").replace("/", "\\").replace("\n", "\r\n")
+        (folder / name).write_text(text, encoding=encoding, newline="")
+    frames = read(folder)
+    assert len(frames) == 4
+    assert all(frame.depth_m is not None and frame.truth is not None for frame in frames)
+
+
+@pytest.mark.parametrize(("unit", "name"), [(10**3, "milli"), (10**6, "micro"), (10**9, "nano")])
+def test_stamps_in_parts_of_a_second_are_read_so_and_that_is_said(tmp_path: Path, unit: int, name: str) -> None:
+    begin, poses = 1_700_000_000, [f"{1_700_000_000 + k / 10} 0.{k} 1 0.5 {FORWARD}" for k in range(4)]
+    folder = write_tum_folder(tmp_path, depth_delay_s=None, pose_lines=poses)
+    lines = [f"{begin * unit + k * unit // 10} rgb/{100 + k / 10:.2f}.png" for k in range(4)]
+    (folder / "rgb.txt").write_text("\n".join(lines), encoding="utf-8")
+    reader = TumReader.open(folder, ReadOptions())
+    frames = list(reader.frames())
+    assert [frame.stamp - begin for frame in frames] == pytest.approx([0, 0.1, 0.2, 0.3], abs=1e-5)
+    assert all(frame.truth is not None for frame in frames)
+    assert f"{name}seconds" in reader.doubts[0]
+
+
+def test_lists_of_different_clocks_are_named_with_both_ranges(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path, pose_lines=[f"{k / 10} 0 1 0.5 {FORWARD}" for k in range(4)])
+    with pytest.raises(DriveError, match=r"100\.000 to 100\.300 s.*0\.000 to 0\.300 s"):
+        import_drive(TumReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
+
+
+def test_quaternions_with_w_first_are_a_doubt(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "fr1", frames=12)
+    upright = Rotation.from_quat([float(number) for number in FORWARD.split()])
+    lines = []
+    for k in range(12):
+        x, y, z, w = (Rotation.from_euler("z", 30 * k, degrees=True) * upright).as_quat()
+        lines.append(f"{100 + k / 10:.4f} {0.2 * k} 1 0.5 {w} {x} {y} {z}")
+    (folder / "groundtruth.txt").write_text("\n".join(lines), encoding="utf-8")
+    summary = import_drive(TumReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
+    assert any("w first" in doubt for doubt in summary.doubts)

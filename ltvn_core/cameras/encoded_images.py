@@ -11,11 +11,14 @@ from cv2.utils import logging as cv2_logging
 from numpy.typing import NDArray
 from PIL import Image
 
+from ltvn_core.cameras.heif_images import heif_colours, heif_size, is_heif
 from ltvn_core.errors import DriveError
 from ltvn_core.types import Depth, Rgb
 
 MAX_PIXELS = 64_000_000
 """No camera that a robot carries has more; a small file that unpacks to more is no photograph."""
+NO_RETURN = 65535
+"""In depth of 16 bits: what some cameras say in place of 0."""
 _FORMATS = ("JPEG", "PNG", "WEBP", "BMP", "PPM", "TIFF")
 
 
@@ -26,7 +29,7 @@ def encoded_size(blob: bytes, source: str) -> tuple[int, int]:
 
 
 def decode_colour(blob: bytes, source: str) -> Rgb:
-    """Return the colours (H, W, 3) of a JPEG, PNG or their like; one channel becomes grey.
+    """Return the colours (H, W, 3) of a JPEG, PNG, HEIC or their like; one channel becomes grey.
 
     Args:
         blob: The compressed image.
@@ -35,6 +38,10 @@ def decode_colour(blob: bytes, source: str) -> Rgb:
     Raises:
         DriveError: The image is damaged, cut, of another format, or too large.
     """
+    if is_heif(blob):
+        if np.prod(heif_size(blob, source)) > MAX_PIXELS:
+            raise _too_large(source)
+        return heif_colours(blob, source)
     return np.asarray(_decoded(blob, cv2.IMREAD_COLOR_RGB, source), np.uint8)
 
 
@@ -51,6 +58,8 @@ def decode_depth(blob: bytes, metres_per_unit: float, source: str) -> Depth:
         raise DriveError(
             f"{source} is no depth image: expected one channel of 16 bits, got shape {units.shape} of {units.dtype}."
         )
+    if units.dtype == np.uint16:
+        units = np.where(units == NO_RETURN, 0, units)
     return units.astype(np.float32) * np.float32(metres_per_unit)
 
 

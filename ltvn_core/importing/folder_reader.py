@@ -1,14 +1,14 @@
 """Reads a plain folder of pictures, with or without depth, with or without a table of odometry.
 
-Pictures are taken in natural order (2 before 10). `depth/` beside them holds 16-bit PNGs of the same names in
-millimetres, `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. The lens comes from `camera.json`, or
-roughly from what a phone or camera writes into its JPEGs.
+Pictures are taken in natural order (2 before 10). `depth/` beside them, or the same folder, holds 16-bit PNGs of the
+same names or numbers in millimetres, `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. The lens comes
+from `camera.json`, or roughly from what a phone or camera writes into its pictures.
 """
 
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,28 +16,26 @@ from PIL import Image
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
+from ltvn_core.cameras.heif_images import heif_exif, is_heif
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.odometry_table import OdometryTable
+from ltvn_core.importing.picture_folder import colour_pictures, depth_partners, holds_pictures
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.importing.stamp_matching import rate_hz
 from ltvn_core.types import Depth
 
-IMAGE_SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".webp", ".bmp", ".ppm", ".tif", ".tiff"))
-IMAGE_FOLDERS = ("", "rgb", "images", "color", "colour", "image", "img")
-"""Where pictures lie: in the folder itself, or in one of these."""
-DEPTH_FOLDER = "depth"
 ODOMETRY_FILES = ("odometry.csv", "poses.csv")
 NO_DEPTH = "none"
 RATE_HZ = 10.0
 """Pictures without any stamps are taken to be so many a second."""
 
-_FEWEST = 2
 _FOCAL_35MM_TAG = 0xA405
 _EXIF_FOLDER_TAG = 0x8769
 _DIAGONAL_35MM = 43.267
 _DAMAGED = "damaged or missing image"
+_UNREADABLE = "picture of a kind that is not read"
 
 
 class FolderReader:
@@ -46,13 +44,16 @@ class FolderReader:
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """List the pictures and read the tables beside them. Raises DriveError."""
         self._folder, self._options = folder, options
-        self._images = _images(folder, options.rgb)
-        self._depth = _depth_by_stem(folder, options.depth)
+        pictures = colour_pictures(folder, options.rgb)
+        self._images = pictures.colours
+        self._depth: Mapping[Path, Path] = {}
+        if options.depth != NO_DEPTH:
+            self._depth = depth_partners(folder, options.depth, pictures)
         self._table = _table(folder, options.odometry)
         self._stamps = self._known_stamps()
         self._described = camera_beside(folder)
-        self.dropped: Counter[str] = Counter()
-        self.doubts: list[str] = []
+        self.dropped: Counter[str] = Counter({_UNREADABLE: len(pictures.unreadable)} if pictures.unreadable else {})
+        self.doubts: list[str] = list(pictures.doubts())
         self.facts = DriveFacts(
             format="folder", frames=len(self._images), streams=self._streams(), place=folder.resolve().name
         )
@@ -61,7 +62,7 @@ class FolderReader:
     def recognises(cls, path: Path) -> bool:
         """Tell whether a path is a folder with some pictures."""
         try:
-            return path.is_dir() and any(len(_listed(path / name)) >= _FEWEST for name in IMAGE_FOLDERS)
+            return path.is_dir() and holds_pictures(path)
         except OSError:
             return False
 
@@ -100,14 +101,14 @@ class FolderReader:
         return RawFrame(
             stamp=moment.stamp,
             rgb=rgb,
-            depth_m=self._read_depth(path.stem),
+            depth_m=self._read_depth(path),
             camera=None if camera is None else fitted(camera, width, height, name),
             odometry=moment.odometry,
             name=name,
         )
 
-    def _read_depth(self, stem: str) -> Depth | None:
-        path = self._depth.get(stem)
+    def _read_depth(self, picture: Path) -> Depth | None:
+        path = self._depth.get(picture)
         if path is None:
             return None
         name = str(path.relative_to(self._folder))
@@ -129,40 +130,11 @@ class FolderReader:
         rate = rate_hz(self._stamps)
         found = [SourceFact("rgb", str(self._images[0].parent.relative_to(self._folder)), len(self._images), rate)]
         if self._depth:
-            found.append(SourceFact("depth", DEPTH_FOLDER, len(self._depth), rate))
+            where = next(iter(self._depth.values())).parent.relative_to(self._folder)
+            found.append(SourceFact("depth", str(where), len(self._depth), rate))
         if self._table is not None:
             found.append(SourceFact("odometry", self._table.name, len(self._table), None))
         return found
-
-
-def _images(folder: Path, wanted: str | None) -> list[Path]:
-    if not folder.is_dir():
-        raise DriveError(f"{folder} is no folder; name the folder that the pictures lie in.")
-    for name in IMAGE_FOLDERS if wanted is None else (wanted,):
-        if found := _listed(folder / name):
-            return found
-    raise DriveError(f"{folder / (wanted or '')} holds no pictures ({', '.join(sorted(IMAGE_SUFFIXES))}).")
-
-
-def _listed(folder: Path) -> list[Path]:
-    """Return the pictures of a folder in natural order: 2 before 10."""
-    if not folder.is_dir():
-        return []
-    found = (path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(path))
-    return sorted(found, key=lambda path: [int(p) if p.isdigit() else p for p in re.split(r"([0-9]+)", path.name)])
-
-
-def _is_hidden(path: Path) -> bool:
-    return path.name.startswith(".")
-
-
-def _depth_by_stem(folder: Path, wanted: str | None) -> dict[str, Path]:
-    if wanted == NO_DEPTH:
-        return {}
-    found = _listed(folder / (wanted or DEPTH_FOLDER))
-    if wanted is not None and not found:
-        raise DriveError(f"{folder / wanted} holds no depth images; give the name of their folder, or none.")
-    return {path.stem: path for path in found}
 
 
 def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
@@ -179,10 +151,14 @@ def _stamp_in(stem: str) -> float | None:
 
 
 def _exif_camera(blob: bytes, width: int, height: int) -> CameraModel | None:
-    """Return the lens that a JPEG names by its focal length on 35 mm film, where it does."""
+    """Return the lens that a picture names by its focal length on 35 mm film, where it does."""
     try:
-        with Image.open(io.BytesIO(blob)) as image:
-            focal_mm = float(image.getexif().get_ifd(_EXIF_FOLDER_TAG).get(_FOCAL_35MM_TAG, 0))
+        if is_heif(blob):
+            exif = heif_exif(blob)
+        else:
+            with Image.open(io.BytesIO(blob)) as image:
+                exif = image.getexif()
+        focal_mm = float(exif.get_ifd(_EXIF_FOLDER_TAG).get(_FOCAL_35MM_TAG, 0))
     except Exception:  # What strangers write there may be anything.
         return None
     if not 5 <= focal_mm <= 1000:

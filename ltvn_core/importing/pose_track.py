@@ -98,7 +98,8 @@ class PoseTrack:
 def stamped_lines(path: Path, *, least_columns: int) -> StampedLines:
     """Return the lines of a text file as stamps and the words that follow, in the order of the stamps.
 
-    Lines that begin with # are comments. Stamps in thousandths of a second or less are turned into seconds. Raises DriveError that names the first line that cannot be right.
+    Lines that begin with # are comments. Stamps in thousandths of a second or less are turned into seconds. Raises
+    DriveError that names the first line that cannot be right.
     """
     try:
         blob = read_foreign(path, most_bytes=_MOST_BYTES, what="list of images or poses")

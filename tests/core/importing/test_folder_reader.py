@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ltvn_core.cameras import heif_images
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.drive_import import import_drive
 from ltvn_core.importing.folder_reader import FolderReader
@@ -167,3 +168,95 @@ def test_a_folder_without_pictures_is_no_drive(tmp_path: Path) -> None:
         FolderReader.open(tmp_path, ReadOptions())
     with pytest.raises(DriveError, match="holds no depth images"):
         FolderReader.open(write_pictures(tmp_path, ["1.jpg", "2.jpg"]), ReadOptions(depth="deep"))
+
+
+def write_depth(path: Path, millimetres: int) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    image = np.full((48, 64), millimetres, np.uint16)
+    image[0] = 65535  # No return, as many cameras write it.
+    cv2.imwrite(str(path), image)
+
+
+@pytest.mark.parametrize(
+    ("colour", "depth"),
+    [
+        ("frame{:06d}.jpg", "depth{:06d}.png"),
+        ("frame-{:06d}.color.png", "frame-{:06d}.depth.png"),
+        ("color_{:04d}.png", "depth_{:04d}.png"),
+        ("{}.jpg", "{}.tiff"),
+        ("rgb_{}.png", "../depth/d{:03d}.png"),
+    ],
+)
+def test_depth_in_the_folder_of_the_colours_is_told_apart_and_paired(tmp_path: Path, colour: str, depth: str) -> None:
+    folder = tmp_path / "results"
+    write_pictures(folder, [colour.format(k) for k in range(8, 12)])
+    for k in range(9, 12):
+        write_depth(folder / depth.format(k), 100 * k)
+    reader = open_drive(tmp_path)
+    frames = list(reader.frames())
+    assert [Path(frame.name).name for frame in frames] == [colour.format(k) for k in range(8, 12)]
+    assert frames[0].depth_m is None
+    assert [frame.depth_m[1, 0] for frame in frames[1:] if frame.depth_m is not None] == pytest.approx([0.9, 1, 1.1])
+    assert all(frame.depth_m is None or (frame.depth_m[0] == 0).all() for frame in frames)
+    assert not reader.doubts
+    assert all(frame.depth_m is None for frame in read(tmp_path, ReadOptions(depth="none")))
+
+
+def test_a_folder_of_depth_alone_asks_for_the_colours(tmp_path: Path) -> None:
+    for k in range(3):
+        write_depth(tmp_path / f"{k}.png", 1000)
+    with pytest.raises(DriveError, match="none of colours"):
+        read(tmp_path)
+
+
+def test_pictures_of_depth_for_the_eye_are_neither_colours_nor_depth(tmp_path: Path) -> None:
+    write_pictures(tmp_path, ["color_0.png", "color_1.png", "depth_0.png", "depth_1.png"])
+    reader = FolderReader.open(tmp_path, ReadOptions())
+    frames = list(reader.frames())
+    assert [frame.name for frame in frames] == ["color_0.png", "color_1.png"]
+    assert [frame.depth_m for frame in frames] == [None, None]
+    assert "8 bits" in reader.doubts[0]
+
+
+def test_pictures_of_a_kind_that_is_not_read_are_counted_and_named(tmp_path: Path) -> None:
+    write_pictures(tmp_path, ["1.jpg", "2.jpg"])
+    for name in ("3.DNG", "4.dng"):
+        (tmp_path / name).write_bytes(b"raw")
+    reader = FolderReader.open(tmp_path, ReadOptions())
+    assert len(list(reader.frames())) == 2
+    assert sum(reader.dropped.values()) == 2
+    assert "2 .dng" in reader.doubts[0]
+    for name in ("1.jpg", "2.jpg"):
+        (tmp_path / name).unlink()
+    with pytest.raises(DriveError, match=r"2 \.dng.*magick mogrify"):
+        open_drive(tmp_path)
+
+
+def test_heic_pictures_of_a_phone_are_read_with_their_lens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pillow_heif = pytest.importorskip("pillow_heif")
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 26
+    write_pictures(tmp_path, ["1.jpg"])
+    for name in ("2.HEIC", "3.heic"):
+        picture = pillow_heif.from_pillow(Image.new("RGB", (64, 48), (200, 100, 50)))
+        picture.save(tmp_path / name, exif=exif.tobytes())
+    frames = read(tmp_path)
+    assert [frame.name for frame in frames] == ["1.jpg", "2.HEIC", "3.heic"]
+    assert np.abs(frames[1].rgb.reshape(-1, 3).mean(axis=0) - [200, 100, 50]).max() < 5
+    assert frames[1].camera is not None
+    assert np.degrees(frames[1].camera.horizontal_fov_rad) == pytest.approx(67.3, abs=0.5)
+
+    (tmp_path / "3.heic").write_bytes((tmp_path / "2.HEIC").read_bytes()[:100])
+    assert [frame.name for frame in read(tmp_path)] == ["1.jpg", "2.HEIC"]
+
+    monkeypatch.setattr(heif_images, "is_installed", lambda _: False)
+    reader = FolderReader.open(tmp_path, ReadOptions())
+    assert [frame.name for frame in reader.frames()] == ["1.jpg"]
+    assert reader.dropped == {"damaged or missing image": 2}
+    assert "pip install 'ltvn[import]'" in reader.doubts[0]
+
+
+def test_a_jpeg_that_is_called_heic_is_read(tmp_path: Path) -> None:
+    for name in ("1.jpg", "2.jpg"):
+        (write_pictures(tmp_path, [name]) / name).rename(tmp_path / name.replace(".jpg", ".HEIC"))
+    assert len(list(open_drive(tmp_path).frames())) == 2

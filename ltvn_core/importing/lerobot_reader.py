@@ -175,7 +175,7 @@ class _Video:
 
     def __init__(self, dataset: LerobotDataset, episode: Episode, feature: Feature) -> None:
         with naming_the_extra():
-            from ltvn_core.importing.lerobot import video_frames
+            from ltvn_core.importing import video_frames
         self._decoding = video_frames
         self._feature = feature
         self._period_s = 1 / dataset.fps

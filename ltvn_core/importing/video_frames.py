@@ -1,6 +1,7 @@
 """The images of a part of a video, one after the other, decoded by PyAV as they are asked for.
 
-Owns the limits: a file is an MP4 and nothing else, refers to no other file, and no image is larger than a camera's.
+Owns the limits: a file is of the format that is named and no other, refers to no other file, and no image is larger
+than a camera's.
 """
 
 from collections.abc import Iterator
@@ -37,11 +38,32 @@ class VideoImage(NamedTuple):
     """PyAV's own; `colours` and `codes` read it."""
 
 
-def video_images(part: VideoPart, period_s: float) -> Iterator[VideoImage]:
+class VideoFacts(NamedTuple):
+    """What a video says of itself before it is decoded; None for what it leaves open."""
+
+    images: int | None
+    rate_hz: float | None
+
+
+def video_facts(path: Path, container_format: str) -> VideoFacts:
+    """Return what a video says of itself. Raises DriveError like `video_images`."""
+    try:
+        with path.open("rb") as file, av.open(file, mode="r", format=container_format) as container:
+            if not container.streams.video:
+                raise DriveError(f"{path} holds no images, but {len(container.streams)} other streams.")
+            stream = container.streams.video[0]
+            return VideoFacts(stream.frames or None, float(stream.average_rate) if stream.average_rate else None)
+    except DriveError:
+        raise
+    except Exception as error:  # As below.
+        raise _unreadable(path, error) from error
+
+
+def video_images(part: VideoPart, period_s: float, *, container_format: str = "mp4") -> Iterator[VideoImage]:
     """Yield the images of a part. Raises DriveError where the file is damaged, foreign, or too large."""
     try:
         # A file object, and the format by name: so that nothing else is opened, whatever the file refers to.
-        with part.path.open("rb") as file, av.open(file, mode="r", format="mp4") as container:
+        with part.path.open("rb") as file, av.open(file, mode="r", format=container_format) as container:
             stream = container.streams.video[0]
             _check_size(stream.codec_context.width, stream.codec_context.height, part.path)
             stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
@@ -57,14 +79,21 @@ def video_images(part: VideoPart, period_s: float) -> Iterator[VideoImage]:
     except DriveError:
         raise
     except Exception as error:  # FFmpeg has an error of its own for each way of being damaged.
-        raise DriveError(
-            f"{part.path} is no video that can be read ({' '.join(str(error).split())!s:.120})."
-        ) from error
+        raise _unreadable(part.path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> DriveError:
+    return DriveError(f"{path} is no video that can be read ({' '.join(str(error).split())!s:.120}).")
 
 
 def colours(frame: Any) -> Rgb:
     """Return the colours (H, W, 3) of a decoded image."""
     return np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+
+
+def upright_colours(frame: Any) -> Rgb:
+    """Return the colours of a decoded image, turned as the video says; phones record lying on their side."""
+    return np.ascontiguousarray(np.rot90(colours(frame), round((frame.rotation or 0) / 90)))
 
 
 def codes(frame: Any, path: Path) -> NDArray[np.uint16]:

@@ -1,5 +1,6 @@
 """A video of a phone is a drive: its images come out upright with their times, and a damaged one is said to be so."""
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,18 @@ def test_a_video_is_imported_by_its_ending_with_lens_and_odometry(tmp_path: Path
     assert summary.format == "video"
     assert summary.frames == 12
     assert not any("lens" in doubt for doubt in summary.doubts)
+
+
+def test_a_video_of_a_phone_on_its_side_is_set_upright(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "walk.mp4")
+    data = path.read_bytes()
+    unturned = struct.pack(">9i", 0x10000, 0, 0, 0, 0x10000, 0, 0, 0, 0x40000000)
+    clockwise = struct.pack(">9i", 0, 0x10000, 0, -0x10000, 0, 0, 48 * 0x10000, 0, 0x40000000)
+    track = data.index(b"tkhd")
+    path.write_bytes(data[:track] + data[track:].replace(unturned, clockwise, 1))
+    frame = list(VideoReader.open(path, ReadOptions()).frames())[1]
+    assert frame.rgb.shape == (64, 48, 3)
+    assert frame.rgb[10, 24, 0] > 150 > frame.rgb[50, 24, 0]
 
 
 def test_a_cut_video_gives_what_can_be_read_and_says_so(tmp_path: Path) -> None:

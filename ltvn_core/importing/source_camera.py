@@ -1,6 +1,6 @@
 """The camera of a drive as people write it down: numbers on the command line, or a `camera.json` beside the images.
 
-Owns these two notations and the fit of a camera to the images that were found. Guesses nothing: where nobody says what
+Owns these notations, Replica's `cam_params.json`, and the fit of a camera to the images that were found. Guesses nothing: where nobody says what
 the lens is, there is no camera.
 """
 
@@ -14,6 +14,8 @@ from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.foreign_files import read_foreign
 
 CAMERA_FILE = "camera.json"
+REPLICA_FILE = "cam_params.json"
+"""As NICE-SLAM's copy of Replica has it, for all its rooms or beside one."""
 HOW_TO = (
     "say it by --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 where there is one), "
     "or roughly by --fov DEGREES, the horizontal field of view"
@@ -77,9 +79,25 @@ def read_camera_file(path: Path) -> CameraFile:
 
 
 def camera_beside(folder: Path) -> CameraFile:
-    """Read the `camera.json` of a folder; nothing is known where there is none. Raises DriveError."""
+    """Read the `camera.json` of a folder, or Replica's own; nothing is known without. Raises DriveError."""
     path = folder / CAMERA_FILE
-    return read_camera_file(path) if path.is_file() else CameraFile(None, None, None)
+    if path.is_file():
+        return read_camera_file(path)
+    replica = folder / REPLICA_FILE
+    return _replica_camera(replica) if replica.is_file() else CameraFile(None, None, None)
+
+
+def _replica_camera(path: Path) -> CameraFile:
+    """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError where it cannot be right."""
+    try:
+        fields = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="cam_params.json"))["camera"]
+        named = {**fields, "width": fields["w"], "height": fields["h"], "depth_scale": fields.get("scale")}
+        return CameraFile(_file_camera(named), None, _depth_unit(named))
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError, CameraError) as error:
+        raise DriveError(
+            f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs w, h, fx, fy, cx, cy and "
+            "scale under camera. Mend it, or take it away and use --camera."
+        ) from error
 
 
 def read_calibration(path: Path, width: int, height: int) -> CameraModel:

@@ -260,3 +260,18 @@ def test_a_jpeg_that_is_called_heic_is_read(tmp_path: Path) -> None:
     for name in ("1.jpg", "2.jpg"):
         (write_pictures(tmp_path, [name]) / name).rename(tmp_path / name.replace(".jpg", ".HEIC"))
     assert len(list(open_drive(tmp_path).frames())) == 2
+
+
+def test_replica_as_nice_slam_has_it_comes_with_its_lens_and_unit_of_depth(tmp_path: Path) -> None:
+    write_pictures(tmp_path / "results", ["frame000000.jpg", "frame000001.jpg"])
+    write_depth(tmp_path / "results/depth000001.png", 13107)
+    camera = {"w": 64, "h": 48, "fx": 60.0, "fy": 60.0, "cx": 31.5, "cy": 23.5, "scale": 6553.5}
+    (tmp_path / "cam_params.json").write_text(json.dumps({"camera": camera}), encoding="utf-8")
+    frame = read(tmp_path)[1]
+    assert frame.depth_m is not None
+    assert frame.depth_m[1, 0] == pytest.approx(2.0)
+    assert frame.camera is not None
+    assert frame.camera.fx == 60
+    (tmp_path / "cam_params.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(DriveError, match=r"cam_params\.json describes no camera"):
+        read(tmp_path)

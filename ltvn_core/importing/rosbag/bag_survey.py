@@ -33,7 +33,10 @@ class BagSurvey:
     samples: dict[str, Any] = field(default_factory=dict)
     """The first message of each topic."""
     ahead_s: dict[str, float] = field(default_factory=dict)
-    """How far the stamp of that message is ahead of the moment at which it was recorded."""
+    """How far the first stamp above 0 is ahead of the moment at which its message was recorded, by topic; the first
+    stamp where all are 0."""
+    earliest_s: dict[str, float] = field(default_factory=dict)
+    """The first stamp above 0 of each topic; missing where all are 0."""
     tree: TransformTree = field(default_factory=TransformTree)
     """Frames of `/tf` and `/tf_static` so far."""
 
@@ -49,7 +52,7 @@ def survey(files: BagFiles) -> BagSurvey:
         passed = raw.log_s - begin
         if passed > _SURVEY_S[1] or (passed > _SURVEY_S[0] and topics <= found.samples.keys()):
             break
-        if raw.msgtype in TRANSFORMS or raw.topic not in found.samples:
+        if raw.msgtype in TRANSFORMS or raw.topic not in found.earliest_s:
             _take(found, raw, files.decode(raw))
     return found
 
@@ -92,10 +95,14 @@ def stamp_s(message: Any) -> float:
 
 
 def _take(found: BagSurvey, raw: RawMessage, message: Any) -> None:
-    if raw.topic not in found.samples:
-        found.samples[raw.topic] = message
-        stamped = message if hasattr(message, "header") else next(iter(getattr(message, "transforms", ())), None)
-        if stamped is not None:
-            found.ahead_s[raw.topic] = stamp_s(stamped) - raw.log_s
+    found.samples.setdefault(raw.topic, message)
+    stamped = message if hasattr(message, "header") else next(iter(getattr(message, "transforms", ())), None)
+    if stamped is not None and raw.topic not in found.earliest_s:
+        stamp = stamp_s(stamped)
+        if stamp > 0:
+            found.earliest_s[raw.topic] = stamp
+            found.ahead_s[raw.topic] = stamp - raw.log_s
+        else:
+            found.ahead_s.setdefault(raw.topic, stamp - raw.log_s)
     if raw.msgtype in TRANSFORMS:
         add_transforms(found.tree, message, raw)

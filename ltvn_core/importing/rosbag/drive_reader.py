@@ -31,6 +31,8 @@ from ltvn_core.types import Pose
 
 _CLOCKS_APART_S = 5.0
 """Stamps that differ so much for messages recorded together come from different clocks."""
+_CLOCK_BEGINS_S = 60.0
+"""Where the first stamps above 0 are smaller, the clock began at 0 with the recording, as a simulator's does."""
 _TOLERANCES_S = (0.01, 0.1)
 """Colours and depth belong together within half a frame, within these limits."""
 _MOST_DOUBTS = 10
@@ -55,7 +57,8 @@ class BagDrive:
         """How many images were left out, by reason."""
         self.doubts: list[str] = []
         """What is doubtful of the bag."""
-        self._by_log = self._has_clocks_apart(found.ahead_s)
+        self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found.ahead_s)
+        self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
         self._edge = self._odometry_frames(options)
         self._rig = self._find_rig()
         self._decoder = FrameDecoder(
@@ -118,8 +121,7 @@ class BagDrive:
             skip = "" if self._edge is None else self._edge.child
             add_transforms(self._tree, message, raw, by_log=self._by_log, skip=skip)
             return
-        stamp = 0.0 if self._by_log else stamp_s(message)
-        image = PendingImage(stamp if stamp > 0 else raw.log_s, raw.log_s, message, len(raw.data))
+        image = PendingImage(self._stamp(message, raw), raw.log_s, message, len(raw.data))
         if raw.topic == self._topics.rgb:
             matcher.add_colours(image)
         elif raw.topic == self._topics.depth:
@@ -128,6 +130,12 @@ class BagDrive:
             self._take_pose(raw.topic, message, image.stamp)
         else:
             self._samples.setdefault(raw.topic, message)
+
+    def _stamp(self, message: Any, raw: RawMessage) -> float:
+        """Return the stamp of a message, or when it was recorded where it has none."""
+        stamp = 0.0 if self._by_log else stamp_s(message)
+        is_stamped = stamp > 0 or (self._is_zero_a_time and not self._by_log)
+        return stamp if is_stamped else raw.log_s
 
     def _take_pose(self, topic: str, message: Any, stamp: float) -> None:
         pose = transform(*ros_pose(message))
@@ -181,6 +189,17 @@ class BagDrive:
 
     def _transform_topics(self) -> list[str]:
         return [name for name, topic in self._files.topics.items() if topic.msgtype in TRANSFORMS]
+
+    def _lacks_stamps(self, found: BagSurvey) -> bool:
+        """Tell whether the stamps of all topics in use are 0, so that none says when a message was sent."""
+        used = [topic for topic in self._topics.moments() if topic in found.ahead_s]
+        if not used or any(topic in found.earliest_s for topic in used):
+            return False
+        self._doubt(
+            f"The messages of {', '.join(used)} have no stamps, so the time of recording counts instead; have the "
+            "drivers of the robot set header.stamp."
+        )
+        return True
 
     def _has_clocks_apart(self, ahead_s: Mapping[str, float]) -> bool:
         moving = (

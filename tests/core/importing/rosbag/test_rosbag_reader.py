@@ -241,6 +241,42 @@ def test_stamps_that_go_backwards_are_dropped_and_missing_ones_are_those_of_reco
     assert "time of recording" in doubtful.doubts[0]
 
 
+@pytest.mark.parametrize(("log_begin_s", "first_image_s"), [(BEGIN_S, 0.0), (BEGIN_S, 0.1), (0.0, 0.0)])
+def test_a_simulators_clock_may_begin_at_zero(tmp_path: Path, log_begin_s: float, first_image_s: float) -> None:
+    with bag(tmp_path / "drive") as builder:
+        builder.transforms("/tf_static", {("base_footprint", COLOUR_FRAME): mounted(x=0.0)}, 0.0, log_begin_s or 0.001)
+        for tick in range(30):
+            stamp = 0.1 * tick
+            log_s = log_begin_s + stamp + 0.001
+            builder.odometry("/odom", planar(0.1 * tick, 0, 0), stamp, log_s=log_s)
+            if stamp >= first_image_s:
+                builder.image(COLOURS, colours(tick % 9), "rgb8", stamp, log_s=log_s)
+                builder.image("/camera/depth/image_raw", metres(0), "32FC1", stamp, log_s=log_s)
+
+    frames, reader = read(tmp_path / "drive")
+
+    assert frames[0].stamp == pytest.approx(first_image_s)
+    assert [frame.odometry[0] for frame in frames if frame.odometry is not None] == pytest.approx(
+        [frame.stamp for frame in frames]
+    )
+    assert len(frames) == 30 - round(10 * first_image_s)
+    assert not reader.dropped
+    assert not reader.doubts
+
+
+def test_where_no_message_has_a_stamp_the_time_of_recording_counts(tmp_path: Path) -> None:
+    with bag(tmp_path / "drive") as builder:
+        for tick in range(15):
+            log_s = BEGIN_S + 0.1 * tick
+            builder.odometry("/odom", planar(0.1 * tick, 0, 0), 0.0, log_s=log_s)
+            builder.image(COLOURS, colours(tick), "rgb8", 0.0, log_s=log_s)
+
+    frames, reader = read(tmp_path / "drive")
+
+    assert [frame.stamp - BEGIN_S for frame in frames] == pytest.approx(0.1 * np.arange(15), abs=1e-6)
+    assert "header.stamp" in reader.doubts[0]
+
+
 def test_frames_by_another_clock_than_the_images_are_taken_by_the_time_of_recording(tmp_path: Path) -> None:
     with bag(tmp_path / "drive") as builder:
         builder.transforms("/tf_static", {("base_link", COLOUR_FRAME): mounted(x=0.0)}, BEGIN_S)

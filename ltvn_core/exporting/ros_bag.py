@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
@@ -27,7 +28,22 @@ TRUTH = "/ground_truth/pose"
 
 _ROBOT, _WORLD, _TRUE_WORLD = "base_footprint", "odom", "map"
 _CAMERA = "camera_color_optical_frame"
-_BAG_VERSION = 9
+_STATIC = "/tf_static"
+_BAG_VERSION = 8
+"""The newest that ROS 2 Humble reads; from 9 on the profiles of QoS are lists, which it cannot parse."""
+_UNLIMITED = QosTime(0, 0)
+_LATCHED = Qos(
+    history=QosHistory.KEEP_LAST,
+    depth=1,
+    reliability=QosReliability.RELIABLE,
+    durability=QosDurability.TRANSIENT_LOCAL,
+    deadline=_UNLIMITED,
+    lifespan=_UNLIMITED,
+    liveliness=QosLiveliness.AUTOMATIC,
+    liveliness_lease_duration=_UNLIMITED,
+    avoid_ros_namespace_conventions=False,
+)
+"""How ROS publishes `/tf_static`: listeners that ask for transient local get nothing from a volatile publisher."""
 
 
 def write_ros_bag(drive: ExportedDrive, folder: Path) -> None:
@@ -40,7 +56,7 @@ def write_ros_bag(drive: ExportedDrive, folder: Path) -> None:
         is_first = True
         for frame in drive.frames():
             if is_first or drive.turns_camera:
-                topic = "/tf" if drive.turns_camera else "/tf_static"
+                topic = "/tf" if drive.turns_camera else _STATIC
                 messages.write_transform(topic, _ROBOT, _CAMERA, drive.on_robot(frame.tilt), frame.stamp)
             is_first = False
             _write_frame(messages, drive.camera, frame)
@@ -157,7 +173,9 @@ class _Messages:
 
     def _write(self, topic: str, name: str, fields: Mapping[str, Any], stamp: float) -> None:
         if topic not in self.connections:
-            self.connections[topic] = self.writer.add_connection(topic, name, typestore=self.store)
+            self.connections[topic] = self.writer.add_connection(
+                topic, name, typestore=self.store, offered_qos_profiles=[_LATCHED] if topic == _STATIC else ()
+            )
         data = self.store.serialize_cdr(self._make(name, fields), name)
         self.writer.write(self.connections[topic], round(stamp * 1e9), data)
 

@@ -8,6 +8,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
+from rosbags.rosbag2 import Reader
+from ruamel.yaml import YAML
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, RecordingError
@@ -88,6 +91,23 @@ def test_a_bag_comes_back_and_is_read_by_rosbags(tmp_path: Path, recording: Reco
         assert kinds["/tf_static"] == "tf2_msgs/msg/TFMessage"
         for connection, _, data in bag.messages():
             bag.deserialize(data, connection.msgtype)
+
+
+@pytest.mark.parametrize("name", ["tour.mcap", "tour"])
+def test_humble_can_play_a_bag_and_gets_its_fixed_frames_latched(
+    tmp_path: Path, recording: Recording, name: str
+) -> None:
+    export_recording(recording, tmp_path / name, ExportFormat.MCAP)
+
+    with Reader(tmp_path / name) as bag:
+        profiles = {each.topic: each.ext.offered_qos_profiles for each in bag.connections}  # type: ignore[union-attr]
+    assert [profile.durability for profile in profiles["/tf_static"]] == [QosDurability.TRANSIENT_LOCAL]
+    assert profiles["/tf"] == []
+    if (tmp_path / name).is_dir():
+        metadata = YAML(typ="safe").load(tmp_path / name / "metadata.yaml")["rosbag2_bagfile_information"]
+        assert metadata["version"] <= 8
+        topics = [each["topic_metadata"] for each in metadata["topics_with_message_count"]]
+        assert all(isinstance(each["offered_qos_profiles"], str) for each in topics)
 
 
 def test_a_tilt_that_changes_survives_in_a_bag_and_in_a_tum_folder(tmp_path: Path) -> None:

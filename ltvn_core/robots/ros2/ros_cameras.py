@@ -1,7 +1,7 @@
 """ROS's CameraInfo as a camera model: the lens of raw or of rectified images."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,12 +11,26 @@ from ltvn_core.errors import CameraError, DriveError
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 _FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4")
-_ORDINARY = ("", "plumb_bob", "rational_polynomial", "none")
+_ORDINARY = ("", "plumb_bob", "rational_polynomial", "none", "brown conrady", "brown_conrady")
+"""The last two are `plumb_bob` as the SDK of RealSense cameras calls it."""
+
+
+class _Lens(NamedTuple):
+    """Focal lengths and the centre of the image in pixels."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @property
+    def is_known(self) -> bool:
+        return bool(np.isfinite(self).all()) and self.fx > 0 and self.fy > 0
 
 
 def is_calibrated(info: Any) -> bool:
-    """Tell whether a CameraInfo says anything: drivers without a calibration send zeros."""
-    return _numbers(info, "k")[0] > 0 or _numbers(info, "p")[0] > 0
+    """Tell whether K or P of a CameraInfo says what the lens is: drivers without a calibration send zeros."""
+    return any(lens.is_known for lens in _lenses(info))
 
 
 def ros_camera(info: Any, width: int, height: int, *, rectified: bool, topic: str) -> CameraModel:
@@ -26,23 +40,22 @@ def ros_camera(info: Any, width: int, height: int, *, rectified: bool, topic: st
         info: The CameraInfo message, of ROS 1 or 2.
         width: Columns of the images, which a driver may have binned or cropped,
         height: and rows.
-        rectified: The images have no distortion any more, so that P holds and not K and D.
+        rectified: The images have no distortion any more, so that P holds and not K and D. Where K is empty and P is
+            not, the images are taken for rectified ones, as those of stereo cameras are.
         topic: Where it came from, for messages.
 
     Raises:
         DriveError: It is no camera of such images.
     """
-    k, p = _numbers(info, "k"), _numbers(info, "p")
-    fx, fy, cx, cy = (p[0], p[5], p[2], p[6]) if rectified and p[0] > 0 else (k[0], k[4], k[2], k[5])
+    raw, ideal = _lenses(info)
+    rectified = rectified or not raw.is_known
+    lens = ideal if rectified and ideal.is_known else raw
     fisheye, distortion = (False, ()) if rectified else _distortion(info, topic)
     try:
         camera = CameraModel(
             width=int(info.width) or width,
             height=int(info.height) or height,
-            fx=float(fx),
-            fy=float(fy),
-            cx=float(cx),
-            cy=float(cy),
+            **lens._asdict(),
             distortion=distortion,
             fisheye=fisheye,
         )
@@ -86,6 +99,12 @@ def _distortion(info: Any, topic: str) -> tuple[bool, tuple[float, ...]]:
     raise DriveError(
         f"{topic}: {len(numbers)} coefficients of distortion are more than 8; give the camera by --camera."
     )
+
+
+def _lenses(info: Any) -> tuple[_Lens, _Lens]:
+    """Return the lens of raw images by K, and of rectified ones by P."""
+    k, p = _numbers(info, "k").tolist(), _numbers(info, "p").tolist()
+    return _Lens(k[0], k[4], k[2], k[5]), _Lens(p[0], p[5], p[2], p[6])
 
 
 def _numbers(info: Any, name: str) -> np.ndarray:

@@ -107,18 +107,22 @@ class BagBuilder:
         model: str = "plumb_bob",
         d: tuple[float, ...] = (0.0,) * 5,
         focal: float = FOCAL,
+        centre: tuple[float, float] = ((WIDTH - 1) / 2, (HEIGHT - 1) / 2),
+        size: tuple[int, int] = (WIDTH, HEIGHT),
+        has_k: bool = True,
+        has_p: bool = True,
     ) -> None:
-        cx, cy = (WIDTH - 1) / 2, (HEIGHT - 1) / 2
-        k = [focal, 0, cx, 0, focal, cy, 0, 0, 1]
-        p = [focal, 0, cx, 0, 0, focal, cy, 0, 0, 0, 1, 0]
+        cx, cy = centre
+        k = np.array([focal, 0, cx, 0, focal, cy, 0, 0, 1]) * has_k
+        p = np.array([focal, 0, cx, 0, 0, focal, cy, 0, 0, 0, 1, 0]) * has_p
         numbers = {"d": d, "k": k, "r": np.eye(3).ravel(), "p": p}
         arrays = {(name.upper() if self.ros1 else name): np.array(value, float) for name, value in numbers.items()}
         roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
         message = self.make(
             "sensor_msgs/msg/CameraInfo",
             header=self.header(stamp, frame),
-            height=HEIGHT,
-            width=WIDTH,
+            height=size[1],
+            width=size[0],
             distortion_model=model,
             binning_x=0,
             binning_y=0,

@@ -9,7 +9,7 @@ from ltvn_core.importing.drive_findings import DriveFindings
 from ltvn_core.importing.drive_odometry import OdometrySource
 from ltvn_core.importing.drive_statistics import NEAR_M
 from ltvn_core.importing.frame_preparation import ASSUMED_FOV_DEG
-from ltvn_core.importing.source_camera import HOW_TO
+from ltvn_core.importing.source_camera import HOW_TO, HOW_TO_SCALE
 
 STEEP_DEG = 20.0
 """A predictor that looks level sees less than two thirds of a picture that is tilted by more."""
@@ -17,9 +17,12 @@ ROLLED_DEG = 60.0
 """No robot carries a camera that is rolled by more, if it holds it upright at all."""
 NARROW_PX = 160
 """In narrower images the geometric predictor, which real ones are compared by, finds too little."""
+NEAREST_MEDIAN_M, FARTHEST_MEDIAN_M = 0.1, 10.0
+"""Half of what a depth camera sees from a robot is farther than the first and nearer than the second."""
 MUCH_DRIFT = 0.15
 FEW_FRAMES = 20
 MANY_GAPS = 3
+_MOST_NAMES = 10
 _APART_SHARE = 0.1
 _DROPPED_SHARE = 0.1
 
@@ -53,13 +56,11 @@ def _camera_doubts(found: DriveFindings) -> Iterator[str]:
             "lie a few centimetres off. Name a registered stream by --depth where there is one."
         )
     if not found.with_depth:
-        yield (
-            "There is no depth: predictors that need it cannot use this drive, and the others estimate distances less "
-            "well. Record the depth camera too where the robot has one."
-        )
+        yield _no_depth(found)
     elif found.with_depth < found.frames:
         missing = found.frames - found.with_depth
         yield f"{missing} of {found.frames} images have no depth, and are not used where it is needed."
+    yield from _depth_unit_doubts(found)
     if found.tilt is not None and abs(found.tilt.pitch_median_deg) > STEEP_DEG:
         way = "down" if found.tilt.pitch_median_deg < 0 else "up"
         yield (
@@ -73,6 +74,25 @@ def _camera_doubts(found: DriveFindings) -> Iterator[str]:
             "with w first, write them as qx qy qz qw; if the poses are of the robot's body, turn them to the camera's "
             "optical frame (x right, y down, z forward)."
         )
+
+
+def _depth_unit_doubts(found: DriveFindings) -> Iterator[str]:
+    if found.depth_median_m is None or NEAREST_MEDIAN_M <= found.depth_median_m <= FARTHEST_MEDIAN_M:
+        return
+    side = "nearer" if found.depth_median_m < NEAREST_MEDIAN_M else "farther"
+    yield (
+        f"Half of the depth is {side} than {found.depth_median_m:.3g} m, where {NEAREST_MEDIAN_M:g} to "
+        f"{FARTHEST_MEDIAN_M:g} m are usual, so its unit is probably another: {HOW_TO_SCALE}."
+    )
+
+
+def _no_depth(found: DriveFindings) -> str:
+    less = "predictors that need it cannot use this drive, and the others estimate distances less well."
+    if found.possible_depths:
+        names = ", ".join(found.possible_depths[:_MOST_NAMES])
+        return f"No depth was used: {less} It could be in {names}; name the right one by --depth."
+    used = ", ".join(found.used_streams[:_MOST_NAMES]) or "images alone"
+    return f"There is no depth among {used}: {less} Record the depth camera too where the robot has one."
 
 
 def _odometry_doubts(found: DriveFindings) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """What is known of a drive once it was read: the frames that were kept, without pictures, and numbers about them."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,8 +18,10 @@ from ltvn_core.importing.drive_statistics import (
     tilt_range,
 )
 from ltvn_core.importing.frame_preparation import FramePreparation
+from ltvn_core.importing.raw_frame import DriveFacts
 from ltvn_core.types import Pose, Tilt
 
+_MEASURED = ("rgb", "depth", "odometry", "truth")
 TOO_LITTLE_MOTION = "too little motion"
 """The one reason to leave an image out that says nothing against it."""
 
@@ -35,7 +38,13 @@ class KeptFrame:
     truth: Pose | None
     """(3,)."""
     tilt: Tilt | None
-    has_depth: bool
+    depth_median_m: float | None
+    """Of the pixels with depth; None without a depth image, NaN where it holds none."""
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether it has a depth image."""
+        return self.depth_median_m is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -46,6 +55,12 @@ class DriveFindings:
     dropped_as_wrong: int
     """Images that were left out for another reason than too little motion."""
     with_depth: int
+    depth_median_m: float | None
+    """Half of the depth is nearer, half is farther; None without any."""
+    used_streams: Sequence[str]
+    """Images and poses in use, by role and name."""
+    possible_depths: Sequence[str]
+    """Streams that could be depth and were not used."""
     is_lens_known: bool
     is_depth_registered: bool
     odometry: OdometrySource
@@ -67,6 +82,7 @@ def drive_findings(
     stamps: Sequence[float],
     dropped: Mapping[str, int],
     *,
+    facts: DriveFacts,
     odometry: OdometrySource,
     preparation: FramePreparation,
     camera: CameraModel,
@@ -78,6 +94,9 @@ def drive_findings(
         frames=len(frames),
         dropped_as_wrong=sum(count for reason, count in dropped.items() if reason != TOO_LITTLE_MOTION),
         with_depth=sum(frame.has_depth for frame in frames),
+        depth_median_m=_depth_median_m(frames),
+        used_streams=[f"{stream.role} {stream.name}" for stream in facts.streams if stream.role in _MEASURED],
+        possible_depths=[stream.name for stream in facts.streams if stream.could_be == "depth"],
         is_lens_known=preparation.is_lens_known,
         is_depth_registered=preparation.is_depth_registered,
         odometry=odometry,
@@ -89,6 +108,12 @@ def drive_findings(
         drift=_drift(frames),
         gaps_s=gaps_s(np.array(stamps)).tolist(),
     )
+
+
+def _depth_median_m(frames: Sequence[KeptFrame]) -> float | None:
+    medians = [each.depth_median_m for each in frames if each.depth_median_m is not None]
+    known = [median for median in medians if not math.isnan(median)]
+    return float(np.median(known)) if known else None
 
 
 def _drift(frames: Sequence[KeptFrame]) -> Drift | None:

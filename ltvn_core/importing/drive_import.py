@@ -27,10 +27,12 @@ from ltvn_core.navigation.events import Note, Severity, StampedEvent
 from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.observation_check import ObservationCheck
-from ltvn_core.types import Observation
+from ltvn_core.types import Depth, Observation
 
 _DECIDING_FRAMES = 100
 """The camera's usual tilt is the median of so many images, which are held until the recording begins."""
+_EVERY_PIXEL = 4
+"""Of these the median of depth is taken."""
 
 Progress = Callable[[int, int | None], None]
 """Called with the number of images looked at, and of images in all where that is known."""
@@ -128,7 +130,7 @@ class _DriveImport:
                 odometry=raw.odometry,
                 truth=raw.truth,
                 tilt=raw.tilt,
-                has_depth=observation.has_depth,
+                depth_median_m=_median_m(observation.depth),
             )
         )
         return observation
@@ -166,7 +168,13 @@ class _DriveImport:
     def _summary(self, name: Path, preparation: FramePreparation, camera: CameraModel) -> ImportSummary:
         dropped = self._all_dropped()
         found = drive_findings(
-            self._kept, self._stamps, dropped, odometry=self._odometry, preparation=preparation, camera=camera
+            self._kept,
+            self._stamps,
+            dropped,
+            facts=self._reader.facts,
+            odometry=self._odometry,
+            preparation=preparation,
+            camera=camera,
         )
         faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
         return import_summary(
@@ -185,8 +193,16 @@ class _DriveImport:
         reasons = ", ".join(f"{reason}: {count}" for reason, count in self._all_dropped().items())
         if not reasons:
             return f"The drive holds no images at all; what was found: {streams}."
-        first = "".join(f" {fault}" for fault in [*self._reader.doubts, *self._faults][:1])
+        first = "".join(f" {fault}" for fault in [*self._faults, *self._reader.doubts][:1])
         return f"None of the images can be used ({reasons}).{first} What was found: {streams}."
+
+
+def _median_m(depth: Depth | None) -> float | None:
+    """Return the median of the pixels with depth; None without a depth image, NaN where it holds none."""
+    if depth is None:
+        return None
+    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+    return float(np.median(sparse[sparse > 0])) if (sparse > 0).any() else float("nan")
 
 
 def _selection(options: ImportOptions, odometry: OdometrySource) -> FrameSelection:

@@ -112,7 +112,7 @@ class FolderReader:
         if path is None:
             return None
         name = str(path.relative_to(self._folder))
-        unit = self._described.metres_per_unit or MILLIMETRES
+        unit = self._options.depth_unit_m or self._described.metres_per_unit or MILLIMETRES
         return decode_depth(read_bytes_within(self._folder, name), unit, name)
 
     def _known_stamps(self) -> Sequence[float]:

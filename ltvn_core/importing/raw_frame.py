@@ -71,6 +71,8 @@ class SourceFact:
     """Messages or files."""
     rate_hz: float | None = None
     """How many a second, where they have stamps."""
+    could_be: str = ""
+    """The role that an unused stream could have too, for the option of that name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +104,8 @@ class ReadOptions:
     camera: CameraModel | None = None
     """The camera of the colour images; wins over what the source says. Readers scale it to the images they find where
     the aspect agrees (`source_camera.fitted`)."""
+    depth_unit_m: float | None = None
+    """Metres per unit of the depth images; wins over what the source says."""
     rate_hz: float | None = None
     """Images a second, for formats without stamps."""
 

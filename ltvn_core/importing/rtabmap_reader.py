@@ -134,11 +134,12 @@ class RtabmapReader:
     def _depth(self, images: NodeImages, rig: list[RigCamera], name: str) -> Depth | None:
         if images.depth is None or self._options.depth == _NOTHING or (rig and rig[0].is_stereo):
             return None
+        unit_m = self._options.depth_unit_m or MILLIMETRES
         if images.depth.startswith(_RVL):
             columns, rows = (int(number) for number in np.frombuffer(images.depth[8:16], "<u4"))
-            depth = decode_rvl(images.depth[16:], columns, rows, name) * np.float32(MILLIMETRES)
+            depth = decode_rvl(images.depth[16:], columns, rows, name) * np.float32(unit_m)
         else:
-            depth = decode_depth(images.depth, MILLIMETRES, name)
+            depth = decode_depth(images.depth, unit_m, name)
         return _one_camera(depth, len(rig), self._camera_number, name)
 
     def _one_session(self, nodes: list[Node]) -> list[Node]:

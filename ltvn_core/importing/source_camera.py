@@ -21,6 +21,11 @@ HOW_TO = (
     "or roughly by --fov DEGREES, the horizontal field of view"
 )
 """What a message advises where the lens is not known."""
+HOW_TO_SCALE = (
+    'write {"depth_scale": N} into a camera.json, where N is how many units a metre has (1000 for millimetres), and '
+    "name the file by --camera"
+)
+"""What a message advises where depth is in another unit."""
 
 _SIX = 6
 _ASPECT_TOLERANCE = 0.02
@@ -48,14 +53,18 @@ def parse_camera(text: str) -> CameraModel:
         raise DriveError(f"--camera {text!s:.80} is no camera ({error!s:.160}); {HOW_TO}.") from error
 
 
-def read_camera_option(text: str) -> CameraModel:
-    """Read what a person said of a camera: numbers, or the name of a `camera.json`. Raises DriveError."""
+def read_camera_option(text: str) -> CameraFile:
+    """Read what a person said of a camera: numbers, or the name of a `camera.json`, which may name the unit of depth
+    alone. Raises DriveError."""
     if not text.endswith(".json"):
-        return parse_camera(text)
-    camera = read_camera_file(Path(text)).camera
-    if camera is None:
-        raise DriveError(f"{text} does not say what the lens is; it needs fx, fy, cx and cy in pixels.")
-    return camera
+        return CameraFile(parse_camera(text), None, None)
+    said = read_camera_file(Path(text))
+    if said.camera is None and said.metres_per_unit is None:
+        raise DriveError(
+            f"{text} says neither what the lens is, which needs width, height, fx, fy, cx and cy in pixels, nor what "
+            "the unit of depth is, which is depth_scale."
+        )
+    return said
 
 
 def read_camera_file(path: Path) -> CameraFile:

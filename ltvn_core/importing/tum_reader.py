@@ -51,6 +51,7 @@ class TumReader:
         self._truth = _track(folder / "groundtruth.txt")
         self._odometry = _track(folder / options.odometry) if options.odometry else None
         self._described = camera_beside(folder)
+        self._depth_unit_m = options.depth_unit_m or self._described.metres_per_unit or 1 / UNITS_PER_METRE
         self._camera = options.camera or self._described.camera or _benchmark_camera(folder)
         self.dropped: Counter[str] = Counter()
         self.doubts[:0] = self._time_doubts()  # First, for it may be why no image can be used.
@@ -147,8 +148,7 @@ class TumReader:
         return None if self._camera is None else fitted(self._camera, width, height, name)
 
     def _read_depth(self, name: str) -> Depth:
-        unit = self._described.metres_per_unit or 1 / UNITS_PER_METRE
-        return decode_depth(read_bytes_within(self._folder, name), unit, name)
+        return decode_depth(read_bytes_within(self._folder, name), self._depth_unit_m, name)
 
     def _depth_camera(self, depth: Depth) -> CameraModel | None:
         """Return the lens of depth images that are not registered to the colours, where the folder names one."""

@@ -28,7 +28,8 @@ class ImportVerb(Verb):
     camera_info: str | None = None
     """and the camera's description."""
     camera: str | None = None
-    """The lens: fx,fy,cx,cy,width,height and where it is distorted k1,k2,p1,p2,k3; or a camera.json."""
+    """The lens: fx,fy,cx,cy,width,height and where it is distorted k1,k2,p1,p2,k3; or a camera.json, whose
+    depth_scale is the unit of depth."""
     fov: float | None = None
     """Horizontal field of view in degrees, where nothing else is known of the lens."""
     height: float | None = None
@@ -68,12 +69,14 @@ class ImportVerb(Verb):
             pitch_deg=self.pitch,
             scene=self.scene,
         )
+        camera = None if self.camera is None else read_camera_option(self.camera)
         read = ReadOptions(
             rgb=self.rgb,
             depth=self.depth,
             odometry=self.odometry,
             camera_info=self.camera_info,
-            camera=None if self.camera is None else read_camera_option(self.camera),
+            camera=None if camera is None else camera.camera,
+            depth_unit_m=None if camera is None else camera.metres_per_unit,
             rate_hz=self.rate,
         )
         drive = open_drive(self.source, self.format, read)

@@ -13,7 +13,7 @@ from ltvn_core.importing.raw_frame import ReadOptions
 from ltvn_core.importing.rosbag.bag_files import BagFiles
 from ltvn_core.importing.rosbag.bag_survey import ODOMETRY, POSES, BagSurvey
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
-from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, shows_depth
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, has_sixteen_bits, shows_depth
 
 FROM_TREE = "tf"
 """What `--odometry` says for the tree of frames."""
@@ -22,6 +22,9 @@ NOTHING = "none"
 
 _SUFFIXES = re.compile(r"/(compressed|compressedDepth)$")
 _TRUTH = re.compile(r"(^|[/_])(ground_?truth|gt|mocap|vicon|optitrack|qualisys)([/_]|$)", re.IGNORECASE)
+_DEPTH = re.compile(r"depth", re.IGNORECASE)
+_COLOURS_BY_DEPTH = re.compile(r"(colou?r|rgb)\w*_to_depth|depth_?cam", re.IGNORECASE)
+"""Colours as the depth camera would see them, and cameras that deliver both."""
 _NO_CAMERA = re.compile(
     r"infra|(^|[/_])ir\d?([/_]|$)|thermal|debug|annotat|overlay|detect|result|segment|mask|costmap|disparity",
     re.IGNORECASE,
@@ -39,6 +42,10 @@ class ChosenTopics:
     truth: str | None
     camera_info: str | None
     depth_info: str | None
+    unused_depths: tuple[str, ...] = ()
+    """Topics that could be depth and are not used."""
+    lost_depths: tuple[str, ...] = ()
+    """Topics that are called depth and hold none, where no other is there."""
 
     def roles(self) -> dict[str, str]:
         """Return what each topic is used for."""
@@ -61,19 +68,24 @@ def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> Ch
     """Return the topics of the drive. Raises DriveError that lists what there is, where nothing or too much fits."""
     images = _named(files, IMAGE, COMPRESSED_IMAGE)
     depths = [name for name in images if _is_depth(name, found)]
-    rgb = _asked(files, options.rgb, "--rgb", images) or _colour(images, depths, files)
-    depth = None
-    if options.depth != NOTHING:
-        depth = _asked(files, options.depth, "--depth", images) or _depth(depths, rgb)
+    depth = None if options.depth == NOTHING else _asked(files, options.depth, "--depth", images)
+    rgb = _asked(files, options.rgb, "--rgb", images) or _colour(images, {*depths, depth}, found, files)
+    if depth is None and options.depth != NOTHING:
+        depth = _depth([name for name in depths if name != rgb], rgb)
     infos = _named(files, CAMERA_INFO)
     odometry, truth = _poses(files, options)
+    unused = [name for name in images if depth is None and name != rgb]
+    possible = tuple(name for name in unused if _could_be_depth(name, found))
+    lost = tuple(name for name in unused if _is_called_depth(name) and name not in possible)
     return ChosenTopics(
         rgb=rgb,
         depth=depth,
         odometry=odometry,
         truth=truth,
-        camera_info=_asked(files, options.camera_info, "--camera-info", infos) or _info_beside(rgb, infos),
-        depth_info=None if depth is None else _info_beside(depth, infos),
+        camera_info=_asked(files, options.camera_info, "--camera-info", infos) or _info_beside(rgb, infos, images),
+        depth_info=None if depth is None else _info_beside(depth, infos, images),
+        unused_depths=possible,
+        lost_depths=() if possible or options.depth == NOTHING else lost,
     )
 
 
@@ -82,8 +94,20 @@ def _named(files: BagFiles, *msgtypes: str) -> list[str]:
 
 
 def _is_depth(name: str, found: BagSurvey) -> bool:
+    """Tell whether a topic is depth: its images say so, or have 16 bits and their topic says so."""
     sample = found.samples.get(name)
-    return "depth" in name.lower() if sample is None else shows_depth(sample)
+    if sample is None:
+        return _is_called_depth(name)
+    return shows_depth(sample) or (_is_called_depth(name) and has_sixteen_bits(sample))
+
+
+def _could_be_depth(name: str, found: BagSurvey) -> bool:
+    sample = found.samples.get(name)
+    return _is_depth(name, found) or (sample is not None and has_sixteen_bits(sample))
+
+
+def _is_called_depth(name: str) -> bool:
+    return _DEPTH.search(name) is not None and _COLOURS_BY_DEPTH.search(name) is None
 
 
 def _asked(files: BagFiles, name: str | None, option: str, candidates: Sequence[str]) -> str | None:
@@ -95,7 +119,7 @@ def _asked(files: BagFiles, name: str | None, option: str, candidates: Sequence[
     raise DriveError(f"{files.path} has no topic {name} for {option}; it may be {_listed(candidates)}.")
 
 
-def _colour(images: Sequence[str], depths: Collection[str], files: BagFiles) -> str:
+def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSurvey, files: BagFiles) -> str:
     colours = [name for name in images if name not in depths]
     if not colours:
         kinds = sorted({topic.msgtype for topic in files.topics.values()})
@@ -106,14 +130,16 @@ def _colour(images: Sequence[str], depths: Collection[str], files: BagFiles) -> 
     best = min(map(_colour_rank, colours))
     equal = [name for name in colours if _colour_rank(name) == best]
     if len({_camera_of(name) for name in equal}) > 1:
-        raise DriveError(f"{files.path} has several cameras; choose one by --rgb: {_listed(equal)}.")
+        possible = [name for name in equal if _could_be_depth(name, found)]
+        hint = f"; of 16 bits, and perhaps depth for --depth, are: {_listed(possible)}" if possible else ""
+        raise DriveError(f"{files.path} has several cameras; choose one by --rgb: {_listed(equal)}{hint}.")
     # Of one camera: rectified images before raw ones, and the shortest name, which is not compressed.
     return min(equal, key=lambda name: ("rect" not in name, len(name), name))
 
 
 def _colour_rank(name: str) -> int:
     words = set(re.split(r"[/_]", name.lower()))
-    rank = 20 if _NO_CAMERA.search(name) else 0
+    rank = 20 if _NO_CAMERA.search(name) or _is_called_depth(name) else 0
     rank += 4 * bool(words & {"rear", "back", "side", "right", "down", "up"}) + 2 * ("left" in words)
     return rank - 2 * bool(words & {"front", "forward"}) - bool(words & {"color", "colour", "rgb"})
 
@@ -133,14 +159,29 @@ def _depth(depths: Sequence[str], rgb: str) -> str | None:
     return min(depths, key=rank, default=None)
 
 
-def _info_beside(image: str, infos: Sequence[str]) -> str | None:
-    """Return the CameraInfo in the namespace of an image topic, or in the nearest one around it."""
+def _info_beside(image: str, infos: Sequence[str], images: Collection[str]) -> str | None:
+    """Return the CameraInfo in the namespace of an image topic, or in the nearest one around it.
+
+    In each namespace `camera_info` counts first, then the only other one there or one level below; the latter not where
+    images lie beside it, whose camera it then describes.
+    """
     namespace = _camera_of(image)
-    while namespace:
+    while True:
         if f"{namespace}/camera_info" in infos:
             return f"{namespace}/camera_info"
+        for place in ([_camera_of(info) for info in infos], [_around(info, images) for info in infos]):
+            near = [info for info, where in zip(infos, place, strict=True) if where == namespace and namespace]
+            if len(near) == 1:
+                return near[0]
+        if not namespace:
+            return infos[0] if len(infos) == 1 else None
         namespace = namespace.rpartition("/")[0]
-    return infos[0] if len(infos) == 1 else None
+
+
+def _around(info: str, images: Collection[str]) -> str | None:
+    """Return the namespace around that of a CameraInfo; None where images lie in its own."""
+    own = _camera_of(info)
+    return None if any(name.startswith(f"{own}/") for name in images) else own.rpartition("/")[0]
 
 
 def _poses(files: BagFiles, options: ReadOptions) -> tuple[str | None, str | None]:

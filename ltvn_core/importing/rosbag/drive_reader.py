@@ -61,10 +61,13 @@ class BagDrive:
         self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
         self._edge = self._odometry_frames(options)
         self._rig = self._find_rig()
-        self._decoder = FrameDecoder(
-            topics, self._samples, self._tree, self._rig, asked=options.camera, doubt=self._doubt
-        )
+        self._decoder = FrameDecoder(topics, self._samples, self._tree, self._rig, options=options, doubt=self._doubt)
         self._last_stamp = float("-inf")
+        for name in topics.lost_depths:
+            self._doubt(
+                f"{name} is called depth, but its images have 8 bits, in which no distances fit, so it is not used. "
+                "Record the depth images as they are (16UC1 or 32FC1), or the topic that ends in /compressedDepth."
+            )
 
     @property
     def facts(self) -> DriveFacts:
@@ -79,6 +82,7 @@ class BagDrive:
                 name=topic.name,
                 count=topic.count,
                 rate_hz=topic.count / seconds if seconds > 0 else None,
+                could_be="depth" if topic.name in self._topics.unused_depths else "",
             )
             for topic in self._files.topics.values()
         ]

@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import DriveError
 from ltvn_core.importing.depth_registration import register_depth
 from ltvn_core.importing.moving_frame import Transform
-from ltvn_core.importing.raw_frame import FrameMoment, RawFrame
+from ltvn_core.importing.raw_frame import FrameMoment, RawFrame, ReadOptions
 from ltvn_core.importing.rosbag.bag_survey import frame_name
 from ltvn_core.importing.rosbag.bag_topics import ChosenTopics
 from ltvn_core.importing.rosbag.camera_rig import CameraRig
 from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage
+from ltvn_core.importing.rosbag.lens_doubt import lens_doubt
 from ltvn_core.importing.rosbag.transform_tree import TransformTree
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
-from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres
+from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, has_metres
 from ltvn_core.types import Depth, Rgb
 
 _SAME_LENS = 0.015
@@ -36,7 +38,7 @@ class FrameDecoder:
         tree: TransformTree,
         rig: CameraRig,
         *,
-        asked: CameraModel | None,
+        options: ReadOptions,
         doubt: Callable[[str], None],
     ) -> None:
         """Take what the bag said so far; `samples` grows while it streams past.
@@ -46,14 +48,15 @@ class FrameDecoder:
             samples: The first message of each topic.
             tree: Where the frames of colours and depth are.
             rig: How the camera is mounted.
-            asked: The colour camera that a person names; wins over the bag's.
+            options: What a person says of the camera and of the unit of depth; wins over the bag's.
             doubt: Called with what is doubtful.
         """
         self._topics = topics
         self._samples = samples
         self._tree = tree
         self._rig = rig
-        self._asked = asked
+        self._asked = options.camera
+        self._depth_unit_m = options.depth_unit_m
         self._doubt = doubt
         self._lenses: dict[tuple[str, int, int], CameraModel | None] = {}
 
@@ -81,7 +84,10 @@ class FrameDecoder:
         height, width = rgb.shape[:2]
         if self._asked is not None:
             return fitted(self._asked, width, height, name)
-        return self._lens(self._topics.rgb, self._topics.camera_info, width, height)
+        lens = self._lens(self._topics.rgb, self._topics.camera_info, width, height)
+        if lens is not None and (doubt := self._lens_doubt(lens, self._topics.camera_info)) is not None:
+            self._doubt(doubt)
+        return lens
 
     def _lens(self, image_topic: str, info_topic: str | None, width: int, height: int) -> CameraModel | None:
         """Return the lens of images of a size, level; None where the bag does not say. Raises DriveError."""
@@ -96,13 +102,46 @@ class FrameDecoder:
             )
         return self._lenses[key]
 
+    def _lens_doubt(self, lens: CameraModel, info_topic: str | None) -> str | None:
+        return lens_doubt(lens, self._samples.get(info_topic or ""), str(info_topic))
+
+    def _depth_lens(self, topic: str, width: int, height: int) -> CameraModel | None:
+        """Return the lens of depth images; None where the bag does not say, or says what cannot be."""
+        info_topic = self._topics.depth_info
+        try:
+            lens = self._lens(topic, info_topic, width, height)
+        except DriveError as error:
+            self._doubt(f"The lens of the depth images is not known, and is taken for that of the colours: {error}")
+            return None
+        if lens is None or self._lens_doubt(lens, info_topic) is not None or self._shares_corrected_lens(lens):
+            return None
+        return lens
+
+    def _shares_corrected_lens(self, depth: CameraModel) -> bool:
+        """Tell whether the bag names one lens for colours and depth, in whose place a person named another."""
+        if self._asked is None:
+            return False
+        try:
+            said = self._lens(self._topics.rgb, self._topics.camera_info, self._asked.width, self._asked.height)
+        except DriveError:
+            return False
+        return said is not None and _are_one(said, depth)
+
+    def _metres(self, message: Any, name: str) -> Depth:
+        unit_m = self._depth_unit_m
+        if unit_m is None:
+            return decode_metres(message, name)
+        if has_metres(message):
+            return decode_metres(message, name) * np.float32(unit_m)
+        return decode_metres(message, name, unit_m)
+
     def _depth(
         self, image: PendingImage, colours: CameraModel | None, colours_frame: str
     ) -> tuple[Depth, CameraModel | None]:
         """Return depth as the colours show it; or as it is, with its own lens where that is another."""
         topic = str(self._topics.depth)
-        depth = decode_metres(image.message, f"{topic} at {image.stamp:.3f}")
-        lens = self._lens(topic, self._topics.depth_info, depth.shape[1], depth.shape[0])
+        depth = self._metres(image.message, f"{topic} at {image.stamp:.3f}")
+        lens = self._depth_lens(topic, depth.shape[1], depth.shape[0])
         own_lens = None if lens is None or colours is None or _are_one(colours, lens) else lens
         depth_frame = frame_name(image.message.header.frame_id)
         if depth_frame == colours_frame:

@@ -21,6 +21,10 @@ COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
 DEPTH_HEADER = struct.Struct("<iff")
 """Before the PNG of a `compressedDepth` message: which compression, and two constants for depth in floats."""
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_PNG_HEAD_BYTES = 26
+_PNG_GREY_16 = b"\x10\x00"
+"""The two bytes behind width and height: 16 bits, one channel."""
 _RVL_HEADER = struct.Struct("<II")
 
 
@@ -72,6 +76,20 @@ def shows_depth(message: Any) -> bool:
     """Tell whether an image message holds depth, by its encoding or format."""
     said = str(getattr(message, "encoding", "") or getattr(message, "format", "")).lower()
     return said.startswith(("16uc1", "32fc1", "64fc1")) or "compresseddepth" in said
+
+
+def has_sixteen_bits(message: Any) -> bool:
+    """Tell whether an image message has one channel of 16 bits: depth, or the grey of an infrared camera."""
+    if hasattr(message, "encoding"):
+        return str(message.encoding).lower() in ("mono16", "16uc1")
+    head = bytes(message.data[:_PNG_HEAD_BYTES])
+    return head.startswith(_PNG_MAGIC) and head[24:] == _PNG_GREY_16
+
+
+def has_metres(message: Any) -> bool:
+    """Tell whether an image message holds floating-point numbers, which ROS counts in metres."""
+    said = str(getattr(message, "encoding", "") or getattr(message, "format", "")).lower()
+    return said.startswith(("32fc1", "64fc1"))
 
 
 def image_size(message: Any, source: str) -> tuple[int, int]:

@@ -5,6 +5,7 @@ Messages have ROS's own types, which `rosbags` brings along: definitions that li
 the library makes code of them.
 """
 
+import os
 import re
 import shutil
 from collections.abc import Collection, Iterator
@@ -28,8 +29,11 @@ from ltvn_core.importing.rosbag.bounded_decompression import (
     decompress_message,
 )
 from ltvn_core.importing.rosbag.file_names import COMPRESSED, SUFFIXES, named_as_bag, plain_suffix
+from ltvn_core.importing.rosbag.foreign_channels import foreign_encoding, require_ros2, tolerate_foreign_channels
 
 _NANOSECONDS = 1e-9
+_MAGICS = {".mcap": b"\x89MCAP0\r\n", ".bag": b"#ROSBAG V", ".db3": b"SQLite format 3\0"}
+"""How files of each kind begin."""
 _MAX_OVERLAPPING_BYTES = 2**30
 """Chunks of an MCAP whose times overlap are in memory together."""
 _MAX_RATIO = 1000
@@ -64,8 +68,11 @@ class BagFiles:
     def __init__(self, path: Path) -> None:
         """Look into every file of the bag. Raises DriveError."""
         bound_decompression()
+        tolerate_foreign_channels()
         self.path = path
         self.topics: dict[str, BagTopic] = {}
+        self.foreign: dict[str, str] = {}
+        """Topics that cannot be read, and how their messages are encoded."""
         self.duration_s = 0.0
         """From the first message to the last."""
         self._files = bag_files(path)
@@ -83,7 +90,8 @@ class BagFiles:
         """Yield the messages of some topics as they were recorded. Raises DriveError where the bag is damaged."""
         for file in self._files:
             with _opened(file) as reader:
-                wanted = [each for each in reader.connections if each.topic in topics]
+                readable = [each for each in reader.connections if not foreign_encoding(each)]
+                wanted = [each for each in readable if each.topic in topics]
                 stream = reader.messages(connections=wanted) if wanted else iter(())
                 while True:
                     with _explained(file):
@@ -106,6 +114,9 @@ class BagFiles:
 
     def _count(self, connections: Collection[Connection]) -> None:
         for each in connections:
+            if encoding := foreign_encoding(each):
+                self.foreign[each.topic] = encoding
+                continue
             self.topics.setdefault(each.topic, BagTopic(each.topic, each.msgtype)).count += each.msgcount
 
 
@@ -134,6 +145,9 @@ def _opened(file: Path) -> Iterator[Reader1 | Reader2]:
         with _explained(file):
             if file.suffix == COMPRESSED:
                 file = _decompressed(file, Path(stack.enter_context(TemporaryDirectory())))
+        if file.suffix == ".mcap":
+            require_ros2(file)
+        with _explained(file):
             reader = Reader1(file) if file.suffix == ".bag" else Reader2(file)
             stack.enter_context(reader)
             _limit_memory(reader)
@@ -193,10 +207,30 @@ def _explained(file: Path) -> Iterator[None]:
     except FileNotFoundError as error:
         raise DriveError(f"{file} does not exist; name a bag or its folder.") from error
     except Exception as error:
-        raise DriveError(
-            f"{file} cannot be read as a bag: {_said(error)}. If it was cut while recording, mend it with `mcap "
-            "recover`, `ros2 bag reindex` or `rosbag reindex`."
-        ) from error
+        raise DriveError(f"{file} cannot be read as a bag: {_said(error)}.{_remedy(file, error)}") from error
+
+
+def _remedy(file: Path, error: Exception) -> str:
+    """Return what to do about a file that cannot be read, where its first and last bytes tell."""
+    magic = _MAGICS.get(file.suffix)
+    try:
+        with file.open("rb") as stream:
+            begin = stream.read(16)
+            stream.seek(-min(16, file.stat().st_size), os.SEEK_END)
+            end = stream.read()
+    except OSError:
+        return ""
+    if magic is None:
+        return ""
+    if not begin:
+        return " The file is empty; name one that holds the drive."
+    if not begin.startswith(magic):
+        return f" It does not begin as a {file.suffix} does, so it is another file of that name; name a bag."
+    if file.suffix == ".mcap" and not end.endswith(magic):
+        return " It was cut while recording or copying: `mcap recover` writes a new file of what is whole."
+    if file.suffix == ".bag" and "index" in str(error).lower():
+        return " It was cut while recording or copying: `rosbag reindex` mends it."
+    return ""
 
 
 def _said(error: Exception) -> str:

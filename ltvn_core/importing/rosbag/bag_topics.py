@@ -123,9 +123,11 @@ def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSur
     colours = [name for name in images if name not in depths]
     if not colours:
         kinds = sorted({topic.msgtype for topic in files.topics.values()})
+        foreign = [f"{name} ({encoding})" for name, encoding in files.foreign.items()]
+        left_out = f"; not encoded as ROS 2 does (cdr), and thus left out, are {_listed(foreign)}" if foreign else ""
         raise DriveError(
             f"{files.path} has no colour images: expected a topic of type {IMAGE} or {COMPRESSED_IMAGE}, found "
-            f"{_listed(kinds)}."
+            f"{_listed(kinds)}{left_out}."
         )
     best = min(map(_colour_rank, colours))
     equal = [name for name in colours if _colour_rank(name) == best]

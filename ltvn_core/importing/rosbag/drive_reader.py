@@ -63,6 +63,9 @@ class BagDrive:
         self._rig = self._find_rig()
         self._decoder = FrameDecoder(topics, self._samples, self._tree, self._rig, options=options, doubt=self._doubt)
         self._last_stamp = float("-inf")
+        if files.foreign:
+            said = ", ".join(f"{name} ({encoding})" for name, encoding in [*files.foreign.items()][:_MOST_DOUBTS])
+            self._doubt(f"Topics that are not encoded as ROS 2 does (cdr) are left out: {said}.")
         for name in topics.lost_depths:
             self._doubt(
                 f"{name} is called depth, but its images have 8 bits, in which no distances fit, so it is not used. "

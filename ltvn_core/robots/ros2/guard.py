@@ -49,7 +49,9 @@ class Guard:
             allows=(lambda twist: twist) if depth_stop is None else depth_stop.allows,
         )
         kind = TWIST_STAMPED if self._stamped else TWIST
-        self._wheels = link.publisher(Topic(profile.topics.command, kind, domain))
+        self._command = profile.topics.command
+        self._kind = kind
+        self._wheels = link.command_publisher(Topic(self._command, kind, domain))
         if depth_stop is not None:
             link.subscribe(
                 Topic(profile.topics.camera_info, CAMERA_INFO, domain),
@@ -58,6 +60,11 @@ class Guard:
             )
             link.subscribe(depth_topic(profile), depth_stop.take_depth, self._complaints.say)
         link.subscribe(Topic(self._source, kind, domain), self._take, self._refuse)
+
+    @property
+    def has_listener(self) -> bool:
+        """Whether anybody takes what is forwarded."""
+        return self._wheels.has_listener
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Watch until it is over; the last thing sent is a zero."""
@@ -81,6 +88,14 @@ class Guard:
         if answer is None:
             raise RobotError(f"{self._source}: after silence a driver sends a stop first; it is not driven yet.")
         self.forwarded += 1
+        if not self.has_listener:
+            self._complaints.say(
+                RobotError(
+                    f"Nobody listens at {self._command} for {self._kind}, so forwarded commands move nothing: is the "
+                    "robot's driver running? `ros2 topic info -v` says who listens where; correct topics.command or "
+                    "driving.stamped in the profile."
+                )
+            )
 
     def _sound(self, received: Received) -> Twist:
         """Return the speeds of a command. Raises RobotError, and stops the robot, where they cannot be meant."""

@@ -72,7 +72,7 @@ class RosRobot:
         driving = profile.driving
         self._kind = TWIST_STAMPED if driving.stamped else TWIST
         goal = driving.guard_topic if driving.guarded else profile.topics.command
-        self._commands = link.publisher(Topic(goal, self._kind, profile.domain))
+        self._commands = link.command_publisher(Topic(goal, self._kind, profile.domain))
         self._sender = CommandSender(self._send, lambda: link.is_connected, profile.speeds)
 
     @property

@@ -39,6 +39,19 @@ class Topic:
         return f"{self._place}/{dds_name(self.type_name)}/{type_hash(self.type_name)}"
 
     @property
+    def unhashed_key(self) -> str:
+        """Where ROS 2 Humble, which has no hashes of types, looks for these messages."""
+        return f"{self._place}/{dds_name(self.type_name)}/{NO_HASH}"
+
+    @property
+    def unhashed_subscribers(self) -> str:
+        """Matches the liveliness tokens of subscribers that look at `unhashed_key`."""
+        return (
+            f"{TOKENS}/{self.domain}/*/*/*/{Role.SUBSCRIBES.value}/*/*/*/{self._mangled}/{dds_name(self.type_name)}/"
+            f"{NO_HASH}/*"
+        )
+
+    @property
     def any_type_key(self) -> str:
         """Takes messages of every type there, so that a wrong one can be told from none."""
         return f"{self._place}/*/*"
@@ -46,6 +59,10 @@ class Topic:
     @property
     def _place(self) -> str:
         return f"{self.domain}/{self.name.strip('/')}"
+
+    @property
+    def _mangled(self) -> str:
+        return self.name.replace("/", "%")
 
     def check_key(self, key: str) -> None:
         """Raise RobotError where a message of this topic came as another type or another edition of it."""

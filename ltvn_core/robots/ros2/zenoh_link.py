@@ -80,7 +80,21 @@ class ZenohLink:
     def publisher(self, topic: Topic, *, best_effort: bool = False) -> "TopicPublisher":
         """Announce that messages of a topic will come from here."""
         endpoint = self._announce(topic, Role.PUBLISHES, best_effort)
-        return TopicPublisher(self._keep(_declare_publisher(self._session, topic)), endpoint)
+        return TopicPublisher(self._keep(_declare_publisher(self._session, topic, topic.key)), endpoint)
+
+    def command_publisher(self, topic: Topic) -> "TopicPublisher":
+        """Announce that commands will come from here, for robots of every edition of ROS 2.
+
+        Other messages go to those alone whose edition has hashes of types, because listeners at every key would get
+        them twice.
+        """
+        publisher = self.publisher(topic)
+        unhashed = UnhashedListeners(self._keep(_declare_publisher(self._session, topic, topic.unhashed_key)))
+        self._keep(
+            self._session.liveliness().declare_subscriber(topic.unhashed_subscribers, unhashed.take, history=True)
+        )
+        publisher.unhashed = unhashed
+        return publisher
 
     def subscribe(self, topic: Topic, take: Callable[[Received], None], refuse: Callable[[RobotError], None]) -> None:
         """Hand each message to `take`, and what is wrong with one that cannot be read to `refuse`.
@@ -133,8 +147,35 @@ class ZenohLink:
         return declared
 
 
+class UnhashedListeners:
+    """Subscribers of ROS 2 Humble to one topic, by their liveliness tokens, and the publisher for them."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self._publisher = publisher
+        self._tokens: set[str] = set()
+
+    def __bool__(self) -> bool:
+        """Tell whether there are any."""
+        return bool(self._tokens)
+
+    def take(self, token: zenoh.Sample) -> None:
+        """Note that one came or went."""
+        if token.kind == zenoh.SampleKind.DELETE:
+            self._tokens.discard(str(token.key_expr))
+        else:
+            self._tokens.add(str(token.key_expr))
+
+    def put(self, payload: bytes, attachment: bytes) -> None:
+        """Send a message where there are any."""
+        if self._tokens:
+            self._publisher.put(payload, attachment=attachment)
+
+
 class TopicPublisher:
     """Sends messages of one topic, numbered and signed. May be used from any thread."""
+
+    unhashed: UnhashedListeners | None = None
+    """Those that look elsewhere for the messages; None where nobody is asked."""
 
     def __init__(self, publisher: zenoh.Publisher, endpoint: Endpoint) -> None:
         self._publisher = publisher
@@ -145,6 +186,8 @@ class TopicPublisher:
     @property
     def has_listener(self) -> bool:
         """Whether anybody subscribes to the topic now."""
+        if self.unhashed:
+            return True
         status: Any = self._publisher.matching_status  # Its stub says bool.
         return bool(status.matching)
 
@@ -153,8 +196,10 @@ class TopicPublisher:
         payload = encode(message)
         with self._lock:
             self._sequence += 1
-            attachment = Attachment(self._sequence, time.time_ns(), self._gid)
-            self._publisher.put(payload, attachment=attachment.to_bytes())
+            attachment = Attachment(self._sequence, time.time_ns(), self._gid).to_bytes()
+            self._publisher.put(payload, attachment=attachment)
+            if self.unhashed is not None:
+                self.unhashed.put(payload, attachment)
 
 
 def check_address(address: str) -> tuple[str, str, int]:
@@ -185,9 +230,9 @@ def _open(settings: dict[str, Any], failure: str) -> zenoh.Session:
         raise RobotError(failure) from error
 
 
-def _declare_publisher(session: zenoh.Session, topic: Topic) -> zenoh.Publisher:
+def _declare_publisher(session: zenoh.Session, topic: Topic, key: str) -> zenoh.Publisher:
     return session.declare_publisher(
-        topic.key,
+        key,
         congestion_control=zenoh.CongestionControl.DROP,
         priority=zenoh.Priority.INTERACTIVE_HIGH if "Twist" in topic.type_name else zenoh.Priority.DATA,
         express=True,

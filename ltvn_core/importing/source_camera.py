@@ -1,7 +1,7 @@
 """The camera of a drive as people write it down: numbers on the command line, or a `camera.json` beside the images.
 
-Owns these notations, Replica's `cam_params.json`, and the fit of a camera to the images that were found. Guesses nothing: where nobody says what
-the lens is, there is no camera.
+Owns these notations, Replica's `cam_params.json`, and the fit of a camera to the images that were found. Guesses
+nothing: where nobody says what the lens is, there is no camera.
 """
 
 import json

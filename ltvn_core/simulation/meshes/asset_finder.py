@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from trimesh.resolvers import FilePathResolver
 
@@ -20,7 +21,8 @@ class AssetFinder(FilePathResolver):
 
     def get(self, name: str) -> Any:
         """Return the bytes of a file. Raises OSError where there is none."""
-        for candidate in (name, *self._beside(name)):
+        plain = unquote(name)  # Names in glTF are parts of URLs: a space is %20.
+        for candidate in (name, plain, *self._beside(plain)):
             try:
                 return super().get(candidate)
             except (OSError, ValueError):

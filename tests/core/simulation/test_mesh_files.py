@@ -120,7 +120,10 @@ def textured_obj(folder: Path, reference: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("reference", ["Old Wall.png", r"C:\Users\me\my scan\old wall.PNG", "/home/me/Old Wall.png"])
+@pytest.mark.parametrize(
+    "reference",
+    ["Old Wall.png", "Old%20Wall.png", r"C:\Users\me\my scan\old wall.PNG", "/home/me/Old Wall.png"],
+)
 def test_a_picture_is_found_beside_the_mesh_whatever_path_it_had_elsewhere(tmp_path: Path, reference: str) -> None:
     content = read_mesh(textured_obj(tmp_path / "scan", reference))
     assert content.surfaces.textures[0].reshape(-1, 3).mean(axis=0).tolist() == [90, 60, 30]

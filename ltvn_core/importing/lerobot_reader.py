@@ -4,6 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -36,6 +37,8 @@ class LerobotReader:
         self._camera = options.camera or camera_beside(folder).camera
         self._rgb = self._image_feature(options.rgb, "--rgb", is_depth=False)
         self._depth = self._depth_feature(options.depth)
+        if self._depth is not None and options.depth_unit_m is not None:
+            self._depth = replace(self._depth, metres_per_unit=options.depth_unit_m)
         self._state, self._columns = self._pose_feature(options.odometry)
         self.dropped: Counter[str] = Counter()
         self.doubts: list[str] = []

@@ -199,3 +199,12 @@ def test_quaternions_with_w_first_are_a_doubt(tmp_path: Path) -> None:
     (folder / "groundtruth.txt").write_text("\n".join(lines), encoding="utf-8")
     summary = import_drive(TumReader.open(folder, ReadOptions()), tmp_path / "tour.rrd")
     assert any("w first" in doubt for doubt in summary.doubts)
+
+
+def test_the_unit_of_depth_that_a_person_says_wins(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path)
+
+    depth = read(folder, ReadOptions(depth_unit_m=0.001))[0].depth_m
+
+    assert depth is not None
+    assert np.allclose(depth, 10.0)

@@ -32,6 +32,16 @@ def read(path: Path, options: ReadOptions | None = None) -> tuple[list[RawFrame]
     return list(reader.frames()), reader
 
 
+def test_the_unit_of_depth_images_can_be_said(tmp_path: Path) -> None:
+    path = write_dataset(tmp_path / "set", as_video=False, depth=True)
+
+    whole, halved = (read(path, ReadOptions(depth_unit_m=unit))[0][0].depth_m for unit in (0.001, 0.0005))
+
+    assert whole is not None
+    assert halved is not None
+    assert np.allclose(halved, whole / 2)
+
+
 @pytest.mark.parametrize("as_video", [True, False])
 def test_an_episode_becomes_frames_with_depth_and_odometry(tmp_path: Path, as_video: bool) -> None:
     frames, reader = read(write_dataset(tmp_path / "set", as_video=as_video, depth=True))

@@ -5,6 +5,7 @@ PYTHON ?= $(firstword $(foreach each,python3.11 python3.12 python3.13 python3.14
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+APP_STAMP := $(VENV)/.app-installed
 # Two threads are plenty for images of 96 x 72, and BLAS threads only get in each other's way.
 export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 1
@@ -18,10 +19,10 @@ PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(PROCESSES) --dist loads
 help:  ## List the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
-demo: $(STAMP)  ## Open the page on the demo apartment and its ready-made map.
+demo: $(APP_STAMP)  ## Open the page on the demo apartment and its ready-made map.
 	$(BIN)/ltvn app
 
-robot-demo: $(STAMP)  ## Open the page on a robot of ROS 2: the simulated one, with router and guard.
+robot-demo: $(APP_STAMP)  ## Open the page on a robot of ROS 2: the simulated one, with router and guard.
 	$(BIN)/ltvn demo --robot
 
 test: $(STAMP) chromium  ## Run every test, the browser's among them.
@@ -78,10 +79,15 @@ python:
 chromium: $(STAMP)
 	@$(BIN)/python -m tests.browser.chromium
 
+# The demo needs a third of what tests and documentation need, and somebody waits for it.
 # PyTorch first: on Linux pip would else choose a build with 2.7 GB of CUDA libraries.
-$(STAMP): pyproject.toml constraints.txt | python
+$(APP_STAMP): pyproject.toml constraints.txt | python
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python tools/install_torch.py
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[all]'
+	touch $(APP_STAMP)
+
+$(STAMP): $(APP_STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $(STAMP)

@@ -106,14 +106,10 @@ class BeliefDrawing:
         left_out = len(self._plan) - len(planned)
         changed = [_changed_row(change) for change in reversed(self._changed.values())]
         lines = [
-            "**Current plan**",
-            "",
-            *(["| edge | p | μ ± σ |", "|:--|--:|--:|", *planned] if planned else ["none"]),
+            *_section("Current plan", planned),
             *([f"and {left_out} more"] if left_out else []),
             "",
-            "**Changed last**",
-            "",
-            *(["| edge | p | μ ± σ |", "|:--|--:|--:|", *changed] if changed else ["none"]),
+            *_section("Changed last", changed),
         ]
         text = rr.TextDocument("\n".join(lines), media_type=rr.MediaType.MARKDOWN)
         return TimedDrawing(time, DrawnEntity(schema.BELIEF_TABLE, [text]))
@@ -139,6 +135,10 @@ def _points(edge: EdgeKey, time: RowTime, belief: Belief) -> Iterator[TimedDrawi
     yield TimedDrawing(time, DrawnEntity(probability_entity(edge), [rr.Scalars(belief.p)]))
     length = rr.Scalars([belief.mu, math.sqrt(belief.sigma2)])
     yield TimedDrawing(time, DrawnEntity(length_entity(edge), [length]))
+
+
+def _section(title: str, rows: Sequence[str]) -> list[str]:
+    return [f"**{title}**", "", *(["| edge | p | μ ± σ |", "|:--|--:|--:|", *rows] if rows else ["none"])]
 
 
 def _changed_row(change: _Change) -> str:

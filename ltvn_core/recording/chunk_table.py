@@ -1,6 +1,6 @@
 """Rerun's table of chunks (the manifests in its footer), put together at the end of a recording.
 
-Rerun computes a table for every block of messages that it hands out. The rows of all of them are kept here, a hundred
+Rerun computes a table for every block of messages that it hands out. The rows of all of them are kept here, some fifty
 bytes each, until the file ends. Owns the layout of the footer. Copies the columns of Rerun's rows without knowing what
 they mean, but for where in the file a chunk stands.
 """
@@ -8,14 +8,14 @@ they mean, but for where in the file a chunk stands.
 import logging
 from array import array
 from collections import defaultdict, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ltvn_core.recording.protobuf_fields import bytes_field, number_field, read_fields
+from ltvn_core.recording.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
 from ltvn_core.recording.sorbet_schema import SorbetSchema, as_rerun_merges
 
 _LOG = logging.getLogger(__name__)
@@ -131,11 +131,11 @@ class ChunkTable:
 
     def _read_manifest(self, manifest: bytes, chunk_of: Mapping[int, int]) -> dict[int, bytes]:
         """Keep the rows of a table; return the ids of its chunks, by the chunk's number."""
-        parts = _bytes_of(manifest)
+        parts = bytes_fields(manifest)
         store = self._stores[parts[_STORE]]
         sha256 = parts[_SCHEMA_SHA256]
         if sha256 not in store.schemas:
-            store.schemas[sha256] = SorbetSchema(_bytes_of(parts[_SCHEMA])[_SCHEMA_BYTES], sha256)
+            store.schemas[sha256] = SorbetSchema(bytes_fields(parts[_SCHEMA])[_SCHEMA_BYTES], sha256)
         batch = _read_batch(parts[_ROWS])
         chunks = [chunk_of[offset] for offset in batch.column(_OFFSET).to_pylist()]
         if not store.fields.keys() >= set(batch.schema.names):
@@ -283,14 +283,3 @@ def _stream_bytes(batch: pa.RecordBatch) -> pa.Buffer:
 def _write(batch: pa.RecordBatch, sink: pa.NativeFile) -> None:
     with pa.ipc.new_stream(sink, batch.schema) as writer:
         writer.write_batch(batch)
-
-
-def _bytes_of(message: bytes) -> dict[int, bytes]:
-    """Return the fields of a message that hold bytes."""
-    return dict(_bytes_fields(message))
-
-
-def _bytes_fields(message: bytes) -> Iterator[tuple[int, bytes]]:
-    for number, value in read_fields(message):
-        if isinstance(value, bytes):
-            yield number, value

@@ -51,8 +51,9 @@ def save_map(
     Raises MapError when an image is missing, RecordingError when the file exists or cannot be written.
     """
     wanted = _frames_of(graph)
-    if scene_glb is None and origin is not None:
-        scene_glb = Recording.open(origin).scene_glb()
+    stored = None if origin is None else Recording.open(origin)
+    if scene_glb is None and stored is not None:
+        scene_glb = stored.scene_glb()
     kept = {observation.step: observation for observation in observations if observation.step in wanted}
     _require_images(wanted, kept.keys(), "The map cannot be saved")
     with (
@@ -61,7 +62,7 @@ def save_map(
             part, scene=scene, config=config, fingerprint=fingerprint, camera=camera, scene_glb=scene_glb
         ) as writer,
     ):
-        for frame in _stored_frames(origin, wanted) if origin is not None else ():
+        for frame in _stored_frames(stored, wanted) if stored is not None else ():
             writer.write_encoded_frame(frame)
         writer.write_map(graph, (kept[frame] for frame in sorted(kept)))
 
@@ -102,8 +103,7 @@ def _frames_of(graph: TopologicalGraph) -> frozenset[FrameId]:
     return frozenset(graph.frames)
 
 
-def _stored_frames(origin: Path, wanted: frozenset[FrameId]) -> Iterator[EncodedFrame]:
-    recording = Recording.open(origin)
+def _stored_frames(recording: Recording, wanted: frozenset[FrameId]) -> Iterator[EncodedFrame]:
     return (recording.stored_frame(frame).frame for frame in recording.frames if frame in wanted)
 
 

@@ -60,6 +60,11 @@ def read_fields(message: bytes) -> Iterator[Field]:
         place += length
 
 
+def bytes_fields(message: bytes) -> dict[int, bytes]:
+    """Return the fields of a message that hold bytes, by number; of a repeated one the last. Raises ValueError."""
+    return {field.number: field.value for field in read_fields(message) if isinstance(field.value, bytes)}
+
+
 def _read_varint(message: bytes, place: int) -> tuple[int, int]:
     """Return a number and the place behind it."""
     number = shift = 0

@@ -28,7 +28,7 @@ class RowTime(NamedTuple):
     stamp: float
     """Seconds on the robot's clock."""
     event: int | None = None
-    """Number of the event that the row tells of or draws; None for rows that no event caused."""
+    """Number of the event that the row records or draws; None for rows that no event caused."""
 
 
 PROPERTIES = "ltvn"
@@ -94,12 +94,13 @@ OWN_ENTITIES = (
     MARGIN,
 )
 """What the recorder writes itself; each name also stands for all entities below it."""
+_OWN_BEGINNINGS = tuple(f"{own}/" for own in OWN_ENTITIES)
 
 
 def is_own_entity(path: str) -> bool:
     """Return whether an entity is written by the recorder and may hold no rows of a user's."""
     path = path.strip("/")
-    return path == WORLD or any(f"{path}/".startswith(f"{own}/") for own in OWN_ENTITIES)
+    return path == WORLD or f"{path}/".startswith(_OWN_BEGINNINGS)
 
 
 READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)

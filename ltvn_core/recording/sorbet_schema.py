@@ -13,7 +13,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from ltvn_core.recording import schema
-from ltvn_core.recording.protobuf_fields import read_fields
+from ltvn_core.recording.protobuf_fields import bytes_fields
 from ltvn_core.recording.rrd_framing import END_KIND, HEADER_BYTES, MESSAGE_HEADER
 
 _KIND, _STATIC, _EMPTY = b"rerun:kind", b"rerun:is_static", b"rerun:is_semantically_empty"
@@ -50,10 +50,8 @@ def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
     rerun.disconnect()
     if not block:
         raise RuntimeError("Rerun did not encode the examples")
-    (manifest,) = (field.value for field in read_fields(_end_payload(block)) if field.number == 1)
-    parts = {field.number: field.value for field in read_fields(_as_bytes(manifest))}
-    (encoded,) = (field.value for field in read_fields(_as_bytes(parts[2])) if field.number == 1)
-    return SorbetSchema(_as_bytes(encoded), _as_bytes(parts[3]))
+    parts = bytes_fields(bytes_fields(_end_payload(block))[1])
+    return SorbetSchema(bytes_fields(parts[2])[1], parts[3])
 
 
 def _examples(fields: Sequence[pa.Field]) -> list[Chunk]:
@@ -113,9 +111,3 @@ def _end_payload(block: bytes) -> bytes:
 
 def _metadata(field: pa.Field) -> dict[bytes, bytes]:
     return field.metadata or {}
-
-
-def _as_bytes(value: int | bytes) -> bytes:
-    if not isinstance(value, bytes):
-        raise TypeError("Rerun's table is laid out otherwise")
-    return value

@@ -17,7 +17,7 @@ from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.info import read_info
 from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.joined_rows import joined_rows
-from ltvn_core.recording.protobuf_fields import read_fields
+from ltvn_core.recording.protobuf_fields import bytes_fields, read_fields
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import read_store
 from tests.core.recording import example_recording
@@ -67,7 +67,7 @@ def manifests(path: Path) -> dict[bytes, tuple[bytes, pa.Table]]:
     found = {}
     for _, manifest in read_fields(footer):
         assert isinstance(manifest, bytes)
-        parts = chunk_table._bytes_of(manifest)
+        parts = bytes_fields(manifest)
         found[parts[1]] = parts[3], pa.Table.from_batches([chunk_table._read_batch(parts[4])])
     return found
 

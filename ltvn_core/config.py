@@ -65,10 +65,8 @@ class BuildingConfig:
     """Join nodes of one place that see nothing in common, where that makes a way much shorter (ours)."""
     keep_merged: bool = True
     """Keep merged images in the reserve T', which Algorithm 1 would otherwise leave nearly empty (ours)."""
-    restarts: int = 4
-    """How often a map that stays tiny is begun again from another image; 0 takes what comes (ours)."""
-    tiny_share: float = 0.1
-    """A map that covers less than this share of the trajectory is tiny (ours)."""
+    largest_piece: bool = True
+    """Begin again among the images left over while they could make a larger piece, and keep the largest (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,7 +285,7 @@ PAPER = Method(
         close_loops=False,
         turning_edges=False,
         keep_merged=False,
-        restarts=0,
+        largest_piece=False,
     ),
     localising=LocalisingConfig(
         reachability_weight=0.0, shortlist=0, trail_reach=0, follow_places=False, doubt_after_failures=0

@@ -12,7 +12,8 @@ import numpy as np
 
 from ltvn_core.config import Method
 from ltvn_core.graph.bridges import Bridge, BridgeSearch
-from ltvn_core.graph.deltas import Cause, FramesReserved, GraphDelta, NodeAdded
+from ltvn_core.graph.connectivity import strongly_connected_components
+from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.drive_closures import with_closed_loops
 from ltvn_core.graph.goal_ties import GoalTies
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -61,19 +62,13 @@ def build(
         observations, matcher, loop_closures, method, lambda share: tell(round(_CLOSING_SHARE * share * count), count)
     )
     closing = _CLOSING_SHARE if method.building.close_loops else 0.0
-    best: _BuildRun | None = None
-    for start in _starts(observations, goals, method.building.restarts, rng):
-        attempt = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
-        attempt.run(start, rng, lambda done, total: tell(round(closing * total + (1 - closing) * done), total))
-        if best is None or len(attempt.nodes) > len(best.nodes):
-            best = attempt
-        if best.coverage >= method.building.tiny_share:
-            break
-    assert best is not None
+    run = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
+    run.run(rng, lambda done, total: tell(round(closing * total + (1 - closing) * done), total))
+    run.keep_largest_pieces()
     if method.building.tie_goals:
-        best.tie_goals()
-    keyframes.keep_only([*best.nodes, *best.reserve])
-    deltas = best.finish()
+        run.tie_goals()
+    keyframes.keep_only([*run.nodes, *run.reserve])
+    deltas = run.finish()
     if not method.building.turning_edges:
         return deltas
     return (*deltas, *turning_edges(TopologicalGraph(deltas), odometry_gate, method))
@@ -81,15 +76,6 @@ def build(
 
 def _no_progress(done: int, total: int) -> None:
     """Show no progress."""
-
-
-def _starts(
-    observations: Sequence[Observation], goals: Collection[FrameId], restarts: int, rng: np.random.Generator
-) -> list[Observation]:
-    """Pick the first node and those to try instead, goals first."""
-    order = [observations[k] for k in rng.permutation(len(observations))]
-    order.sort(key=lambda seen: seen.step not in goals)
-    return order[: restarts + 1]
 
 
 class _Stage(Enum):
@@ -104,7 +90,7 @@ class _Stage(Enum):
 
 
 class _BuildRun:
-    """One run of Algorithm 1 from one start."""
+    """One run of Algorithm 1, which begins a new piece of the map while the images left over could make the largest."""
 
     def __init__(
         self,
@@ -127,7 +113,7 @@ class _BuildRun:
         self._deltas: list[GraphDelta] = []
         self.nodes: dict[FrameId, None] = {}
         self._merged: dict[FrameId, Matches] = {}
-        self._left: list[Observation] = []
+        self._left = list(observations)
         self._met: dict[FrameId, int] = {}
         self._known: dict[FrameId, Matches] = {}
 
@@ -137,25 +123,39 @@ class _BuildRun:
         merged = self._merged if self._method.building.keep_merged else []
         return tuple(sorted([*(seen.step for seen in self._left), *merged]))
 
-    @property
-    def coverage(self) -> float:
-        """Share of the images that are nodes or look like one."""
-        return (len(self.nodes) + len(self._merged)) / len(self._observations)
-
     def finish(self) -> tuple[GraphDelta, ...]:
         """Return the history of the run."""
         reserved = [FramesReserved(self.reserve, Cause.BUILD)] if self.reserve else []
         return (*self._deltas, *reserved)
 
-    def run(self, start: Observation, rng: np.random.Generator, progress: ProgressCallback) -> None:
-        """Pass over the images until a pass adds nothing, then with the lower cut, then with bridges."""
-        self._enter([NodeAdded(node_from_observation(start), Cause.BUILD)])
-        self._left = [seen for seen in self._observations if seen is not start]
-        self._grow_all(rng, progress)
-        while (other := self._start_elsewhere(rng)) is not None:
-            self._enter([NodeAdded(node_from_observation(other), Cause.BUILD)])
-            self._left = [seen for seen in self._left if seen is not other]
+    def run(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
+        """Pass over the images until a pass adds nothing, then with the lower cut, then with bridges; begin elsewhere.
+
+        Where an image is joined with nothing, so is all that hangs on it: one start alone would leave it to chance
+        whether the map is the largest piece of the drive or a small one.
+        """
+        start: Observation | None = self._first_start(rng)
+        while start is not None:
+            self._enter([NodeAdded(node_from_observation(start), Cause.BUILD)])
+            self._left = [seen for seen in self._left if seen is not start]
             self._grow_all(rng, progress)
+            start = self._start_elsewhere(rng)
+
+    def keep_largest_pieces(self) -> None:
+        """Drop the pieces of the map that are not the largest one of any drive; their images are left over again."""
+        pieces = self._pieces()
+        drive_of = self._matcher.keyframes.drive_of
+        drives = {drive_of(seen.step) for seen in self._observations}
+        kept = set[FrameId]().union(
+            *(max(pieces, key=lambda piece: sum(drive_of(frame) == drive for frame in piece)) for drive in drives)
+        )
+        dropped = set[FrameId]().union(*pieces) - kept
+        if not dropped:
+            return
+        self._deltas = [delta for delta in self._deltas if _added_node(delta) not in dropped]
+        self.nodes = {node: None for node in self.nodes if node in kept}
+        self._merged = {frame: found for frame, found in self._merged.items() if frame in kept}
+        self._left += [seen for seen in self._observations if seen.step in dropped]
 
     def tie_goals(self) -> None:
         """Make nodes of the goals that are still left over, and join them by the best way there is."""
@@ -165,12 +165,31 @@ class _BuildRun:
                 self._cross(bridge, Cause.GOAL)
         self._left = [seen for seen in self._left if seen.step not in self.nodes]
 
+    def _first_start(self, rng: np.random.Generator) -> Observation:
+        """Draw the first node, one of the goals where there are any."""
+        order = [self._observations[k] for k in rng.permutation(len(self._observations))]
+        return min(order, key=lambda seen: seen.step not in self._goals)
+
     def _start_elsewhere(self, rng: np.random.Generator) -> Observation | None:
-        """Draw an image of a drive that has no place in the map yet, because nothing recognises it; None without."""
+        """Draw an image that begins another piece of the map; None where there is no need.
+
+        It is one of a drive that has no place in the map yet, because nothing recognises it, or any image left over
+        while these are more than the largest piece knows.
+        """
         drive_of = self._matcher.keyframes.drive_of
         placed = {drive_of(frame) for frame in (*self.nodes, *self._merged)}
         left = [seen for seen in self._left if drive_of(seen.step) not in placed]
+        if not left and self._method.building.largest_piece and len(self._left) > len(self._pieces()[0]):
+            left = self._left
         return left[rng.integers(len(left))] if left else None
+
+    def _pieces(self) -> list[set[FrameId]]:
+        """Return the nodes of each piece with the images that merged with them, the largest piece first."""
+        pieces = [set(piece) for piece in strongly_connected_components(TopologicalGraph(self._deltas))]
+        merged = [(frame, int(found.nodes[0])) for frame, found in self._merged.items()]
+        for piece in pieces:
+            piece.update([frame for frame, node in merged if node in piece])
+        return sorted(pieces, key=len, reverse=True)
 
     def _grow_all(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
         config = self._method.building
@@ -191,10 +210,10 @@ class _BuildRun:
         return self._bridges.by_odometry(left, self.nodes.keys() | self._merged.keys())
 
     def _grow(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
-        """Pass over the images until a pass adds nothing."""
+        """Pass over the images until a pass adds no node, or no image at all where merged images can be joined."""
         before = -1
-        while len(self.nodes) > before:
-            before = len(self.nodes)
+        while (grown := len(self.nodes) + (len(self._merged) if stage is _Stage.BRIDGES else 0)) > before:
+            before = grown
             self._pass(stage, rng, progress)
 
     def _pass(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
@@ -275,3 +294,14 @@ class _BuildRun:
     def _enter(self, deltas: Sequence[GraphDelta]) -> None:
         self._deltas.extend(deltas)
         self.nodes.update((delta.node.id, None) for delta in deltas if isinstance(delta, NodeAdded))
+
+
+def _added_node(delta: GraphDelta) -> NodeId | None:
+    """Return the node that a delta adds, or from which it adds an edge."""
+    match delta:
+        case NodeAdded(node=node):
+            return node.id
+        case EdgeAdded(edge=edge):
+            return edge.source
+        case _:
+            return None

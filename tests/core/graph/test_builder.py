@@ -127,7 +127,7 @@ def test_a_start_that_touches_nothing_is_tried_again_elsewhere() -> None:
     predictor = Blind(one_room())
     deltas = build(images, KeyframeStore(predictor), predictor, ROBUST, StartsWithLast(len(images)))
     assert len(TopologicalGraph(deltas).nodes) > 10
-    once = replace(ROBUST, building=replace(ROBUST.building, restarts=0))
+    once = replace(ROBUST, building=replace(ROBUST.building, largest_piece=False))
     deltas = build(images, KeyframeStore(predictor), predictor, once, StartsWithLast(len(images)))
     assert list(TopologicalGraph(deltas).nodes) == [9000]
 
@@ -151,6 +151,14 @@ def test_two_unconnected_places_leave_one_of_them_in_reserve() -> None:
     sides = {frame >= 5000 for frame in graph.nodes}
     assert len(sides) == 1
     assert graph.reserve
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_larger_of_two_unconnected_places_is_kept_whatever_the_seed(seed: int) -> None:
+    images = [*tour([(0.7, 0.7), (2.3, 0.7)]), *tour([(5.3, 3.3), (4.0, 3.3)], first_step=5000)]
+    predictor = FlatPredictor(two_rooms(), sight_m=1.0)
+    deltas = build(images, KeyframeStore(predictor), predictor, ROBUST, np.random.default_rng(seed))
+    assert min(TopologicalGraph(deltas).nodes) >= 5000  # 66 of the 117 images.
 
 
 def test_an_empty_trajectory_is_refused() -> None:

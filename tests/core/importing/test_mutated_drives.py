@@ -1,0 +1,36 @@
+"""Drives of other programs with damage in them: imported or refused with a message, and nothing else is touched."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.core.importing.drives import write_tum_folder
+from tests.core.importing.lerobot import dataset_examples
+from tests.core.importing.mutations import Fate, judge_mutations
+from tests.core.importing.rosbag import bag_examples
+from tests.core.importing.rtabmap import database_examples
+from tests.core.importing.test_opennavmap_reader import write_map
+from tests.core.importing.test_video_reader import write_video
+from tests.core.importing.test_vint_reader import write_folder
+
+
+def write_drives(folder: Path) -> Path:
+    """Write a small drive in each format."""
+    folder.mkdir()
+    write_tum_folder(folder / "tum")
+    dataset_examples.write_dataset(folder / "lerobot", [4])
+    for kind in ("mcap", "sqlite3", "bag"):
+        bag_examples.straight_drive(folder / (f"ros1.{kind}" if kind == "bag" else kind), kind, frames=4)
+    database_examples.write_database(folder / "rtabmap.db", database_examples.straight_drive())
+    write_map(folder / "opennavmap")
+    write_video(folder / "phone.mp4")
+    write_folder(folder / "vint")
+    return folder
+
+
+@pytest.mark.slow
+def test_a_damaged_drive_is_imported_or_refused_and_nothing_else_is_touched(tmp_path: Path) -> None:
+    drives = write_drives(tmp_path / "drives")
+    judged = list(judge_mutations(drives, tmp_path / "scratch", seed=5, first=0, count=60))
+    assert [each for each in judged if each.fate not in (Fate.IMPORTED, Fate.REFUSED)] == []
+    assert len({each.fate for each in judged}) == 2

@@ -55,6 +55,16 @@ class MovingFrame:
         """Stamp of the last pose; minus infinity without any."""
         return self._stamps[-1] if self._stamps else float("-inf")
 
+    @property
+    def count(self) -> int:
+        """How many poses are known."""
+        return len(self._stamps)
+
+    @property
+    def last(self) -> Transform:
+        """The last pose; there must be one."""
+        return self._poses[-1]
+
     def add(self, stamp: float, pose: Transform) -> bool:
         """Take in a pose; False where it is not newer than the last, and thus left out."""
         if stamp <= self.newest_s:

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ltvn_core.recording.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
+from ltvn_core.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
 from ltvn_core.recording.sorbet_schema import SorbetSchema, as_rerun_merges
 
 _LOG = logging.getLogger(__name__)

@@ -11,9 +11,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ltvn_core.protobuf_fields import bytes_field_start
 from ltvn_core.recording import rrd_framing
 from ltvn_core.recording.chunk_table import ChunkPlace, ChunkTable
-from ltvn_core.recording.protobuf_fields import bytes_field_start
 from ltvn_core.recording.rrd_framing import EndMessage, MessageSum, Tail
 
 _MAGIC = b"LTVNEND1"

@@ -14,11 +14,11 @@ import pyarrow as pa
 import rerun as rr
 
 from ltvn_core.errors import RecordingError
+from ltvn_core.protobuf_fields import bytes_field, read_fields
 from ltvn_core.recording import schema
 from ltvn_core.recording.closing_record import ClosingRecord
 from ltvn_core.recording.message_search import FoundMessages, find_messages
 from ltvn_core.recording.metadata import RecordingMetadata, package_versions, read_schema_version
-from ltvn_core.recording.protobuf_fields import bytes_field, read_fields
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.reading_trial import reading_failure, unreadable_messages
 from ltvn_core.recording.rrd_contents import (

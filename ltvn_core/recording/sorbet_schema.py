@@ -12,8 +12,8 @@ import pyarrow as pa
 import rerun as rr
 from rerun.chunk import Chunk
 
+from ltvn_core.protobuf_fields import bytes_fields
 from ltvn_core.recording import schema
-from ltvn_core.recording.protobuf_fields import bytes_fields
 from ltvn_core.recording.rrd_framing import END_KIND, HEADER_BYTES, MESSAGE_HEADER
 
 _KIND, _STATIC, _EMPTY = b"rerun:kind", b"rerun:is_static", b"rerun:is_semantically_empty"

@@ -37,6 +37,7 @@ FOUNDATION = (
     "palette",
     "plugins",
     "preprocessing",
+    "protobuf_fields",
     "cameras",
     "robots",
     "worlds",

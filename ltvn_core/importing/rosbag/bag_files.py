@@ -1,8 +1,8 @@
 """The files of a bag as one stream of messages in the order of recording, whatever ROS wrote them.
 
 Owns opening, the order of files, the limits of memory, and turning each failure of the library into one clear line.
-Messages have ROS's own types, which `rosbags` brings along: definitions that lie in the file are never read, because
-the library makes code of them.
+The types of messages are known beforehand, most of them from `rosbags`: definitions that lie in the file are never
+read, because the library makes code of them.
 """
 
 import os
@@ -18,8 +18,6 @@ from typing import Any, NamedTuple
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.rosbag.bounded_decompression import (
@@ -29,7 +27,8 @@ from ltvn_core.importing.rosbag.bounded_decompression import (
     decompress_message,
 )
 from ltvn_core.importing.rosbag.file_names import COMPRESSED, SUFFIXES, named_as_bag, plain_suffix
-from ltvn_core.importing.rosbag.foreign_channels import foreign_encoding, require_ros2, tolerate_foreign_channels
+from ltvn_core.importing.rosbag.foreign_channels import refuse_ros1, tolerate_foreign_channels
+from ltvn_core.importing.rosbag.message_forms import MessageReader, Written
 
 _NANOSECONDS = 1e-9
 _MAGICS = {".mcap": b"\x89MCAP0\r\n", ".bag": b"#ROSBAG V", ".db3": b"SQLite format 3\0"}
@@ -38,7 +37,6 @@ _MAX_OVERLAPPING_BYTES = 2**30
 """Chunks of an MCAP whose times overlap are in memory together."""
 _MAX_RATIO = 1000
 """Images do not compress so well; a file that unpacks to more was made to fill the disk."""
-_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 
 
 class RawMessage(NamedTuple):
@@ -46,10 +44,12 @@ class RawMessage(NamedTuple):
 
     topic: str
     msgtype: str
-    """As `nav_msgs/msg/Odometry`."""
+    """As `nav_msgs/msg/Odometry`: of ROS, also where it was written in another form."""
     log_s: float
     """When it was recorded, in seconds."""
     data: bytes
+    written: Written
+    """How it is to be decoded."""
 
 
 @dataclass(slots=True)
@@ -58,6 +58,9 @@ class BagTopic:
 
     name: str
     msgtype: str
+    """The type of ROS as which its messages are read."""
+    written: Written
+    """How they lie in the file."""
     count: int = 0
     """Messages."""
 
@@ -72,11 +75,11 @@ class BagFiles:
         self.path = path
         self.topics: dict[str, BagTopic] = {}
         self.foreign: dict[str, str] = {}
-        """Topics that cannot be read, and how their messages are encoded."""
+        """Topics that are not read, and how their messages are encoded."""
         self.duration_s = 0.0
         """From the first message to the last."""
         self._files = bag_files(path)
-        self._typestore = _typestore(ros1=self._files[0].suffix == ".bag")
+        self._reader = MessageReader(ros1=self._files[0].suffix == ".bag")
         begin, end = float("inf"), float("-inf")
         for file in self._files:
             with _opened(file) as reader:
@@ -90,8 +93,7 @@ class BagFiles:
         """Yield the messages of some topics as they were recorded. Raises DriveError where the bag is damaged."""
         for file in self._files:
             with _opened(file) as reader:
-                readable = [each for each in reader.connections if not foreign_encoding(each)]
-                wanted = [each for each in readable if each.topic in topics]
+                wanted = [each for each in reader.connections if each.topic in topics and self._is_read(each)]
                 stream = reader.messages(connections=wanted) if wanted else iter(())
                 while True:
                     with _explained(file):
@@ -104,20 +106,25 @@ class BagFiles:
     def decode(self, message: RawMessage) -> Any:
         """Return the fields of a message as an object of its type. Raises DriveError where it is damaged."""
         try:
-            if self._files[0].suffix == ".bag":
-                return self._typestore.deserialize_ros1(message.data, message.msgtype)
-            return self._typestore.deserialize_cdr(message.data, message.msgtype)
+            return self._reader.read(message.data, message.written)
         except Exception as error:  # The library reads lengths from the message and trusts them.
             raise DriveError(
-                f"{self.path}: a message of {message.topic} is no {message.msgtype} ({_said(error)})."
+                f"{self.path}: a message of {message.topic} is no {message.written.schema} ({_said(error)})."
             ) from error
 
     def _count(self, connections: Collection[Connection]) -> None:
         for each in connections:
-            if encoding := foreign_encoding(each):
-                self.foreign[each.topic] = encoding
+            written = Written.of(each)
+            if written.msgtype is None:
+                self.foreign[each.topic] = written.encoding
                 continue
-            self.topics.setdefault(each.topic, BagTopic(each.topic, each.msgtype)).count += each.msgcount
+            topic = self.topics.setdefault(each.topic, BagTopic(each.topic, written.msgtype, written))
+            topic.count += each.msgcount * self._is_read(each)
+
+    def _is_read(self, connection: Connection) -> bool:
+        """Tell whether a channel is of the type that the first channel of its topic has; of others none is used."""
+        topic = self.topics.get(connection.topic)
+        return topic is not None and Written.of(connection).msgtype == topic.msgtype
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -146,7 +153,7 @@ def _opened(file: Path) -> Iterator[Reader1 | Reader2]:
             if file.suffix == COMPRESSED:
                 file = _decompressed(file, Path(stack.enter_context(TemporaryDirectory())))
         if file.suffix == ".mcap":
-            require_ros2(file)
+            refuse_ros1(file)
         with _explained(file):
             reader = Reader1(file) if file.suffix == ".bag" else Reader2(file)
             stack.enter_context(reader)
@@ -196,7 +203,8 @@ def _raw_message(connection: Connection, time_ns: int, data: bytes) -> RawMessag
         data = decompress_message(data)
     if len(data) > MAX_CHUNK_BYTES:
         raise DriveError(f"a message of {connection.topic} has {len(data):,} bytes, more than any image")
-    return RawMessage(connection.topic, connection.msgtype, time_ns * _NANOSECONDS, data)
+    written = Written.of(connection)
+    return RawMessage(connection.topic, str(written.msgtype), time_ns * _NANOSECONDS, data, written)
 
 
 @contextmanager
@@ -236,11 +244,3 @@ def _remedy(file: Path, error: Exception) -> str:
 def _said(error: Exception) -> str:
     words = " ".join(str(error).split()).rstrip(".")
     return f"{words or type(error).__name__:.200}"
-
-
-def _typestore(*, ros1: bool) -> Typestore:
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
-    if ros1:
-        for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):
-            store.register(get_types_from_msg(_TRANSFORMS, name))
-    return store

@@ -3,6 +3,7 @@
 Owns the look before the reading, and how stamps, poses and frames are taken out of ROS's messages. No image is decoded.
 """
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,7 +22,7 @@ POSES = (
 )
 """Types of messages that say where the robot is."""
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-STATIC = "tf_static"
+_STATIC = re.compile(r"static[^/]*$", re.IGNORECASE)
 _SURVEY_S = (1.0, 20.0)
 """The beginning of a bag: at least so long, and at most where a topic keeps silent."""
 
@@ -54,6 +55,8 @@ def survey(files: BagFiles) -> BagSurvey:
             break
         if raw.msgtype in TRANSFORMS or raw.topic not in found.earliest_s:
             _take(found, raw, files.decode(raw))
+    if any(topic.written.foxglove for topic in files.topics.values() if topic.msgtype in TRANSFORMS):
+        found.tree.settle()
     return found
 
 
@@ -67,10 +70,15 @@ def add_transforms(tree: TransformTree, message: Any, raw: RawMessage, *, by_log
         pose = transform(*ros_pose(each))
         if pose is None or child == skip or not child or not parent:
             continue
-        if raw.topic.endswith(STATIC):
+        if is_static(raw.topic):
             tree.add_fixed(parent, child, pose)
         else:
             tree.add_moving(parent, child, raw.log_s if by_log else stamp_s(each), pose)
+
+
+def is_static(topic: str) -> bool:
+    """Tell whether a topic says of frames where they are for good: `/tf_static`, or `/static_transforms`."""
+    return _STATIC.search(topic) is not None
 
 
 def ros_pose(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:

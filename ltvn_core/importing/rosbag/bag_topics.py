@@ -12,6 +12,8 @@ from ltvn_core.errors import DriveError
 from ltvn_core.importing.raw_frame import ReadOptions
 from ltvn_core.importing.rosbag.bag_files import BagFiles
 from ltvn_core.importing.rosbag.bag_survey import ODOMETRY, POSES, BagSurvey
+from ltvn_core.importing.rosbag.message_forms import POSE_IN_FRAME
+from ltvn_core.importing.rosbag.video_formats import is_depth_video, is_video
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, has_sixteen_bits, shows_depth
 
@@ -20,7 +22,7 @@ FROM_TREE = "tf"
 NOTHING = "none"
 """What an option says for leaving a stream out."""
 
-_SUFFIXES = re.compile(r"/(compressed|compressedDepth)$")
+_SUFFIXES = re.compile(r"/(compressed|compressedDepth|ffmpeg|foxglove)$")
 _TRUTH = re.compile(r"(^|[/_])(ground_?truth|gt|mocap|vicon|optitrack|qualisys)([/_]|$)", re.IGNORECASE)
 _DEPTH = re.compile(r"depth", re.IGNORECASE)
 _COLOURS_BY_DEPTH = re.compile(r"(colou?r|rgb)\w*_to_depth|depth_?cam", re.IGNORECASE)
@@ -46,6 +48,8 @@ class ChosenTopics:
     """Topics that could be depth and are not used."""
     lost_depths: tuple[str, ...] = ()
     """Topics that are called depth and hold none, where no other is there."""
+    depth_videos: tuple[str, ...] = ()
+    """Topics with depth as video, which is not read, where no other is there."""
 
     def roles(self) -> dict[str, str]:
         """Return what each topic is used for."""
@@ -67,13 +71,17 @@ class ChosenTopics:
 def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> ChosenTopics:
     """Return the topics of the drive. Raises DriveError that lists what there is, where nothing or too much fits."""
     images = _named(files, IMAGE, COMPRESSED_IMAGE)
+    depth_videos = tuple(name for name in images if _is_depth_video(name, found))
+    if options.depth is not None and options.depth.lstrip("/") in [name.lstrip("/") for name in depth_videos]:
+        raise DriveError(f"{files.path}: {video_depth_text(options.depth)} `--depth none` leaves depth out.")
+    images = [name for name in images if name not in depth_videos]
     depths = [name for name in images if _is_depth(name, found)]
     depth = None if options.depth == NOTHING else _asked(files, options.depth, "--depth", images)
     rgb = _asked(files, options.rgb, "--rgb", images) or _colour(images, {*depths, depth}, found, files)
     if depth is None and options.depth != NOTHING:
         depth = _depth([name for name in depths if name != rgb], rgb)
     infos = _named(files, CAMERA_INFO)
-    odometry, truth = _poses(files, options)
+    odometry, truth = _poses(files, found, options)
     unused = [name for name in images if depth is None and name != rgb]
     possible = tuple(name for name in unused if _could_be_depth(name, found))
     lost = tuple(name for name in unused if _is_called_depth(name) and name not in possible)
@@ -86,6 +94,15 @@ def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> Ch
         depth_info=None if depth is None else _info_beside(depth, infos, images),
         unused_depths=possible,
         lost_depths=() if possible or options.depth == NOTHING else lost,
+        depth_videos=() if depth is not None or options.depth == NOTHING else depth_videos,
+    )
+
+
+def video_depth_text(topic: str) -> str:
+    """Return what there is to say of a topic with depth as video."""
+    return (
+        f"{topic} is depth as a video, which is not read, so it is not used. Record the depth images as they are "
+        "(16UC1 or 32FC1), or write them again by `ros2 run image_transport republish`."
     )
 
 
@@ -106,6 +123,15 @@ def _could_be_depth(name: str, found: BagSurvey) -> bool:
     return _is_depth(name, found) or (sample is not None and has_sixteen_bits(sample))
 
 
+def _format(name: str, found: BagSurvey) -> str:
+    return str(getattr(found.samples.get(name), "format", ""))
+
+
+def _is_depth_video(name: str, found: BagSurvey) -> bool:
+    form = _format(name, found)
+    return is_depth_video(form) or (is_video(form) and _is_called_depth(name))
+
+
 def _is_called_depth(name: str) -> bool:
     return _DEPTH.search(name) is not None and _COLOURS_BY_DEPTH.search(name) is None
 
@@ -122,12 +148,14 @@ def _asked(files: BagFiles, name: str | None, option: str, candidates: Sequence[
 def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSurvey, files: BagFiles) -> str:
     colours = [name for name in images if name not in depths]
     if not colours:
-        kinds = sorted({topic.msgtype for topic in files.topics.values()})
+        kinds = sorted({topic.written.schema for topic in files.topics.values()})
         foreign = [f"{name} ({encoding})" for name, encoding in files.foreign.items()]
-        left_out = f"; not encoded as ROS 2 does (cdr), and thus left out, are {_listed(foreign)}" if foreign else ""
+        left_out = (
+            f"; in encodings or schemas that are not read, and thus left out, are {_listed(foreign)}" if foreign else ""
+        )
         raise DriveError(
-            f"{files.path} has no colour images: expected a topic of type {IMAGE} or {COMPRESSED_IMAGE}, found "
-            f"{_listed(kinds)}{left_out}."
+            f"{files.path} has no colour images: expected a topic of type {IMAGE} or {COMPRESSED_IMAGE}, or of "
+            f"Foxglove's images or videos, found {_listed(kinds)}{left_out}."
         )
     best = min(map(_colour_rank, colours))
     equal = [name for name in colours if _colour_rank(name) == best]
@@ -135,8 +163,9 @@ def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSur
         possible = [name for name in equal if _could_be_depth(name, found)]
         hint = f"; of 16 bits, and perhaps depth for --depth, are: {_listed(possible)}" if possible else ""
         raise DriveError(f"{files.path} has several cameras; choose one by --rgb: {_listed(equal)}{hint}.")
-    # Of one camera: rectified images before raw ones, and the shortest name, which is not compressed.
-    return min(equal, key=lambda name: ("rect" not in name, len(name), name))
+    # Of one camera: images before video, which was compressed more, rectified ones before raw ones, and the shortest
+    # name, which is not compressed.
+    return min(equal, key=lambda name: (is_video(_format(name, found)), "rect" not in name, len(name), name))
 
 
 def _colour_rank(name: str) -> int:
@@ -186,7 +215,7 @@ def _around(info: str, images: Collection[str]) -> str | None:
     return None if any(name.startswith(f"{own}/") for name in images) else own.rpartition("/")[0]
 
 
-def _poses(files: BagFiles, options: ReadOptions) -> tuple[str | None, str | None]:
+def _poses(files: BagFiles, found: BagSurvey, options: ReadOptions) -> tuple[str | None, str | None]:
     """Return the topics of odometry and of ground truth."""
     poses = _named(files, *POSES)
     truths = [name for name in poses if _TRUTH.search(name) and name != options.odometry]
@@ -196,6 +225,9 @@ def _poses(files: BagFiles, options: ReadOptions) -> tuple[str | None, str | Non
     if (asked := _asked(files, options.odometry, "--odometry", [*poses, FROM_TREE, NOTHING])) is not None:
         return asked, truth
     candidates = [name for name in _named(files, ODOMETRY) if name not in truths]
+    if not candidates and not found.tree.motions:  # Foxglove has no odometry; a pose is of the robot or of a goal.
+        candidates = [name for name in poses if files.topics[name].written.foxglove == POSE_IN_FRAME]
+        candidates = [name for name in candidates if name not in truths]
     best = [name for name in candidates if name.endswith("/odom")] or candidates
     if len(best) > 1:
         raise DriveError(f"{files.path} has several odometries; choose one by --odometry: {_listed(best)}.")

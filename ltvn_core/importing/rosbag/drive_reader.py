@@ -13,19 +13,21 @@ from ltvn_core.importing.moving_frame import MovingFrame, transform
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.rosbag.bag_files import BagFiles, RawMessage
 from ltvn_core.importing.rosbag.bag_survey import (
-    STATIC,
     TRANSFORMS,
     BagSurvey,
     add_transforms,
     frame_name,
+    is_static,
     ros_pose,
     stamp_s,
     survey,
 )
-from ltvn_core.importing.rosbag.bag_topics import NOTHING, ChosenTopics, choose_topics
+from ltvn_core.importing.rosbag.bag_topics import NOTHING, ChosenTopics, choose_topics, video_depth_text
 from ltvn_core.importing.rosbag.camera_rig import CameraRig, FrameEdge, find_rig, robot_frame
 from ltvn_core.importing.rosbag.frame_decoder import FrameDecoder
 from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage, StampMatcher
+from ltvn_core.importing.rosbag.video_formats import is_video
+from ltvn_core.importing.rosbag.video_stream import DAMAGED, VideoStream
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.types import Pose
 
@@ -39,7 +41,6 @@ _MOST_DOUBTS = 10
 
 NO_POSE = "no pose of that moment"
 NO_DEPTH = "no depth image of that moment"
-DAMAGED = "damaged image"
 NOT_LATER = "not later than the image before"
 
 
@@ -63,14 +64,18 @@ class BagDrive:
         self._rig = self._find_rig()
         self._decoder = FrameDecoder(topics, self._samples, self._tree, self._rig, options=options, doubt=self._doubt)
         self._last_stamp = float("-inf")
+        self._video = self._video_of(self._samples.get(topics.rgb))
         if files.foreign:
             said = ", ".join(f"{name} ({encoding})" for name, encoding in [*files.foreign.items()][:_MOST_DOUBTS])
-            self._doubt(f"Topics that are not encoded as ROS 2 does (cdr) are left out: {said}.")
+            self._doubt(f"Topics in encodings or schemas that are not read are left out: {said}.")
         for name in topics.lost_depths:
             self._doubt(
                 f"{name} is called depth, but its images have 8 bits, in which no distances fit, so it is not used. "
                 "Record the depth images as they are (16UC1 or 32FC1), or the topic that ends in /compressedDepth."
             )
+
+        for name in topics.depth_videos:
+            self._doubt(video_depth_text(name))
 
     @property
     def facts(self) -> DriveFacts:
@@ -120,6 +125,8 @@ class BagDrive:
         for raw in self._files.messages({*self._topics.roles(), *self._transform_topics()}):
             self._take(raw, matcher)
             yield from matcher.ready(raw.log_s)
+        for picture in [] if self._video is None else self._video.rest():
+            matcher.add_colours(picture)
         yield from matcher.ready(float("inf"))
 
     def _take(self, raw: RawMessage, matcher: StampMatcher) -> None:
@@ -130,13 +137,33 @@ class BagDrive:
             return
         image = PendingImage(self._stamp(message, raw), raw.log_s, message, len(raw.data))
         if raw.topic == self._topics.rgb:
-            matcher.add_colours(image)
+            self._take_colours(image, matcher)
         elif raw.topic == self._topics.depth:
             matcher.add_depth(image)
         elif raw.topic in (self._topics.odometry, self._topics.truth):
             self._take_pose(raw.topic, message, image.stamp)
         else:
             self._samples.setdefault(raw.topic, message)
+
+    def _take_colours(self, image: PendingImage, matcher: StampMatcher) -> None:
+        if self._video is None and self._topics.rgb not in self._samples:  # It kept silent at the beginning.
+            self._samples.setdefault(self._topics.rgb, image.message)
+            self._video = self._video_of(image.message)
+        for each in [image] if self._video is None else self._video.pictures(image):
+            matcher.add_colours(each)
+
+    def _video_of(self, message: Any) -> VideoStream | None:
+        """Return the decoder of the colours where they are a video. Raises DriveError, and MissingLibraryError."""
+        form = str(getattr(message, "format", ""))
+        return VideoStream(self._topics.rgb, form, self._drop_packet) if is_video(form) else None
+
+    def _drop_packet(self, reason: str) -> None:
+        self.dropped[reason] += 1
+        if reason == DAMAGED:
+            self._doubt(
+                f"Packets of the video {self._topics.rgb} are damaged; images from there up to the next key frame are "
+                "left out. Have the encoder send key frames more often."
+            )
 
     def _stamp(self, message: Any, raw: RawMessage) -> float:
         """Return the stamp of a message, or when it was recorded where it has none."""
@@ -209,9 +236,7 @@ class BagDrive:
         return True
 
     def _has_clocks_apart(self, ahead_s: Mapping[str, float]) -> bool:
-        moving = (
-            [] if self._topics.odometry else [name for name in self._transform_topics() if not name.endswith(STATIC)]
-        )
+        moving = [] if self._topics.odometry else [name for name in self._transform_topics() if not is_static(name)]
         used = [ahead_s[topic] for topic in (*self._topics.moments(), *moving) if topic in ahead_s]
         if not used or max(used) - min(used) < _CLOCKS_APART_S:
             return False

@@ -19,6 +19,7 @@ from ltvn_core.importing.rosbag.camera_rig import CameraRig
 from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage
 from ltvn_core.importing.rosbag.lens_doubt import lens_doubt
 from ltvn_core.importing.rosbag.transform_tree import TransformTree
+from ltvn_core.importing.rosbag.video_stream import VideoPicture
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, has_metres
@@ -63,11 +64,12 @@ class FrameDecoder:
     def decode(self, matched: MatchedImages, moment: FrameMoment) -> RawFrame:
         """Return the frame of a moment. Raises DriveError where an image is damaged or no camera fits it."""
         name = f"{self._topics.rgb} at {moment.stamp:.3f}"
-        rgb = decode_colours(matched.colours.message, name)
+        image = matched.colours.message
+        rgb = image.colours() if isinstance(image, VideoPicture) else decode_colours(image, name)
         lens = self._colour_lens(rgb, name)
         depth, depth_lens = None, None
         if matched.depth is not None:
-            depth, depth_lens = self._depth(matched.depth, lens, frame_name(matched.colours.message.header.frame_id))
+            depth, depth_lens = self._depth(matched.depth, lens, frame_name(image.header.frame_id))
         return RawFrame(
             stamp=moment.stamp,
             rgb=rgb,

@@ -11,6 +11,8 @@ from ltvn_core.importing.moving_frame import MovingFrame, Transform, inverse
 
 _DEEPEST = 64
 """Robots have a dozen frames between the ground and a camera; more is a circle."""
+_SAID_OFTEN = 3
+"""Poses of a frame that moves, while another was said once and for all."""
 _MOST_FRAMES = 10_000
 """So many frames has no robot; further ones are not taken in."""
 
@@ -23,6 +25,8 @@ class TransformTree:
         self._parents: dict[str, str] = {}
         self._fixed: dict[str, Transform] = {}
         self._moving: dict[str, MovingFrame] = {}
+        self._settled: set[str] = set()
+        """Frames that are fixed because they were said once, as long as nobody says otherwise."""
 
     def add_fixed(self, parent: str, child: str, pose: Transform) -> None:
         """Hang a frame onto another for good."""
@@ -34,6 +38,9 @@ class TransformTree:
         """Say where a frame is in another at a moment."""
         if parent == child or len(self._parents) >= _MOST_FRAMES:
             return
+        if child in self._settled and self._parents[child] == parent and np.allclose(self._fixed[child], pose):
+            return
+        self._settled.discard(child)
         if (held := self._fixed.pop(child, None)) is not None and self._parents[child] not in self._parents:
             # What the frame hung on hangs on it from now on: `base_link` below a `base_footprint` that moves.
             self._fixed[self._parents[child]] = inverse(held)
@@ -42,6 +49,16 @@ class TransformTree:
             self._parents[child] = parent
             self._moving[child] = MovingFrame()
         self._moving.setdefault(child, MovingFrame()).add(stamp, pose)
+
+    def settle(self) -> None:
+        """Fix the frames of which one pose was said while others were said again and again.
+
+        In Foxglove's files a pose holds until the next one; in ROS's it is of its moment.
+        """
+        if any(moving.count >= _SAID_OFTEN for moving in self._moving.values()):
+            for child in [child for child, moving in self._moving.items() if moving.count == 1]:
+                self._fixed[child] = self._moving.pop(child).last
+                self._settled.add(child)
 
     @property
     def frames(self) -> set[str]:

@@ -12,12 +12,12 @@ import pytest
 from rerun.chunk import RrdReader
 
 from ltvn_core.errors import RecordingError
+from ltvn_core.protobuf_fields import bytes_fields, read_fields
 from ltvn_core.recording import chunk_table, rrd_framing, schema
 from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.info import read_info
 from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.joined_rows import joined_rows
-from ltvn_core.recording.protobuf_fields import bytes_fields, read_fields
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import read_store
 from tests.core.recording import example_recording

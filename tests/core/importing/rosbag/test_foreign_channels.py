@@ -60,14 +60,22 @@ def test_where_nothing_of_ros_2_is_left_the_error_names_what_is_there(tmp_path: 
         read(tmp_path / "drive")
 
 
-@pytest.mark.parametrize(("profile", "word"), [(b"ros1", "ROS 1"), (b"\0\0\0\0", "ros2 bag convert")])
-def test_a_file_of_another_profile_was_not_written_by_ros_2(tmp_path: Path, profile: bytes, word: str) -> None:
-    file = next(straight_drive(tmp_path / "drive", frames=1).glob("*.mcap"))
+def of_profile(folder: Path, profile: bytes) -> Path:
+    file = next(straight_drive(folder, frames=2).glob("*.mcap"))
     file.write_bytes(file.read_bytes().replace(b"\x04\x00\x00\x00ros2", b"\x04\x00\x00\x00" + profile, 1))
+    return file
 
-    with pytest.raises(DriveError, match=f"not written by ROS 2.*{word}") as caught:
-        read(file)
+
+def test_a_file_of_ros_1_in_mcap_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match=r"not written by ROS 2.*ROS 1") as caught:
+        read(of_profile(tmp_path / "drive", b"ros1"))
     assert "recover" not in str(caught.value)
+
+
+def test_a_file_of_no_profile_is_read_by_what_its_channels_say(tmp_path: Path) -> None:
+    frames, _ = read(of_profile(tmp_path / "drive", b"\0\0\0\0"))
+
+    assert [np.array_equal(frame.rgb, colours(number)) for number, frame in enumerate(frames)] == [True] * 2
 
 
 def test_only_a_file_that_was_cut_is_advised_to_be_recovered(tmp_path: Path) -> None:

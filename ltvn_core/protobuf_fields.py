@@ -1,10 +1,12 @@
-"""The few things that recordings need of protobuf: fields of numbers and of bytes. Owns no message."""
+"""The few things that recordings and bags need of protobuf: fields of numbers and of bytes. Owns no message."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
 _NUMBER, _EIGHT_BYTES, _BYTES, _FOUR_BYTES = 0, 1, 2, 5
 _FIXED_BYTES = {_EIGHT_BYTES: 8, _FOUR_BYTES: 4}
+_MOST_BITS = 64
+"""Of a number; a longer one would take time with the square of its length."""
 
 
 class Field(NamedTuple):
@@ -74,4 +76,6 @@ def _read_varint(message: bytes, place: int) -> tuple[int, int]:
         place, shift = place + 1, shift + 7
         if byte < 0x80:
             return number, place
+        if shift >= _MOST_BITS:
+            raise ValueError("a protobuf number of more than 64 bits")
     raise ValueError("a protobuf number goes on behind the end of its message")

@@ -11,6 +11,12 @@ from ltvn_core.errors import DriveError
 MOST_IMAGE_BYTES = 200_000_000
 """No single image is so large."""
 
+_POINTER = b"version https://git-lfs"
+"""So a file begins that Git LFS wrote in place of one that was not fetched."""
+_LONGEST_POINTER = 1024
+_ATTRIBUTES = ".gitattributes"
+_MOST_ATTRIBUTES = 1_000_000
+
 
 def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
     """Return the bytes of a plain file.
@@ -21,7 +27,7 @@ def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
         what: What messages call something that is never longer, as "image".
 
     Raises:
-        DriveError: It is too long, or no plain file.
+        DriveError: It is too long, no plain file, or only a pointer of Git LFS.
         OSError: It cannot be read.
     """
     require_plain(path)
@@ -31,10 +37,31 @@ def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
 
 
 def require_plain(path: Path) -> None:
-    """Raise DriveError for a pipe, a device or their like; OSError where nothing is there."""
-    mode = path.stat().st_mode
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # Of a folder the system itself says that it is one.
+    """Raise DriveError for a pipe, a device or their like, and for a pointer of Git LFS; OSError where nothing is."""
+    found = path.stat()
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):  # Of a folder the system says that it is one.
         raise DriveError(f"{path} is a pipe or a device, not a file, and is not read.")
+    if stat.S_ISREG(found.st_mode) and found.st_size <= _LONGEST_POINTER and _begins_as_pointer(path):
+        raise DriveError(
+            f"{path} is only a pointer of Git LFS, not the file itself; run `git lfs pull` in {path.parent}."
+        )
+
+
+def is_from_lfs(folder: Path) -> bool:
+    """Tell whether a folder keeps files in Git LFS, as its `.gitattributes` or that of a folder above says."""
+    try:
+        root = next((each for each in (folder, *folder.resolve().parents) if (each / ".git").exists()), folder)
+        for path in {folder / _ATTRIBUTES, root / _ATTRIBUTES}:
+            if path.is_file() and path.stat().st_size < _MOST_ATTRIBUTES and b"filter=lfs" in path.read_bytes():
+                return True
+    except OSError:
+        return False
+    return False
+
+
+def _begins_as_pointer(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(_POINTER)) == _POINTER
 
 
 def require_within(path: Path, folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Reads one episode of a LeRobotDataset (version 3) as a drive: images, depth where there is any, the robot's pose."""
+"""Reads one episode of a LeRobotDataset (version 2 or 3) as a drive: images, depth if there is any, the robot's pose."""
 
 import math
 import re
@@ -13,7 +13,9 @@ import numpy as np
 from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
 from ltvn_core.errors import DriveError
 from ltvn_core.extras import naming_the_extra
-from ltvn_core.importing.lerobot.dataset import INFO, Episode, Feature, LerobotDataset
+from ltvn_core.importing.foreign_files import read_bytes_within
+from ltvn_core.importing.lerobot.dataset import INFO, Feature, LerobotDataset
+from ltvn_core.importing.lerobot.layouts import Episode
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.types import Depth, Pose, Rgb
@@ -91,7 +93,7 @@ class LerobotReader:
 
     def _frame(self, stamp: float, row: Mapping[str, Any], rgb: "_Video | None", depth: "_Video | None") -> RawFrame:
         name = f"{self._rgb.key} at {stamp:.3f}"
-        image = decode_colour(_blob(row, self._rgb), name) if rgb is None else rgb.colours(stamp)
+        image = decode_colour(self._blob(row, self._rgb), name) if rgb is None else rgb.colours(stamp)
         height, width = image.shape[:2]
         return RawFrame(
             stamp=stamp,
@@ -107,7 +109,21 @@ class LerobotReader:
             return None
         if video is not None:
             return video.metres(stamp)
-        return decode_depth(_blob(row, self._depth), self._depth.metres_per_unit, f"{self._depth.key} at {stamp:.3f}")
+        return decode_depth(
+            self._blob(row, self._depth), self._depth.metres_per_unit, f"{self._depth.key} at {stamp:.3f}"
+        )
+
+    def _blob(self, row: Mapping[str, Any], feature: Feature) -> bytes:
+        """Return a compressed image, which lies in the row, or in a file that the row names."""
+        cell = row[feature.key]
+        blob, path = (cell.get("bytes"), cell.get("path")) if isinstance(cell, dict) else (cell, None)
+        if isinstance(blob, bytes):
+            return blob
+        if not isinstance(path, str):
+            raise DriveError(f"{feature.key} holds no image.")
+        folder = f"images/{feature.key}/episode_{self._episode.number:06d}"
+        beside = f"{folder}/{Path(path).name}"
+        return read_bytes_within(self._dataset.folder, beside if (self._dataset.folder / beside).is_file() else path)
 
     def _pose(self, row: Mapping[str, Any]) -> Pose | None:
         if self._state is None:
@@ -182,7 +198,7 @@ class _Video:
         self._decoding = video_frames
         self._feature = feature
         self._period_s = 1 / dataset.fps
-        begin, end = (episode.seconds(f"videos/{feature.key}/{side}_timestamp") for side in ("from", "to"))
+        begin, end = dataset.video_span(feature.key, episode)
         self._part = video_frames.VideoPart(dataset.video(feature.key, episode), begin, end)
         self._images = video_frames.video_images(self._part, self._period_s)
         self._current: Any = None
@@ -206,11 +222,3 @@ class _Video:
         if self._current.stamp > stamp + self._period_s / 2:
             raise DriveError(f"{self._part.path} has no image at {stamp:.3f} s.")
         return self._current.frame
-
-
-def _blob(row: Mapping[str, Any], feature: Feature) -> bytes:
-    cell = row[feature.key]
-    blob = cell.get("bytes") if isinstance(cell, dict) else cell
-    if not isinstance(blob, bytes):
-        raise DriveError(f"{feature.key} holds no image.")
-    return blob

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import cast
 
 from ltvn_core.errors import DriveError, LtvnError
+from ltvn_core.importing.foreign_files import require_plain
 from ltvn_core.importing.raw_frame import DriveReader, ReaderClass, ReadOptions
 from ltvn_core.plugins import READERS, Plugin, find_plugins
 
@@ -60,6 +61,7 @@ def _recognised(path: Path) -> ReaderClass:
             return reader
     if broken:
         raise broken[0]
+    require_plain(path)  # A pointer of Git LFS is not recognised as what it stands for.
     raise DriveError(
         f"{path} is in no format that can be read ({', '.join(reader_names())}); name the file or folder of one drive, "
         "and the format by --format where it was not recognised."

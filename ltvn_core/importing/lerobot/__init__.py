@@ -1,1 +1,1 @@
-"""LeRobotDataset v3: rows in parquet files, images in videos or beside the rows."""
+"""LeRobotDataset v2 and v3: rows in parquet files, images in videos or beside the rows."""

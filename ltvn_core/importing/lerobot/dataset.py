@@ -1,10 +1,9 @@
 """The files of a LeRobotDataset: what it says of itself, its episodes, and their rows.
 
-Owns the layout of version 3. Every path that the data set names is looked up within its folder alone.
+Where the files of an episode are is in `layouts`. Every path that the data set names is looked up within its folder.
 """
 
 import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,20 +13,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.foreign_files import read_foreign, require_plain, require_within
+from ltvn_core.importing.foreign_files import is_from_lfs, read_foreign, require_plain, require_within
 from ltvn_core.importing.lerobot.depth_codes import DepthCodes
+from ltvn_core.importing.lerobot.layouts import Episode, Layout, LayoutV2, LayoutV3
 from ltvn_core.importing.lerobot.table_limits import rows_at_once
 
 INFO = "meta/info.json"
-DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-EPISODES = "meta/episodes"
 
 _MOST_BYTES = 20_000_000
-_MOST_EPISODES = 200_000
-_PLACE = re.compile(r"\{(chunk_index|file_index|video_key)(?::0?(\d)d)?\}")
-_MOST_CELLS = 20_000_000
-"""Of a table of episodes."""
+_LARGEST_CHUNK = 10**6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,31 +45,6 @@ class Feature:
         return self.dtype in ("video", "image")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Episode:
-    """One drive of the data set."""
-
-    number: int
-    length: int
-    """Rows."""
-    row: Mapping[str, Any]
-    """All that the data set says of it: which files, from when to when."""
-
-    def whole(self, name: str) -> int:
-        """Return a number of a file. Raises DriveError."""
-        value = self.row.get(name)
-        if not isinstance(value, int) or not 0 <= value < 10**6:
-            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is no number of a file.")
-        return value
-
-    def seconds(self, name: str) -> float:
-        """Return a moment of a video. Raises DriveError."""
-        value = self.row.get(name)
-        if not isinstance(value, int | float) or not 0 <= value < 10**7:
-            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is no time in a video.")
-        return float(value)
-
-
 class LerobotDataset:
     """A data set that was looked into. Raises DriveError where it is damaged or of another version."""
 
@@ -83,20 +52,25 @@ class LerobotDataset:
         """Read what it says of itself, and its episodes."""
         self.folder = folder
         self._info = _read_info(folder)
+        self._layout = _layout(folder, self._info)
         self.fps = _positive(self._info.get("fps"), "fps")
         features = self._info.get("features")
         if not isinstance(features, dict):
             raise DriveError(f"{folder / INFO} names no features.")
         self.features = {key: _feature(key, said) for key, said in features.items() if isinstance(said, dict)}
-        self.episodes = self._read_episodes()
+        self.episodes = self._layout.episodes()
 
     def video(self, key: str, episode: Episode) -> Path:
         """Return the file of a video."""
-        return self._within(self._info.get("video_path") or VIDEO_PATH, f"videos/{key}/", episode, key)
+        return self._within(self._layout.video(key, episode))
+
+    def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
+        """Return from when to when in that video the episode is, in seconds."""
+        return self._layout.video_span(key, episode)
 
     def rows(self, episode: Episode, columns: Sequence[str]) -> Iterator[Mapping[str, Any]]:
         """Yield the rows of an episode with some columns."""
-        path = self._within(self._info.get("data_path") or DATA_PATH, "data/", episode, "")
+        path = self._within(self._layout.table(episode))
         wanted = ["episode_index", *columns]
         try:
             with pq.ParquetFile(path) as file:
@@ -109,44 +83,23 @@ class LerobotDataset:
         except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
             raise _unreadable(path, error) from error
 
-    def _read_episodes(self) -> list[Episode]:
-        files = sorted((self.folder / EPISODES).glob("chunk-*/file-*.parquet"))
-        episodes: list[Episode] = []
-        for path in files:
-            self._check_within(path)
-            try:
-                with pq.ParquetFile(path) as file:
-                    names = _numeric_columns(file.schema_arrow)
-                    rows = file.metadata.num_rows
-                    if rows > _MOST_EPISODES or rows * len(names) > _MOST_CELLS:
-                        raise DriveError(f"{path} has {rows:,} episodes with {len(names):,} numbers each.")
-                    episodes += [_episode(row) for row in file.read(columns=names).to_pylist()]
-            except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
-                raise _unreadable(path, error) from error
-        if not episodes:
-            raise DriveError(f"{self.folder} has no episodes in {EPISODES}.")
-        return episodes
-
-    def _within(self, template: object, prefix: str, episode: Episode, key: str) -> Path:
-        values = {
-            "chunk_index": episode.whole(f"{prefix}chunk_index"),
-            "file_index": episode.whole(f"{prefix}file_index"),
-        }
-
-        def filled(place: re.Match[str]) -> str:
-            name, digits = place.groups()
-            return key if name == "video_key" else f"{values[name]:0{int(digits or 1)}d}"
-
-        path = self.folder / _PLACE.sub(filled, str(template))
-        self._check_within(path)
-        return path
-
-    def _check_within(self, path: Path) -> None:
+    def _within(self, name: str) -> Path:
+        """Return a file of the data set. Raises DriveError where it is elsewhere, missing or no plain file."""
+        path = self.folder / name
         require_within(path, self.folder)
         try:
             require_plain(path)
+        except FileNotFoundError as error:
+            missing = " ".join(name.split())
+            raise DriveError(f"{self.folder} lacks {missing!s:.160}. {self._how_to_get()}") from error
         except OSError as error:
             raise _unreadable(path, error) from error
+        return path
+
+    def _how_to_get(self) -> str:
+        if is_from_lfs(self.folder):
+            return f"It is kept in Git LFS: run `git lfs pull` in {self.folder}."
+        return "Copy the whole data set, with the folders data, meta and videos."
 
 
 def _read_info(folder: Path) -> Mapping[str, Any]:
@@ -155,22 +108,26 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
         info = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
     except (OSError, ValueError, RecursionError) as error:
         raise _unreadable(path, error) from error
-    if not isinstance(info, dict) or not str(info.get("codebase_version", "")).startswith("v3"):
-        version = info.get("codebase_version") if isinstance(info, dict) else None
-        raise DriveError(
-            f"{folder} is a LeRobotDataset of version {version!r:.20}, and v3 is read; convert it with LeRobot's own "
-            "lerobot.datasets.v30.convert_dataset_v21_to_v30."
-        )
+    if not isinstance(info, dict):
+        raise DriveError(f"{path} describes no data set; expected a JSON object.")
     return info
 
 
-def _numeric_columns(schema: pa.Schema) -> list[str]:
-    """Return the columns of single numbers; texts and lists say not where an episode is, and may be of any size."""
-    return [
-        each.name
-        for each in schema
-        if (pa.types.is_integer(each.type) or pa.types.is_floating(each.type)) and not each.name.startswith("stats/")
-    ]
+def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
+    """Return where the files of a data set are, by its version. Raises DriveError for versions that are not read."""
+    version = str(info.get("codebase_version", ""))
+    data, video = info.get("data_path"), info.get("video_path")
+    if version.startswith("v3"):
+        return LayoutV3(folder, data, video)
+    if version.startswith("v2"):
+        size = info.get("chunks_size", LayoutV2.CHUNK)
+        if not isinstance(size, int) or not 0 < size <= _LARGEST_CHUNK:
+            raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, and must be a number of episodes.")
+        return LayoutV2(folder, data, video, size)
+    raise DriveError(
+        f"{folder} is a LeRobotDataset of version {version!r:.20}, and versions 2.0, 2.1 and 3 are read; convert it "
+        "to one of these with a release of LeRobot that reads it."
+    )
 
 
 def _feature(key: str, said: Mapping[str, Any]) -> Feature:
@@ -203,13 +160,6 @@ def _names(said: object) -> tuple[str, ...]:
     if isinstance(said, dict):
         said = next(iter(said.values()), ())
     return tuple(map(str, said)) if isinstance(said, list) else ()
-
-
-def _episode(row: Mapping[str, Any]) -> Episode:
-    number, length = row.get("episode_index"), row.get("length")
-    if not isinstance(number, int) or not isinstance(length, int):
-        raise DriveError(f"An episode has the number {number!r:.20} and the length {length!r:.20}.")
-    return Episode(number=number, length=length, row=row)
 
 
 def _positive(value: object, name: str) -> float:

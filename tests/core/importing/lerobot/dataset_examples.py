@@ -1,4 +1,4 @@
-"""Small data sets in LeRobot's version 3, written by pyarrow and PyAV."""
+"""Small data sets in LeRobot's versions 2.1 and 3, written by pyarrow and PyAV."""
 
 import json
 from collections.abc import Sequence
@@ -95,6 +95,36 @@ def write_dataset(
     write_episodes(folder, lengths)
     said = {"codebase_version": "v3.0", "fps": FPS, "total_frames": count, "features": features, **(info or {})}
     (folder / "meta/info.json").write_text(json.dumps(said), encoding="utf-8")
+    return folder
+
+
+def write_dataset_v2(folder: Path, lengths: Sequence[int] = (6,), *, as_video: bool = True, **changed: Any) -> Path:
+    """Write a data set of version 2.1: a table and a video for each episode."""
+    kind = "video" if as_video else "image"
+    for episode, length in enumerate(lengths):
+        name = f"chunk-{episode // 2:03d}/episode_{episode:06d}"
+        images = [colours(episode + step) for step in range(length)]
+        columns: dict[str, Any] = {
+            "timestamp": pa.array([step / FPS for step in range(length)], pa.float32()),
+            "episode_index": [episode] * length,
+            STATE: pa.array(poses(length).tolist(), pa.list_(pa.float32(), 3)),
+        }
+        if as_video:
+            video = folder / f"videos/chunk-{episode // 2:03d}/{FRONT}/episode_{episode:06d}.mp4"
+            write_video(video, images, codec="libx264", pix_fmt="yuv420p")
+        else:
+            pictures = [cv2.imencode(".png", image[..., ::-1])[1].tobytes() for image in images]
+            columns[FRONT] = [{"bytes": picture, "path": None} for picture in pictures]
+        write_table(folder / f"data/{name}.parquet", columns)
+    features = {
+        FRONT: {"dtype": kind, "shape": [HEIGHT, WIDTH, 3], "info": {"video.is_depth_map": False}},
+        STATE: {"dtype": "float32", "shape": [3], "names": {"axes": ["x", "y", "yaw"]}},
+    }
+    said = {"codebase_version": "v2.1", "fps": FPS, "chunks_size": 2, "features": features, **changed}
+    (folder / "meta").mkdir(parents=True, exist_ok=True)
+    (folder / "meta/info.json").write_text(json.dumps(said), encoding="utf-8")
+    lines = [json.dumps({"episode_index": n, "tasks": ["drive"], "length": k}) for n, k in enumerate(lengths)]
+    (folder / "meta/episodes.jsonl").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder
 
 

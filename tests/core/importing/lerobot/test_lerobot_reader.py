@@ -1,4 +1,4 @@
-"""Data sets in LeRobot's version 3 come out as frames; damaged, foreign and hostile ones end in one clear error."""
+"""Data sets in LeRobot's versions 2 and 3 come out as frames; damaged and hostile ones end in one clear error."""
 
 import os
 from pathlib import Path
@@ -22,6 +22,7 @@ from tests.core.importing.lerobot.dataset_examples import (
     colours,
     poses,
     write_dataset,
+    write_dataset_v2,
     write_episodes,
 )
 from tests.platforms import needs_posix
@@ -93,9 +94,85 @@ def test_several_cameras_are_an_error_that_lists_them(tmp_path: Path) -> None:
         read(write_dataset(tmp_path / "set", info={"features": features}))
 
 
-def test_another_version_says_how_to_convert_it(tmp_path: Path) -> None:
-    with pytest.raises(DriveError, match=r"v2\.1.*convert"):
-        read(write_dataset(tmp_path / "set", info={"codebase_version": "v2.1"}))
+@pytest.mark.parametrize("version", ["v1.6", "v4.0", "", None])
+def test_a_version_that_is_not_read_is_named(tmp_path: Path, version: str | None) -> None:
+    with pytest.raises(DriveError, match=r"2\.0, 2\.1 and 3"):
+        read(write_dataset(tmp_path / "set", info={"codebase_version": version}))
+
+
+@pytest.mark.parametrize("as_video", [True, False])
+@pytest.mark.parametrize("version", ["v2.0", "v2.1"])
+def test_the_longest_episode_of_version_2_becomes_frames(tmp_path: Path, as_video: bool, version: str) -> None:
+    folder = write_dataset_v2(tmp_path / "set", (2, 3, 5), as_video=as_video, codebase_version=version)
+
+    frames, reader = read(folder)
+
+    assert [frame.stamp for frame in frames] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4], abs=1e-6)
+    assert np.allclose(np.array([frame.odometry for frame in frames], float), poses(5), atol=1e-6)
+    for step, frame in enumerate(frames):
+        assert np.abs(frame.rgb.astype(int) - colours(2 + step)).mean() < (6 if as_video else 0.1)
+    assert reader.dropped == {"of another episode": 5}
+
+
+def test_images_in_files_beside_the_rows_are_read(tmp_path: Path) -> None:
+    folder = write_dataset_v2(tmp_path / "set", (3,), as_video=False)
+    file = folder / "data/chunk-000/episode_000000.parquet"
+    table = pq.read_table(file)
+    images = folder / f"images/{FRONT}/episode_000000"
+    images.mkdir(parents=True)
+    for step, cell in enumerate(table[FRONT].to_pylist()):
+        (images / f"frame_{step:06d}.png").write_bytes(cell["bytes"])
+    paths = pa.array([{"bytes": None, "path": f"frame_{step:06d}.png"} for step in range(3)])
+    pq.write_table(table.drop_columns([FRONT]).append_column(FRONT, paths), file)
+
+    assert len(read(folder)[0]) == 3
+    outside = pa.array([{"bytes": None, "path": "/etc/passwd"}] * 3)
+    pq.write_table(table.drop_columns([FRONT]).append_column(FRONT, outside), file)
+    with pytest.raises(DriveError, match="outside"):
+        read(folder)
+
+
+@pytest.mark.parametrize(
+    "info",
+    [
+        {"video_path": "../{video_key}.mp4"},
+        {"data_path": "/etc/passwd"},
+        {"data_path": "{episode_index.__class__}/data"},
+        {"data_path": "{0.__init__.__globals__}"},
+        {"chunks_size": 0},
+        {"chunks_size": "many"},
+    ],
+)
+def test_what_version_2_says_of_its_files_is_not_believed(tmp_path: Path, info: dict[str, Any]) -> None:
+    with pytest.raises(DriveError) as caught:
+        read(write_dataset_v2(tmp_path / "set", **info))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("lines", ["", "{}", "[" * 100_000, '{"episode_index": -1, "length": 5}', "\0\n"])
+def test_a_list_of_episodes_that_is_none_ends_in_one_line(tmp_path: Path, lines: str) -> None:
+    folder = write_dataset_v2(tmp_path / "set")
+    (folder / "meta/episodes.jsonl").write_text(lines, encoding="utf-8")
+
+    with pytest.raises(DriveError) as caught:
+        read(folder)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "name", [f"videos/chunk-000/{FRONT}/episode_000000.mp4", "data/chunk-000/episode_000000.parquet"]
+)
+def test_files_that_git_lfs_keeps_are_named_so(tmp_path: Path, name: str) -> None:
+    folder = write_dataset_v2(tmp_path / "set")
+    (folder / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n", encoding="utf-8")
+    with pytest.raises(DriveError, match="git lfs pull"):
+        read(folder)
+    (folder / name).unlink()
+    with pytest.raises(DriveError, match=r"lacks .*episode_000000.*Copy the whole"):
+        read(folder)
+    (folder / ".gitattributes").write_text("*.mp4 filter=lfs diff=lfs merge=lfs -text\n", encoding="utf-8")
+    with pytest.raises(DriveError, match=r"lacks .*git lfs pull"):
+        read(folder)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Reads one episode of a LeRobotDataset (version 2 or 3) as a drive: images, depth if there is any, the robot's pose."""
+"""Reads one episode of a LeRobotDataset (version 2 or 3): images, depth if there is any, and the robot's pose."""
 
 import math
 import re

@@ -54,13 +54,22 @@ class PoseTrack:
     """Poses of a camera's optical frame over time."""
 
     def __init__(
-        self, stamps: NDArray[np.float64], positions: NDArray[np.float64], rotations: Rotation, doubt: str | None = None
+        self,
+        stamps: NDArray[np.float64],
+        positions: NDArray[np.float64],
+        rotations: Rotation,
+        doubt: str | None = None,
+        *,
+        up_axis: str | None = None,
     ) -> None:
-        """Take N stamps in rising order, positions (N, 3) in metres and as many rotations, optical to world."""
+        """Take N stamps in rising order, positions (N, 3) in metres and as many rotations, optical to world.
+
+        `up_axis` is "z" where the source says so; without, it is found out.
+        """
         self.stamps = stamps
         self.doubt = doubt
         """What is doubtful of its stamps."""
-        self.up_axis = _up_axis(rotations)
+        self.up_axis = up_axis or _up_axis(rotations)
         """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
         self._positions = positions if turn is None else turn.apply(positions)
@@ -95,11 +104,11 @@ class PoseTrack:
         return spatial_pose(self._positions[place], self._rotations[place].as_matrix())
 
 
-def stamped_lines(path: Path, *, least_columns: int) -> StampedLines:
+def stamped_lines(path: Path, *, least_columns: int, unit_s: float | None = None) -> StampedLines:
     """Return the lines of a text file as stamps and the words that follow, in the order of the stamps.
 
-    Lines that begin with # are comments. Stamps in thousandths of a second or less are turned into seconds. Raises
-    DriveError that names the first line that cannot be right.
+    Lines that begin with # are comments. Stamps are in units of `unit_s` seconds; without it, those in thousandths of a
+    second or less are recognised by their size. Raises DriveError that names the first line that cannot be right.
     """
     try:
         blob = read_foreign(path, most_bytes=_MOST_BYTES, what="list of images or poses")
@@ -121,7 +130,10 @@ def stamped_lines(path: Path, *, least_columns: int) -> StampedLines:
                 f"{line!s:.60}."
             )
         lines.append((stamp, words[1:]))
-    return _in_seconds(sorted(lines, key=lambda line: line[0]), path)
+    rows = sorted(lines, key=lambda line: line[0])
+    if unit_s is not None:
+        return StampedLines([(stamp * unit_s, words) for stamp, words in rows], None)
+    return _in_seconds(rows, path)
 
 
 def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines:

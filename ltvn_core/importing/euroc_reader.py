@@ -1,0 +1,213 @@
+"""Reads sequences in the ASL layout, as EuRoC's drone and TUM VI have it: `mav0/cam0/data/NANOSECONDS.png` and so on.
+
+`data.csv` lists the images, `sensor.yaml` says what the lens is and where the camera sits on the body, and
+`state_groundtruth_estimate0` holds poses of the body in a world whose z is up. Burri et al., IJRR 2016.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.encoded_images import decode_colour
+from ltvn_core.errors import CameraError, DriveError
+from ltvn_core.importing.calibration_yaml import CalibrationYaml
+from ltvn_core.importing.foreign_files import read_bytes_within
+from ltvn_core.importing.moving_frame import Transform, inverse
+from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
+from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.source_camera import fitted
+from ltvn_core.importing.stamp_matching import rate_hz
+
+DAMAGED = "damaged or missing image"
+TRUTHS = ("state_groundtruth_estimate0", "mocap0", "vicon0")
+"""Folders with poses, the best first."""
+
+_BODY, _FIRST = "mav0", "cam0"
+_LIST, _SENSOR, _IMAGES = "data.csv", "sensor.yaml", "data"
+_NANOSECOND = 1e-9
+_POSE_COLUMNS = 8
+_UNIT_TOLERANCE = 0.1
+_FISHEYES = ("equidistant", "kannala-brandt")
+_DISTORTIONS = ("radial-tangential", "radtan", "plumb_bob", "none", "")
+
+
+class EurocReader:
+    """A sequence in the ASL layout that is open for reading."""
+
+    def __init__(self, path: Path, options: ReadOptions) -> None:
+        """Read the lists, and no image yet. Raises DriveError."""
+        self._folder = _camera_folder(path, options.rgb)
+        self._body = self._folder.parent
+        self._images = _images(self._folder)
+        self.dropped: Counter[str] = Counter()
+        self.doubts: list[str] = []
+        sensor = self._folder / _SENSOR
+        said = CalibrationYaml(sensor) if sensor.is_file() else None
+        self._camera = options.camera or (None if said is None else self._lens(said))
+        camera_on_body = None if said is None else said.transform("T_BS")
+        self._truth, truth_name = self._read_truth(np.eye(4) if camera_on_body is None else camera_on_body)
+        self._doubt_times(truth_name)
+        stamps = [stamp for stamp, _ in self._images]
+        streams = [SourceFact("rgb", self._folder.name, len(stamps), rate_hz(stamps))]
+        if self._truth is not None:
+            found = self._truth.stamps
+            streams.append(SourceFact("truth", truth_name, len(found), rate_hz(found)))
+        place = self._body.resolve().parent.name if self._body.name == _BODY else self._body.resolve().name
+        self.facts = DriveFacts(format="euroc", frames=len(stamps), streams=streams, place=place)
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell whether a path is a folder in the ASL layout, or one camera of it; never raises."""
+        try:
+            return any(_is_camera(each) for each in (path / _BODY / _FIRST, path / _FIRST, path))
+        except OSError:
+            return False
+
+    @classmethod
+    def open(cls, path: Path, options: ReadOptions) -> Self:
+        """Open a sequence. Raises DriveError."""
+        return cls(path, options)
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the images of one camera with their true poses."""
+        return self.frames_where(lambda _: True)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames without those whose moment is not wanted, whose images are not read."""
+        for stamp, name in self._images:
+            found = None if self._truth is None else self._truth.at(stamp)
+            moment = FrameMoment(stamp) if found is None else FrameMoment(stamp, None, found.planar, found.tilt)
+            if not wanted(moment):
+                continue
+            try:
+                yield self._frame(moment, name)
+            except DriveError as error:
+                if not self.dropped[DAMAGED]:
+                    self.doubts.append(f"An image was left out: {error}")
+                self.dropped[DAMAGED] += 1
+
+    def _frame(self, moment: FrameMoment, name: str) -> RawFrame:
+        rgb = decode_colour(read_bytes_within(self._folder, name), name)
+        height, width = rgb.shape[:2]
+        return RawFrame(
+            stamp=moment.stamp,
+            rgb=rgb,
+            camera=None if self._camera is None else fitted(self._camera, width, height, name),
+            truth=moment.truth,
+            tilt=moment.tilt,
+            name=name,
+        )
+
+    def _lens(self, said: CalibrationYaml) -> CameraModel | None:
+        """Return the lens of a `sensor.yaml`, None where it is of a kind that is not read. Raises DriveError."""
+        model, distortion = said.word("camera_model").lower(), said.word("distortion_model").lower()
+        if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
+            self.doubts.append(
+                f"The lens in {_SENSOR} is of the kind {model} with {distortion or 'no distortion'}, which is not "
+                "read; name a pinhole lens by --camera."
+            )
+            return None
+        focal, size = said.numbers("intrinsics"), said.numbers("resolution")
+        try:
+            fx, fy, cx, cy = focal
+            width, height = (int(side) for side in size)
+            is_fisheye = distortion in _FISHEYES
+            coefficients = tuple(said.numbers("distortion_coefficients"))
+            return CameraModel(
+                width=width,
+                height=height,
+                fx=fx,
+                fy=fy,
+                cx=cx,
+                cy=cy,
+                distortion=coefficients if is_fisheye or any(coefficients) else (),
+                fisheye=is_fisheye,
+            )
+        except (ValueError, CameraError) as error:
+            raise DriveError(
+                f"{self._folder / _SENSOR} describes no camera ({error!s:.120}); it needs intrinsics fx, fy, cx, cy "
+                "and resolution in pixels. Mend it, or take it away and use --camera."
+            ) from error
+
+    def _read_truth(self, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:
+        """Return the poses of the camera and the folder that they are from. Raises DriveError."""
+        for name in TRUTHS:
+            path = self._body / name / _LIST
+            if not path.is_file():
+                continue
+            sensor = self._body / name / _SENSOR
+            on_body = CalibrationYaml(sensor).transform("T_BS") if sensor.is_file() else None
+            return _track(path, (np.eye(4) if on_body is None else inverse(on_body)) @ camera_on_body), name
+        return None, ""
+
+    def _doubt_times(self, truth_name: str) -> None:
+        if self._truth is None:
+            return
+        begin, end, stamps = self._images[0][0], self._images[-1][0], self._truth.stamps
+        if stamps[-1] < begin or stamps[0] > end:
+            self.doubts.append(
+                f"The images are from {begin:.3f} to {end:.3f} s, {truth_name} from {stamps[0]:.3f} to "
+                f"{stamps[-1]:.3f} s, with no moment in common. Write both in nanoseconds of one clock."
+            )
+
+
+def _is_camera(folder: Path) -> bool:
+    return (folder / _IMAGES).is_dir() and ((folder / _LIST).is_file() or (folder / _SENSOR).is_file())
+
+
+def _camera_folder(path: Path, wanted: str | None) -> Path:
+    """Return the folder of the wanted camera, by default the first or the one that was named. Raises DriveError."""
+    body = next((each for each in (path / _BODY, path, path.parent) if _is_camera(each / (wanted or _FIRST))), None)
+    if wanted is None and _is_camera(path):
+        return path
+    if body is None:
+        body = path / _BODY if (path / _BODY).is_dir() else path
+        names = sorted(each.name for each in body.iterdir() if _is_camera(each)) if body.is_dir() else []
+        raise DriveError(
+            f"{body} has no {wanted or _FIRST} with {_IMAGES}/ and {_LIST}; there are {', '.join(names) or 'none'}"
+            ". Choose one by --rgb."
+        )
+    return body / (wanted or _FIRST)
+
+
+def _images(folder: Path) -> Sequence[tuple[float, str]]:
+    """Return stamps in seconds and images in order, by the list, or by the names where there is none."""
+    listed = folder / _LIST
+    if listed.is_file():
+        rows, _ = stamped_lines(listed, least_columns=2, unit_s=_NANOSECOND)
+        found = [(stamp, f"{_IMAGES}/{words[0]}") for stamp, words in rows]
+    else:
+        names = sorted((path for path in (folder / _IMAGES).iterdir() if path.stem.isdecimal()), key=lambda p: p.name)
+        found = [(int(path.stem[:20]) * _NANOSECOND, f"{_IMAGES}/{path.name}") for path in names]
+        found.sort()
+    if not found:
+        raise DriveError(f"{listed} lists no images; it needs lines of a stamp in nanoseconds and a file.")
+    return found
+
+
+def _track(path: Path, camera_on_sensor: Transform) -> PoseTrack:
+    """Return the poses of a camera that sits on a sensor whose poses a file holds. Raises DriveError."""
+    rows, _ = stamped_lines(path, least_columns=_POSE_COLUMNS, unit_s=_NANOSECOND)
+    try:
+        numbers = np.array([[stamp, *map(float, words[: _POSE_COLUMNS - 1])] for stamp, words in rows])
+    except ValueError as error:
+        raise DriveError(f"{path}: a pose is no row of numbers ({error!s:.80}).") from error
+    if not len(numbers):
+        raise DriveError(f"{path} holds no poses; it needs lines of stamp, x, y, z, qw, qx, qy, qz.")
+    numbers = numbers[np.unique(numbers[:, 0], return_index=True)[1]]
+    is_wrong = ~np.isfinite(numbers).all(axis=1) | (
+        np.abs(np.linalg.norm(numbers[:, 4:], axis=1) - 1) > _UNIT_TOLERANCE
+    )
+    if is_wrong.any():
+        raise DriveError(
+            f"{path}: the pose at {numbers[np.argmax(is_wrong), 0]:.3f} s is not finite, or its quaternion is not of "
+            "length 1; the columns are stamp, x, y, z, qw, qx, qy, qz."
+        )
+    turns = Rotation.from_quat(numbers[:, [5, 6, 7, 4]])
+    positions = numbers[:, 1:4] + turns.apply(camera_on_sensor[:3, 3])
+    return PoseTrack(numbers[:, 0], positions, turns * Rotation.from_matrix(camera_on_sensor[:3, :3]), up_axis="z")

@@ -110,13 +110,22 @@ class CameraModel:
 
     @property
     def horizontal_fov_rad(self) -> float:
-        """Angle between the left and the right border of the middle row, without distortion."""
+        """Angle between the left and the right border of the middle row."""
+        if self.distortion or self.fisheye:
+            return self._angle_between((-0.5, self.cy), (self.width - 0.5, self.cy))
         return float(np.arctan((self.cx + 0.5) / self.fx) + np.arctan((self.width - 0.5 - self.cx) / self.fx))
 
     @property
     def vertical_fov_rad(self) -> float:
-        """Angle between the upper and the lower border of the middle column, without distortion."""
+        """Angle between the upper and the lower border of the middle column."""
+        if self.distortion or self.fisheye:
+            return self._angle_between((self.cx, -0.5), (self.cx, self.height - 0.5))
         return float(np.arctan((self.cy + 0.5) / self.fy) + np.arctan((self.height - 0.5 - self.cy) / self.fy))
+
+    def _angle_between(self, *pixels: tuple[float, float]) -> float:
+        """Return the angle from one border of the picture to the other; where it looks sideways, 90 degrees a side."""
+        away = np.linalg.norm(self.pixels_to_rays(np.array(pixels)), axis=1)
+        return float(np.arctan(np.nan_to_num(away, nan=np.inf)).sum())
 
     @property
     def aspect(self) -> float:

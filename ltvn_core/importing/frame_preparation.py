@@ -1,4 +1,4 @@
-"""From a raw frame to an observation of the recorded camera: undistorted, upright, scaled, depth laid over the colours.
+"""From a raw frame to an observation of the recorded camera: upright, scaled, depth laid over the colours.
 
 Owns the maps from the source's cameras to the recorded one, and what is done about a lens that nobody knows. Chooses no
 frames.

@@ -63,7 +63,7 @@ class PlayedDrive:
 
     @property
     def spec(self) -> RobotSpec:
-        """The robot's size, with the drive's own camera, undistorted and upright."""
+        """The robot's size, with the drive's own camera, upright."""
         return self._drive.spec(self._preparation.camera)
 
     @property

@@ -32,6 +32,9 @@ MAX_DEPTH_M = 12.0
 OPTICAL_TO_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """From right, down, ahead, as OpenCV counts, to forward, left, up."""
 
+WIDEST_RAY = 2.5
+"""Key points farther off the optical axis than this (68 degrees) are left out: as rays, a pixel there is too much."""
+
 _DESCRIPTOR_SCALE = 255.0
 
 
@@ -72,7 +75,14 @@ class ImageGrid(NamedTuple):
     pixels: NDArray[np.intp]
     """(M, 2): column and row in the image."""
     rays: NDArray[np.float32]
-    """(M, 2): right and down at one metre of depth."""
+    """(M, 2): right and down at one metre of depth; NaN where a fisheye looks sideways."""
+
+    @property
+    def pixel_ray(self) -> float:
+        """How far a pixel reaches as a ray, the median over the image: one over the focal length without distortion."""
+        rays = self.rays.reshape(self.rows, self.columns, 2)
+        steps = np.linalg.norm(np.diff(rays, axis=1), axis=2) / GRID_STEP_PX
+        return float(np.nanmedian(steps))
 
 
 def image_grid(camera: CameraModel) -> ImageGrid:
@@ -102,11 +112,14 @@ class FeatureExtractor:
             camera = replace(camera, pitch_rad=tilt.pitch_rad, roll_rad=tilt.roll_rad)
         gray = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
         pixels, descriptors = _key_points(np.asarray(gray, np.uint8))
+        rays = camera.pixels_to_rays(pixels.astype(np.float64))
+        usable = np.hypot(rays[:, 0], rays[:, 1]) < WIDEST_RAY  # Nor NaN, where a fisheye looks sideways.
+        pixels, descriptors, rays = pixels[usable], descriptors[usable], rays[usable]
         columns, rows = self.grid.pixels.T
         smooth = cv2.blur(np.ascontiguousarray(rgb), (GRID_STEP_PX, GRID_STEP_PX))
         return ImageFeatures(
             key=_hash(rgb, depth, camera),
-            rays=self._camera.pixels_to_rays(pixels.astype(np.float64)).astype(np.float32),
+            rays=rays.astype(np.float32),
             depth=_depth_at(depth, pixels),
             descriptors=descriptors,
             grid_depth=depth[rows, columns],

@@ -28,8 +28,8 @@ class ImportVerb(Verb):
     camera_info: str | None = None
     """and the camera's description."""
     camera: str | None = None
-    """The lens: fx,fy,cx,cy,width,height and where it is distorted k1,k2,p1,p2,k3; or a camera.json, whose
-    depth_scale is the unit of depth."""
+    """The lens: fx,fy,cx,cy,width,height and where it is distorted k1,k2,p1,p2,k3; or a camera.json, which
+    may say "fisheye": true, and by depth_scale the unit of depth."""
     fov: float | None = None
     """Horizontal field of view in degrees, where nothing else is known of the lens."""
     height: float | None = None

@@ -131,3 +131,12 @@ def test_a_camera_that_cannot_be_right_is_refused_with_what_would_be(change: dic
     with pytest.raises(CameraError, match=said) as refused:
         replace(KINECT, **change)
     assert isinstance(refused.value, LtvnError)
+
+
+def test_the_field_of_view_is_what_a_distorted_lens_sees() -> None:
+    fisheye = CameraModel(
+        width=160, height=120, fx=80.0, fy=80.0, cx=79.5, cy=59.5, fisheye=True, distortion=(0.0, 0.0, 0.0, 0.0)
+    )
+    assert fisheye.horizontal_fov_rad == pytest.approx(2.0)
+    assert fisheye.vertical_fov_rad == pytest.approx(1.5)
+    assert replace(fisheye, fx=40.0).horizontal_fov_rad == pytest.approx(np.pi)

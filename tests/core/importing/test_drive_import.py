@@ -15,6 +15,7 @@ from ltvn_core.importing.drive_statistics import coverage, drift
 from ltvn_core.importing.import_options import ImportOptions
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.importing.recorded_camera import recorded_camera
 from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Tilt
@@ -50,12 +51,13 @@ def output(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("camera", LENSES.values(), ids=LENSES.keys())
-def test_images_are_undistorted_upright_small_and_their_camera_is_recorded(output: Path, camera: CameraModel) -> None:
+def test_images_are_upright_and_small_and_keep_the_lens_that_took_them(output: Path, camera: CameraModel) -> None:
     raw = replace(frame(camera=camera), depth_m=np.full((camera.height, camera.width), 2.0, np.float32))
     import_drive(ListedDrive([raw], ("rgb", "depth", "odometry")), output)
     recording = Recording.open(output)
     recorded, seen = recording.meta.camera, recording.observation(0)
-    assert recorded.is_ideal
+    assert (recorded.quarter_turns, recorded.roll_rad) == (0, 0)
+    assert (recorded.fisheye, recorded.distortion) == (camera.fisheye, camera.distortion)
     assert max(recorded.width, recorded.height) <= 320
     assert recorded.pitch_rad == camera.pitch_rad
     assert recorded.height_m == camera.height_m
@@ -65,6 +67,15 @@ def test_images_are_undistorted_upright_small_and_their_camera_is_recorded(outpu
     depth = seen.require_depth("the test")
     assert np.allclose(depth[depth > 0], 2.0, atol=0.002)
     assert (depth > 0).mean() > 0.9
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_a_distorted_lens_is_the_same_lens_in_the_picture_that_is_set_upright(turns: int) -> None:
+    lens = replace(SMALL, fx=130.0, distortion=(-0.2, 0.05, 0.01, -0.02), quarter_turns=turns)
+    right, down = lens.width - 1, lens.height - 1
+    for x, y in ((20.0, 30.0), (120.0, 50.0), (80.0, 100.0)):
+        turned = {1: (y, right - x), 2: (right - x, down - y), 3: (down - y, x)}[turns]
+        assert np.allclose(recorded_camera(lens).project(lens.unproject([x, y], 2.0)), turned, atol=1e-6)
 
 
 def test_an_image_with_a_tilt_of_its_own_is_kept_as_it_was_taken(output: Path) -> None:

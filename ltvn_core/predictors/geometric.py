@@ -33,7 +33,7 @@ from ltvn_core.types import Features, Observation, Prediction, Waypoint
 
 log = logging.getLogger(__name__)
 
-VERSION = 1
+VERSION = 2
 """Increase it whenever equal images give another answer than before."""
 
 MAX_IMAGE_SIDE_PX = 320

@@ -21,6 +21,8 @@ _REACH = 0.004
 """A key point may be so far from its epipolar line, as a ray."""
 _STANDING = 0.006
 """Where the rays differ by less than this after the turn, the camera did not move."""
+_EXACT_PIXEL_RAY = 1 / 250
+"""Where a pixel is more than this as a ray, as in small images and those of wide lenses, the reaches above grow."""
 _FOCAL = 500.0
 
 
@@ -32,15 +34,21 @@ class EpipolarMotion(NamedTuple):
     """(P,)"""
 
 
-def epipolar_motion(first_rays: NDArray[np.float64], second_rays: NDArray[np.float64]) -> EpipolarMotion | None:
-    """Return the motion that most pairs of rays (P, 2), (P, 2) agree with; None where too few do."""
+def epipolar_motion(
+    first_rays: NDArray[np.float64], second_rays: NDArray[np.float64], pixel_ray: float = _EXACT_PIXEL_RAY
+) -> EpipolarMotion | None:
+    """Return the motion that most pairs of rays (P, 2), (P, 2) agree with; None where too few do.
+
+    `pixel_ray` is how far a pixel reaches as a ray, `ImageGrid.pixel_ray`: no key point is seen more exactly than that.
+    """
     if len(first_rays) < MIN_PAIRS:
         return None
+    coarse = max(1.0, pixel_ray / _EXACT_PIXEL_RAY)
     first, second = first_rays * _FOCAL, second_rays * _FOCAL
     camera = np.diag([_FOCAL, _FOCAL, 1.0])
     try:
         essential, inliers = cv2.findEssentialMat(
-            first, second, camera, method=cv2.USAC_MAGSAC, prob=0.999, threshold=_REACH * _FOCAL, maxIters=1000
+            first, second, camera, method=cv2.USAC_MAGSAC, prob=0.999, threshold=coarse * _REACH * _FOCAL, maxIters=1000
         )
         if essential is None or essential.shape != (3, 3) or np.count_nonzero(inliers) < MIN_PAIRS:
             return None
@@ -48,7 +56,7 @@ def epipolar_motion(first_rays: NDArray[np.float64], second_rays: NDArray[np.flo
     except cv2.error:  # All points in one place.
         return None
     agreeing = inliers.ravel() > 0
-    standing = _turn_on_the_spot(first_rays[agreeing], second_rays[agreeing])
+    standing = _turn_on_the_spot(first_rays[agreeing], second_rays[agreeing], coarse * _STANDING)
     if standing is not None:
         return EpipolarMotion(CameraMotion(standing, np.zeros(3)), agreeing)
     rotation, way = np.asarray(rotation, np.float64), np.asarray(direction, np.float64).ravel()
@@ -56,7 +64,9 @@ def epipolar_motion(first_rays: NDArray[np.float64], second_rays: NDArray[np.flo
     return EpipolarMotion(CameraMotion(rotation, way * length), agreeing)
 
 
-def _turn_on_the_spot(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _turn_on_the_spot(
+    first: NDArray[np.float64], second: NDArray[np.float64], standing: float
+) -> NDArray[np.float64] | None:
     """Return the rotation (3, 3) that explains rays (P, 2) alone; None where the camera moved too.
 
     A camera that only turned has no direction of motion, and the epipolar geometry may mirror it.
@@ -68,8 +78,8 @@ def _turn_on_the_spot(first: NDArray[np.float64], second: NDArray[np.float64]) -
         u, _, v = np.linalg.svd((after * weights[:, None]).T @ before)
         rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
         gaps = np.linalg.norm(before @ rotation.T - after, axis=1)
-        weights = 1 / (1 + (gaps / _STANDING) ** 2)
-    return rotation if np.median(gaps) < _STANDING else None
+        weights = 1 / (1 + (gaps / standing) ** 2)
+    return rotation if np.median(gaps) < standing else None
 
 
 def _directions(rays: NDArray[np.float64]) -> NDArray[np.float64]:

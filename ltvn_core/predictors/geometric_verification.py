@@ -54,7 +54,7 @@ def verify(first: ImageFeatures, second: ImageFeatures, camera: CameraModel, gri
     cosines = similarities(first, second)
     proposed = _pairs(first, second, mutual_matches(cosines))
     if not (first.has_depth or second.has_depth):
-        return _verified_without_depth(first, second, proposed, camera)
+        return _verified_without_depth(first, second, proposed, camera, grid)
     motion = find_motion(proposed)
     found = None if motion is None else _with_guided_matches(motion, first, second, cosines)
     if found is None:
@@ -120,9 +120,9 @@ def _from_surfaces(
 
 
 def _verified_without_depth(
-    first: ImageFeatures, second: ImageFeatures, proposed: PointPairs, camera: CameraModel
+    first: ImageFeatures, second: ImageFeatures, proposed: PointPairs, camera: CameraModel, grid: ImageGrid
 ) -> VerifiedMotion | None:
-    found = epipolar_motion(proposed.first_rays, proposed.second_rays)
+    found = epipolar_motion(proposed.first_rays, proposed.second_rays, grid.pixel_ray)
     if found is None:
         return None
     inliers = proposed.take(found.agreeing)

@@ -13,6 +13,7 @@ from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import ImageError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.predictors.geometric import GeometricPredictor
+from ltvn_core.predictors.geometric_epipolar import epipolar_motion
 from ltvn_core.types import Observation, Predictor, Tilt
 from tests.core.predictors.textured_room import CAMERA, TexturedRoom, without_depth
 
@@ -46,6 +47,26 @@ def test_a_near_place_is_reachable_and_its_waypoint_right_to_centimetres(
     reachability, waypoint = asked(predictor, room.observe(HERE), room.observe(AHEAD))
     assert reachability > 0.8
     np.testing.assert_allclose(waypoint, relative(HERE, AHEAD), atol=0.03)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        replace(CAMERA, fx=140.0, fy=140.0, fisheye=True, distortion=(0.02, -0.01, 0.0, 0.0)),
+        replace(CAMERA, width=160, height=120, fx=62.0, fy=62.0, cx=79.5, cy=59.5, fisheye=True, distortion=(0.0,) * 4),
+        CameraModel.from_fov(160, 120, np.deg2rad(110), height_m=0.6),
+    ],
+    ids=["fisheye", "small fisheye", "small and wide"],
+)
+def test_images_of_a_wide_lens_are_compared_as_it_took_them(room: TexturedRoom, lens: CameraModel) -> None:
+    predictor = GeometricPredictor(lens)
+    source, target = room.observe(HERE, camera=lens), room.observe(AHEAD, camera=lens)
+    reachability, waypoint = asked(predictor, source, target)
+    assert reachability > 0.8
+    np.testing.assert_allclose(waypoint, relative(HERE, AHEAD), atol=0.06)
+    reachability, guessed = asked(predictor, without_depth(source), without_depth(target))
+    assert reachability > 0.8
+    assert guessed[2] == pytest.approx(waypoint[2], abs=0.05)
 
 
 def test_the_other_direction_and_another_room_are_not_reachable(
@@ -202,3 +223,15 @@ def test_nodes_lie_closer_together_than_it_recognises_most_images(
 ) -> None:
     assert open_method("robust", predictor).building.merge_distance < ROBUST.building.merge_distance
     assert open_method("paper", predictor).building.merge_distance == PAPER.building.merge_distance, "it is literal"
+
+
+def test_key_points_of_a_wide_lens_agree_although_they_are_seen_to_whole_pixels_only() -> None:
+    rng = np.random.default_rng(0)
+    focal_px = 60.0
+    places = np.column_stack([rng.uniform(-2, 2, 200), rng.uniform(-1.5, 1.5, 200), rng.uniform(1.5, 4, 200)])
+    moved = places - np.array([0.25, 0.0, 0.2])
+    first, second = (np.rint(each[:, :2] / each[:, 2:] * focal_px) / focal_px for each in (places, moved))
+    found = epipolar_motion(first, second, 1 / focal_px)
+    assert found is not None
+    assert found.agreeing.mean() > 0.9
+    assert found.motion.turned_rad < np.deg2rad(1.5)

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -128,6 +129,8 @@ def mutate(drive: Path, rng: np.random.Generator) -> str:
             data = bytearray(rng.bytes(min(size, 100_000)))
         case "empty":
             data.clear()
+        case _:
+            pass
     path.unlink()
     if kind == "folder":
         path.mkdir()
@@ -177,13 +180,18 @@ def _main(arguments: Sequence[str]) -> None:
             shutil.copyfile(source, copy)
         kind = mutate(copy, rng)
         if copy.exists():
-            print(json.dumps({"number": number, "kind": kind}), flush=True)
+            _tell({"number": number, "kind": kind})
             faulthandler.dump_traceback_later(HANG_S, exit=True)
             judgement = _judged(copy, scratch / "drive.rrd", number, kind)
             faulthandler.cancel_dump_traceback_later()
         else:
             judgement = Judgement(number, kind, Fate.REFUSED, "nothing is left")
-        print(json.dumps(asdict(judgement)), flush=True)
+        _tell(asdict(judgement))
+
+
+def _tell(entry: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(entry) + "\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """A video whose packets are messages of a bag, decoded one after the other by PyAV.
 
 Owns the state between packets: until a key frame has come, and from a damaged packet up to the next key frame, images
-would be made of what is missing, so they are left out.
+would be made of what is missing, so they are left out. A packet that was never recorded is noticed in H.265, and not in
+H.264, where FFmpeg goes on from the picture before.
 """
 
 from collections.abc import Callable
@@ -64,7 +65,7 @@ class VideoStream:
         self._av = av
         self._drop = drop
         self._has_start_codes = codec in ("h264", "hevc")
-        self._decoder = av.CodecContext.create(codec, "r")
+        self._decoder: Any = av.CodecContext.create(codec, "r")
         # One packet, one picture: threads would deliver it later, and take more memory.
         self._decoder.thread_count = 1
         self._decoder.options = {"max_pixels": str(_MOST_PIXELS)}
@@ -81,8 +82,11 @@ class VideoStream:
         self._pending[self._count] = image
         self._count += 1
         try:
-            found = self._decoder.decode(packet) if data else []
+            # Nothing at all would tell the decoder that the video is at its end.
+            found = self._decoder.decode(packet) if data else None
         except Exception:  # FFmpeg has an error of its own for each way of being damaged.
+            found = None
+        if found is None:
             self._forget(packet.pts, self._reason(data))
             self._awaits_key = True
             return []

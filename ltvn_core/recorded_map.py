@@ -13,6 +13,7 @@ from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.drives.joined_drives import join_drives
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
+from ltvn_core.recording.metadata import is_lens_known
 from ltvn_core.recording.reader import Recording
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.topological_map import TopologicalMap, build_map
@@ -73,7 +74,7 @@ def build_recorded_map(
         system=entry.factory(open_method(options.preset, predictor)),
         scene=meta.scene,
         camera=meta.camera,
-        is_lens_known=meta.config.get("import", {}).get("is_lens_known", True),
+        is_lens_known=is_lens_known(meta),
         seed=options.seed,
         goals=options.goals,
         drives=joined.drives,

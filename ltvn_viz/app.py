@@ -7,11 +7,15 @@ already, because it brings the large libraries.
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
+from ltvn_core.errors import SceneError
 from ltvn_core.extras import require_libraries
 from ltvn_core.predictors.choice import AUTO, FOR_SIMULATED_IMAGES, ImageSource
 from ltvn_core.predictors.registry import COMPOSED, NETWORK
+from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.reader import Recording
 from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
@@ -59,7 +63,7 @@ def check_requirements(options: AppOptions) -> None:
     A recording can be watched without simulator and network, and what a robot of one's own needs depends on its camera.
 
     Raises:
-        SceneError: There is no such scene.
+        SceneError: There is no such scene, or the map to begin with was not made in one.
         RecordingError: The map to begin with cannot be read.
         MissingLibraryError: A library is not installed that the robot or the predictor needs.
     """
@@ -68,6 +72,7 @@ def check_requirements(options: AppOptions) -> None:
     libraries: list[str] = []
     if options.robot is None:
         _check_scene(options.scene)
+        _check_map_place(options.map)
         libraries.append("embreex")
     libraries += LIBRARIES_OF_PREDICTORS.get(_predictor_name(options), ())
     require_libraries(*libraries)
@@ -80,6 +85,33 @@ def _check_scene(name: str) -> None:
     from ltvn_core.simulation.scene_registry import check_scene
 
     check_scene(name)
+
+
+def _check_map_place(path: Path | None) -> None:
+    """Raise SceneError where a map was not made in a simulated scene, so that nothing can be driven there."""
+    if path is None:
+        return
+    place = Recording.open(path).meta.scene
+    if place.startswith(SOURCE_SCENE):
+        raise SceneError(f"{path} was built from an imported drive ({place}), {_no_scene(path)}")
+    try:
+        _check_scene(place)
+    except SceneError:
+        if Path(place).suffix or len(Path(place).parts) > 1:
+            raise  # A mesh that lies elsewhere by now; the error says so.
+        raise SceneError(
+            f"{path} was built in {place!r}, which is the name of a real place, or of a scene that is not installed, "
+            f"{_no_scene(path)}"
+        ) from None
+
+
+def _no_scene(path: Path) -> str:
+    file = quote(str(path))
+    return (
+        f"so there is no simulated scene to drive in. Watch it by `ltvn replay {file}`; or drive a robot of your own "
+        f"by it, `ltvn app --map {file} --robot ROBOT`, where ROBOT is an installed robot's name, "
+        "path/to/file.py:factory or PROFILE@ADDRESS (ROS 2)."
+    )
 
 
 def _predictor_name(options: AppOptions) -> str:

@@ -16,7 +16,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.composition import open_method, open_robot, open_system, simulated_robot
 from ltvn_core.errors import OptionError, RecordingError, SceneError
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.navigation.events import GraphChanged, Severity
 from ltvn_core.predictors.choice import AUTO, ImageSource
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recorded_map import BuildOptions
@@ -103,7 +103,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     patient_worker = PatientWorker(worker)
     choose_method = ReplayMethods(options, predictor).of if asked.predictor == AUTO else _as_the_robots
     teleop = AbsentTeleop if backend.robot is None else Teleop
-    return AppState(
+    state = AppState(
         scene=options.scene,
         live=live,
         live_map=live_map,
@@ -130,6 +130,9 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
             seed=options.seed,
         ),
     )
+    if backend.scene is not None and backend.scene.doubts and options.replay is None:
+        state.say(" ".join(backend.scene.doubts), Severity.WARN)
+    return state
 
 
 def _link(backend: Backend) -> RobotLink | None:

@@ -37,6 +37,8 @@ class MapCoverage(NamedTuple):
     """Of the images, those that are nodes of the map's largest piece or are recognised as one of them."""
     gap: Stretch | None
     """The longest part of the drive that the piece knows nothing of; None where it knows all."""
+    lost: tuple[FrameId, ...] = ()
+    """The images that it does not know, in order."""
 
 
 def map_coverage(
@@ -61,7 +63,11 @@ def map_coverage(
         found = system.localise(keyframes.features([frame]), graph, NO_PRIOR, matcher)
         answers[frame] = found.node in piece
     known = _known(observations, {node: node in piece for node in graph.nodes} | answers, set(in_reserve), predictor)
-    return MapCoverage(float(np.mean(known)) if known else 1.0, _longest_gap(observations, known, graph))
+    return MapCoverage(
+        share=float(np.mean(known)) if known else 1.0,
+        gap=_longest_gap(observations, known, graph),
+        lost=tuple(seen.step for seen, is_known in zip(observations, known, strict=True) if not is_known),
+    )
 
 
 def _known(

@@ -7,6 +7,7 @@ other are near if anything is. Decides nothing.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,9 @@ from ltvn_core.graph.image_similarity import colour_descriptors
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.map_check import map_doubts
 from ltvn_core.graph.map_coverage import MapCoverage
+from ltvn_core.graph.revisits import near_pairs, revisits
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import Observation, Predictor, is_usable
+from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 PAIRS = 30
 """So many pairs of images in a row are asked about, spread over the drive."""
@@ -36,8 +38,21 @@ SEEN = 0.6
 MOST_WITHOUT_DEPTH = 0.5
 ALIKE = 0.97
 """Similarity of images far apart in time, above which they look alike throughout the drive."""
+FEW_KEY_POINTS = 150
+"""A predictor that compares key points finds too little where it has fewer of them in an image."""
+MOST_ONE_WAY = 0.5
+"""Where so many of the images that a map does not know have one cause, it is said."""
 NO_WAY_M, NO_TURN_RAD = 0.5, math.radians(15)
 """A drive within both of these has one place to show."""
+
+
+@runtime_checkable
+class KeyPointPredictor(Protocol):
+    """A predictor that compares images by key points."""
+
+    def key_point_counts(self, features: Features) -> NDArray[np.intp]:
+        """Return how many key points were found in each of N images, (N,)."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -65,8 +80,18 @@ def diagnose(drive: MappedDrive, coverage: MapCoverage) -> tuple[str, ...]:
     doubts = map_doubts(drive.graph, len(drive.observations), coverage)
     if not doubts:
         return ()
-    causes = (*_lens(drive), *_depth(drive), *_size(drive), *_view(drive), *_places(drive), *_overlap(drive))
-    return (*doubts, *causes)
+    recognised = _recognised_in_a_row(drive)
+    return (
+        *doubts,
+        *_lens(drive),
+        *_depth(drive),
+        *_size(drive),
+        *_key_points(drive),
+        *_view(drive),
+        *_places(drive),
+        *_overlap(drive, recognised),
+        *_one_way(drive, coverage, recognised),
+    )
 
 
 def _lens(drive: MappedDrive) -> Iterator[str]:
@@ -92,6 +117,20 @@ def _size(drive: MappedDrive) -> Iterator[str]:
         yield (
             f"Likely cause: the images are {width_px} pixels wide, and in less than {drive.least_width_px} the "
             "predictor finds too little. Record larger images, or use --predictor network."
+        )
+
+
+def _key_points(drive: MappedDrive) -> Iterator[str]:
+    frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
+    if not isinstance(drive.predictor, KeyPointPredictor) or not frames:
+        return
+    asked = [frames[place] for place in _evenly(len(frames))]
+    usual = float(np.median(drive.predictor.key_point_counts(drive.keyframes.features(asked))))
+    if usual < FEW_KEY_POINTS:
+        yield (
+            f"Likely cause: few key points ({usual:.0f} an image, where less than {FEW_KEY_POINTS} are few): the "
+            "images are small, dark, blurred or show bare walls. Record larger and sharper ones in more light, or try "
+            "--predictor network."
         )
 
 
@@ -142,25 +181,22 @@ def _look_alike(drive: MappedDrive) -> bool:
     return float(np.median((likeness @ likeness.T)[apart])) > ALIKE
 
 
-def _overlap(drive: MappedDrive) -> Iterator[str]:
-    """Ask whether images in a row are recognised, and whether they could be."""
-    recognised = _recognised_in_a_row(drive)
+def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterator[str]:
+    """Ask whether images in a row are recognised (P,), and whether they could be."""
     if recognised is None or recognised.mean() >= MOST_RECOGNISED:
         return
     text = f"Likely cause: of {len(recognised)} pairs of images in a row {recognised.sum()} are recognised as one place"
     if recognised.mean() >= FEW_RECOGNISED:
         yield (
             f"{text}, and where one is not, the map may break. Look at those images (`ltvn view`): in turns, before "
-            "bare walls or in the dark drive slower, record more images a second, or thin less (--every-m, --every-deg "
-            "of `ltvn import`)."
+            f"bare walls or in the dark drive slower, record more images a second, or {_thin_less(drive)}."
         )
         return
     apart = _far_apart(drive)
     if _has_odometry(drive) and apart > FEW_RECOGNISED / 2:
         yield (
             f"{text}, for they hardly overlap: {apart:.0%} are farther than 1 m or turned by half of the field "
-            "of view. Drive slower, record more images a second, or thin less (--every-m, --every-deg of `ltvn "
-            "import`)."
+            f"of view. Drive slower, record more images a second, or {_thin_less(drive)}."
         )
         return
     other = "network" if drive.predictor_name == GEOMETRIC else GEOMETRIC
@@ -168,6 +204,65 @@ def _overlap(drive: MappedDrive) -> Iterator[str]:
         f"{text}. The predictor cannot compare images of this camera, or they do not overlap: try --predictor "
         f"{other}, adapt the network by `ltvn finetune`, and look at images in a row for blur and gaps (`ltvn view`)."
     )
+
+
+def _thin_less(drive: MappedDrive) -> str:
+    if _has_odometry(drive):
+        return "thin less (--every-m, --every-deg of `ltvn import`)"
+    return "keep all images (--every-m 0 --every-deg 0 of `ltvn import`)"
+
+
+def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.bool_] | None) -> Iterator[str]:
+    """Ask whether the images that the map does not know could be joined from one side alone."""
+    if not coverage.lost or recognised is None or recognised.mean() < FEW_RECOGNISED:
+        return  # Where nothing is recognised, a second pass would be recognised as little.
+    again = "Drive there again, the other way round too, and slowly."
+    once = _passed_once(drive, coverage.lost)
+    if once >= MOST_ONE_WAY * len(coverage.lost):
+        yield (
+            f"Likely cause: one way only. {once} of the {len(coverage.lost)} images that the map does not know were "
+            f"taken where the drive passes once and in one direction. {again}"
+        )
+        return
+    single, asked = _recognised_one_way(drive, coverage.lost)
+    if asked and single >= MOST_ONE_WAY * asked:
+        yield (
+            f"Likely cause: one way only. Of {asked} images that the map does not know {single} see a node ahead, or "
+            f"are seen from one, and not the other way round. {again}"
+        )
+
+
+def _passed_once(drive: MappedDrive, lost: Sequence[FrameId]) -> int:
+    """Return how many images were taken where the drive passes once, by odometry; 0 where that does not know."""
+    if not _has_odometry(drive) or len(drive.graph.drives) > 1:
+        return 0
+    poses = np.array([seen.odometry for seen in drive.observations])
+    stamps = np.array([seen.stamp for seen in drive.observations])
+    passed_again = {drive.observations[row].step for row in revisits(near_pairs(poses), poses, stamps).ravel().tolist()}
+    return sum(frame not in passed_again for frame in lost)
+
+
+def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[int, int]:
+    """Return how many images are recognised in one direction alone by the nodes next to them in time, and how many
+    were asked.
+    """
+    nodes = np.array(sorted(drive.graph.nodes))
+    held = [frame for frame in lost if frame in drive.keyframes and frame not in drive.graph.nodes]
+    held = [frame for frame in held if is_usable(drive.keyframes.observation(frame), drive.predictor)]
+    asked = [held[place] for place in _evenly(len(held))]
+    if not asked or not len(nodes):
+        return 0, 0
+    after = np.searchsorted(nodes, asked)
+    beside = nodes[np.clip([after - 1, after], 0, len(nodes) - 1)].ravel().tolist()
+    images, targets = drive.keyframes.features([*asked, *asked]), drive.keyframes.features(beside)
+    there = drive.predictor.predict(images, targets).reachability.reshape(2, -1) > RECOGNISED
+    back = drive.predictor.predict(targets, images).reachability.reshape(2, -1) > RECOGNISED
+    return int(((there | back).any(axis=0) & ~(there & back).any(axis=0)).sum()), len(asked)
+
+
+def _evenly(count: int) -> list[int]:
+    """Return places in a list of so many, evenly spread; at most as many as there are pairs to ask about."""
+    return np.unique(np.linspace(0, count - 1, min(PAIRS, count)).astype(int)).tolist()
 
 
 def _far_apart(drive: MappedDrive) -> float:
@@ -189,7 +284,7 @@ def _recognised_in_a_row(drive: MappedDrive) -> NDArray[np.bool_] | None:
     frames = [frame for frame in frames if is_usable(drive.keyframes.observation(frame), drive.predictor)]
     if len(frames) < 2:
         return None
-    places = np.unique(np.linspace(0, len(frames) - 2, min(PAIRS, len(frames) - 1)).astype(int))
+    places = _evenly(len(frames) - 1)
     first = drive.keyframes.features([frames[place] for place in places])
     second = drive.keyframes.features([frames[place + 1] for place in places])
     there, back = drive.predictor.predict(first, second), drive.predictor.predict(second, first)

@@ -19,11 +19,11 @@ from ltvn_core.geometry import compose, invert, relative, wrap_angle
 from ltvn_core.graph.matching import Matches
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Waypoint
 
-_JUMP_M = 1.5
+JUMP_M = 1.5
 """Two images in a row that are farther apart were not driven from one to the other."""
 _SLACK_M, _SLACK_RAD = 0.6, 0.6
 """By so much the network's waypoint may be wrong."""
-_PAUSE_S = 5.0
+PAUSE_S = 5.0
 """In a longer pause between two images a robot may be carried away without its odometry knowing."""
 _DRIFT_RAD_PER_M = 0.02
 _STEP_M = 0.05
@@ -68,7 +68,7 @@ class OdometryGate:
         frames = np.array([seen.step for seen in ordered])
         self._drive = np.searchsorted(np.sort([*drive_starts]), frames, side="right")
         self._moves = _moves(self._poses, self._drive)
-        breaks = (steps_m > _JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
+        breaks = (steps_m > JUMP_M) | ~self._moves[1:] | (np.diff(self._drive) > 0)
         self._segment = np.concatenate([[0], np.cumsum(breaks)])
         self._ways = _ShortestWays(self._path_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
         self._separates = links is not None
@@ -107,7 +107,7 @@ class OdometryGate:
         between = slice(min(here, there), max(here, there) + 1)
         if not self._config.odometry_drift or self._segment[here] != self._segment[there]:
             return None
-        if (np.abs(np.diff(self._stamps_s[between])) > _PAUSE_S).any():
+        if (np.abs(np.diff(self._stamps_s[between])) > PAUSE_S).any():
             return None
         return relative(self._poses[here], self._poses[there])
 

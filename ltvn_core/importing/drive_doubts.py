@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from ltvn_core.geometry import wrap_angle
+from ltvn_core.graph.revisits import NEAR_M
 from ltvn_core.importing.drive_findings import DriveFindings
 from ltvn_core.importing.drive_odometry import OdometrySource
-from ltvn_core.importing.drive_statistics import NEAR_M
 from ltvn_core.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.importing.source_camera import HOW_TO, HOW_TO_SCALE
 
@@ -23,6 +23,7 @@ MUCH_DRIFT = 0.15
 FEW_FRAMES = 20
 MANY_GAPS = 3
 _MOST_NAMES = 10
+_KEEP_ALL = "--every-m 0 --every-deg 0 keeps every image."
 _APART_SHARE = 0.1
 _DROPPED_SHARE = 0.1
 
@@ -101,6 +102,11 @@ def _odometry_doubts(found: DriveFindings) -> Iterator[str]:
             "There is no odometry, so all images are recorded at one place: distances between them are what the "
             "predictor says, and nothing contradicts it. Give odometry by --odometry where the robot has some."
         )
+    if found.is_spacing_ignored:
+        yield (
+            "--every-m and --every-deg were ignored, for without odometry nobody knows how far the camera moved: an "
+            f"image was kept where the picture had changed. {_KEEP_ALL}"
+        )
     if found.odometry is OdometrySource.TRUTH:
         yield (
             "There is no odometry of its own; the true poses stand in for it, so a map of this drive is better than "
@@ -115,7 +121,7 @@ def _odometry_doubts(found: DriveFindings) -> Iterator[str]:
 
 def _overlap_doubts(found: DriveFindings) -> Iterator[str]:
     if found.frames < FEW_FRAMES:
-        yield f"Only {found.frames} images are left; a map needs a drive of some metres. See `dropped`, and --every-m."
+        yield f"Only {found.frames} images are left; a map needs a drive of some metres.{_thinned(found)}"
     if len(found.gaps_s) >= MANY_GAPS or sum(found.gaps_s) > MANY_GAPS * 10:
         yield (
             f"For {len(found.gaps_s)} times, {sum(found.gaps_s):.0f} s in all, no images came; did the recorder lose "
@@ -129,12 +135,22 @@ def _overlap_doubts(found: DriveFindings) -> Iterator[str]:
     if apart.mean() > _APART_SHARE:
         yield (
             f"{apart.sum()} of {len(apart)} images in a row do not overlap with the one before: farther than {NEAR_M} "
-            "m, or turned by more than half of what the camera sees. Drive slower, record more images a second, or "
-            "lower --every-m and --every-deg."
+            "m, or turned by more than half of what the camera sees. Drive slower, or record more images a second."
+            f"{_thinned(found)}"
         )
     if found.coverage.pieces > 1:
         yield (
             f"By its poses the drive falls into {found.coverage.pieces} pieces, the largest with "
-            f"{found.coverage.largest_share:.0%} of the images, and a map will fall apart likewise. Do the gaps or "
-            "jumps belong there? Drive the missing ways, and come back to where you began."
+            f"{found.coverage.largest_share:.0%} of the images, and a map will fall apart likewise, for neither near "
+            "images nor odometry join them. Do the gaps or jumps belong there? Drive the missing ways, and come back "
+            "to where you began."
         )
+
+
+def _thinned(found: DriveFindings) -> str:
+    """Return how more of the images are kept; nothing where none was left out for that."""
+    if not found.thinned:
+        return ""
+    if found.odometry is OdometrySource.NONE:
+        return f" {found.thinned} were left out because the picture had hardly changed. {_KEEP_ALL}"
+    return f" {found.thinned} were left out for too little motion; lower --every-m and --every-deg to keep more."

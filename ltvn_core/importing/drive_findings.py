@@ -54,6 +54,10 @@ class DriveFindings:
     frames: int
     dropped_as_wrong: int
     """Images that were left out for another reason than too little motion."""
+    thinned: int
+    """Images that were left out for too little motion."""
+    is_spacing_ignored: bool
+    """Somebody said after how many metres or degrees to keep an image, and there is no odometry to measure them by."""
     with_depth: int
     depth_median_m: float | None
     """Half of the depth is nearer, half is farther; None without any."""
@@ -84,6 +88,7 @@ def drive_findings(
     *,
     facts: DriveFacts,
     odometry: OdometrySource,
+    is_spacing_ignored: bool,
     preparation: FramePreparation,
     camera: CameraModel,
 ) -> DriveFindings:
@@ -93,6 +98,8 @@ def drive_findings(
     return DriveFindings(
         frames=len(frames),
         dropped_as_wrong=sum(count for reason, count in dropped.items() if reason != TOO_LITTLE_MOTION),
+        thinned=dropped.get(TOO_LITTLE_MOTION, 0),
+        is_spacing_ignored=is_spacing_ignored,
         with_depth=sum(frame.has_depth for frame in frames),
         depth_median_m=_depth_median_m(frames),
         used_streams=[f"{stream.role} {stream.name}" for stream in facts.streams if stream.role in _MEASURED],

@@ -173,6 +173,7 @@ class _DriveImport:
             dropped,
             facts=self._reader.facts,
             odometry=self._odometry,
+            is_spacing_ignored=isinstance(self._selection, PictureSelection) and self._options.has_own_spacing,
             preparation=preparation,
             camera=camera,
         )

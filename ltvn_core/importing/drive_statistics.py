@@ -11,22 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
-from ltvn_core.geometry import compose, relative, wrap_angle
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S
+from ltvn_core.graph.revisits import near_pairs, revisits
 from ltvn_core.importing.stamp_matching import period_s
 from ltvn_core.types import Pose, Tilt
-
-NEAR_M = 0.6
-NEAR_RAD = math.radians(20)
-"""Two images that are nearer than both can be compared; a map has edges between such."""
 
 GAP_PERIODS = 5.0
 GAP_S = 1.0
 """A pause between two images is a gap when it is longer than both."""
-_REVISIT_PATH_M = 3.0
-_REVISIT_S = 10.0
-"""A place is come back to after so long a way, or, turning on the spot, after so long a time."""
+_BRIDGED_IMAGES = 30
+"""By odometry an image is joined to another at most so many images before or after it, as by `graph.bridges`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,10 +51,10 @@ class TiltRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """What a map of the drive would be like if every pair of images that are near could be joined."""
+    """What a map of the drive would be like at best: all near images joined, and by odometry those in a row."""
 
     pieces: int
-    """Parts that no chain of near images joins."""
+    """Parts that no chain of such images joins."""
     largest_share: float
     """Share of the images in the largest of them."""
     revisited_share: float
@@ -71,29 +68,28 @@ def path_m(poses: Pose) -> float:
 
 def coverage(poses: Pose, stamps: NDArray[np.float64]) -> Coverage:
     """Return what a map of N images with these poses (N, 3) and stamps (N,) would be like."""
-    pairs = _near_pairs(poses)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(poses), len(poses)))
+    near = near_pairs(poses)
+    joined = np.concatenate([near, _bridged_pairs(poses, stamps)])
+    graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(len(poses), len(poses)))
     pieces, labels = connected_components(graph, directed=False)
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T) if len(poses) > 1 else np.zeros(0)
-    way = np.concatenate([[0.0], np.cumsum(steps)])
-    first, last = pairs.min(axis=1), pairs.max(axis=1)
-    again = (way[last] - way[first] >= _REVISIT_PATH_M) | (stamps[last] - stamps[first] >= _REVISIT_S)
     return Coverage(
         pieces=int(pieces),
         largest_share=float(np.bincount(labels).max() / len(poses)),
-        revisited_share=len(np.unique(last[again])) / len(poses),
+        revisited_share=len(np.unique(revisits(near, poses, stamps)[:, 1])) / len(poses),
     )
 
 
-def _near_pairs(poses: Pose) -> NDArray[np.intp]:
-    """Return the places (K, 2) of poses that are near each other."""
-    # Headings lie on a circle on which the chord of NEAR_RAD is as long as NEAR_M.
-    radius = NEAR_M / (2 * math.sin(NEAR_RAD / 2))
-    points = np.column_stack([poses[:, :2], radius * np.cos(poses[:, 2]), radius * np.sin(poses[:, 2])])
-    pairs = KDTree(points).query_pairs(NEAR_M * math.sqrt(2), output_type="ndarray")
-    apart = poses[pairs[:, 1]] - poses[pairs[:, 0]]
-    near = (np.hypot(apart[:, 0], apart[:, 1]) < NEAR_M) & (np.abs(wrap_angle(apart[:, 2])) < NEAR_RAD)
-    return pairs[near]
+def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the rows (K, 2) of images that odometry alone may join in a map, because the robot drove between them."""
+    breaks = np.hypot(*np.diff(poses[:, :2], axis=0).T) > JUMP_M if len(poses) > 1 else np.zeros(0, bool)
+    breaks |= np.diff(stamps) > PAUSE_S
+    stretch = np.concatenate([[0], np.cumsum(breaks)])
+    pairs = [np.empty((0, 2), np.intp)]
+    for gap in range(1, min(_BRIDGED_IMAGES, len(poses) - 1) + 1):
+        apart = distance(relative(poses[:-gap], poses[gap:]))
+        rows = np.flatnonzero((apart < ROBUST.building.connect_distance) & (stretch[:-gap] == stretch[gap:]))
+        pairs.append(np.column_stack([rows, rows + gap]))
+    return np.concatenate(pairs)
 
 
 def drift(odometry: Pose, truth: Pose) -> Drift | None:

@@ -73,7 +73,8 @@ class ImportSummary:
     path_m: float | None
     """Length of the way by odometry; None where there is none."""
     pieces_expected: int | None
-    """Parts that a map would fall into at best, from the poses; None where there are none."""
+    """Parts that a map would fall into at best: near images joined, and by odometry those in a row; None without
+    poses."""
     largest_piece_expected: float | None
     """Share of the images in the largest of them."""
     revisited_share: float | None

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
@@ -134,6 +135,10 @@ class GeometricPredictor:
             source = sources[0 if len(sources) == 1 else k, 0]
             reachability[k], waypoints[k] = self._compare(source, targets[k, 0])
         return Prediction(reachability, waypoints)
+
+    def key_point_counts(self, features: Features) -> NDArray[np.intp]:
+        """Return how many key points were found in each of N images, (N,) for features (N, 1)."""
+        return np.array([len(row[0].rays) for row in features], np.intp)
 
     def shortlist(self, source: ImageFeatures, targets: Sequence[ImageFeatures]) -> list[int]:
         """Return which targets are compared in full, in order."""

@@ -40,6 +40,11 @@ class RecordingMetadata:
     """Rerun's name of the recording; two files with one id are shown as one."""
 
 
+def is_lens_known(meta: RecordingMetadata) -> bool:
+    """Tell whether somebody said what the lens of the camera is; for some imported drives it was assumed."""
+    return bool(meta.config.get("import", {}).get("is_lens_known", True))
+
+
 def metadata_row(meta: RecordingMetadata) -> ArchetypeColumns:
     """Lay a recording's description out as one row. Raises RecordingError when the configuration is no JSON."""
     return ArchetypeColumns(

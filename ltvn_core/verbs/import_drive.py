@@ -39,9 +39,9 @@ class ImportVerb(Verb):
     odometry_from: Literal["auto", "source", "truth", "none"] = "auto"
     """What is recorded as odometry: the source's own, the true poses, or nothing; auto is the first that there is."""
     every_m: float = 0.1
-    """Keep an image after so many metres,"""
+    """Keep an image after so many metres by odometry,"""
     every_deg: float = 8.0
-    """or degrees of turning; 0 and 0 keep all."""
+    """or degrees of turning; 0 and 0 keep all. Without odometry one is kept where the picture has changed."""
     rate: float | None = None
     """Images a second, for formats without stamps."""
     scene: str = ""

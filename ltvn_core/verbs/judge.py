@@ -263,7 +263,7 @@ class JudgeVerb(Verb):
             skipped=sum(each.skipped for each in both),
             revisits=revisits,
             perturbed={condition.name: _condition_summary(condition) for condition in worse},
-            doubts=judgement_doubts(judgement, both),
+            doubts=judgement_doubts(judgement, both, predictor_name=choice.name),
             report=self.report,
         )
 

@@ -14,7 +14,7 @@ SECONDS = {Severity.INFO: 8.0, Severity.WARN: 12.0, Severity.ERROR: 20.0}
 
 
 class Notifications:
-    """Tells each message once."""
+    """Tells each message once, as soon as a page is open."""
 
     def __init__(self, clients: Callable[[], Iterable[viser.ClientHandle]]) -> None:
         """Tell whoever `clients` returns at that time."""
@@ -26,8 +26,11 @@ class Notifications:
         message = snapshot.message
         if message is None or message.number == self._shown_number:
             return
+        clients = [*self._clients()]
+        if not clients:
+            return  # Who opens the page next reads it.
         self._shown_number = message.number
-        for client in self._clients():
+        for client in clients:
             client.add_notification(
                 TITLES[message.severity],
                 message.text,

@@ -10,6 +10,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
+from ltvn_core.recording.metadata import is_lens_known
 from ltvn_core.recording.reader import Recording
 from ltvn_core.training_data.truth_limits import TrueViews, tilted_camera, true_views
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
@@ -34,6 +35,10 @@ class JudgedSequence:
     """because they have no depth and the predictor needs it,"""
     skipped: int
     """and because there are too many."""
+    camera: CameraModel | None = None
+    """The camera that took them; None where it is the predictor's."""
+    is_lens_known: bool = True
+    """Whether somebody said what the lens of that camera is."""
 
     def time_s(self, row: int) -> float:
         """Return when an image was taken, in seconds after the recording's beginning."""
@@ -85,6 +90,8 @@ def read_sequence(
         without_truth=len(usable) - len(known),
         without_depth=len(seen) - len(usable),
         skipped=count - len(chosen),
+        camera=recording.meta.camera,
+        is_lens_known=is_lens_known(recording.meta),
     )
 
 

@@ -7,21 +7,48 @@ import numpy as np
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence
 from ltvn_core.evaluation.predictor_accuracy.judgement import Judgement
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.map_check import map_doubts
+from ltvn_core.graph.map_coverage import map_coverage
+from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
+from ltvn_core.predictors.request import predictor_card
 
 _FEW_PAIRS = 100
 _SAME_D = 0.005
 """Odometry that agrees so well with the truth, image by image, was not measured."""
 
 
-def judgement_doubts(judgement: Judgement, sequences: Sequence[JudgedSequence]) -> tuple[str, ...]:
-    """Return what a reader of these figures must know."""
+def judgement_doubts(
+    judgement: Judgement, sequences: Sequence[JudgedSequence], *, predictor_name: str = ""
+) -> tuple[str, ...]:
+    """Return what a reader of these figures must know, with likely causes of a map that nobody can navigate by.
+
+    Args:
+        judgement: The figures.
+        sequences: The images that were judged, those of the map last.
+        predictor_name: By what name the predictor was asked for.
+    """
     return (
         *_pair_doubts(judgement),
         *(doubt for sequence in sequences for doubt in _odometry_doubts(sequence)),
         *_look_doubts(judgement),
-        *map_doubts(judgement.built.graph, len(judgement.built.observations)),
+        *_map_doubts(judgement, sequences[-1], predictor_name),
     )
+
+
+def _map_doubts(judgement: Judgement, mapped: JudgedSequence, predictor_name: str) -> tuple[str, ...]:
+    built = judgement.built
+    coverage = map_coverage(built.observations, built.graph, built.keyframes, built.predictor, built.system)
+    drive = MappedDrive(
+        observations=built.observations,
+        camera=mapped.camera,
+        is_lens_known=mapped.is_lens_known,
+        graph=built.graph,
+        keyframes=built.keyframes,
+        predictor=built.predictor,
+        predictor_name=predictor_name,
+        least_width_px=predictor_card(built.predictor).least_width_px,
+    )
+    # The share is that of the figures, so that a reader does not find two of them.
+    return diagnose(drive, coverage._replace(share=judgement.conditions[0].map.largest_piece_share))
 
 
 def _pair_doubts(judgement: Judgement) -> Iterator[str]:

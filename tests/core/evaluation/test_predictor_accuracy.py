@@ -121,11 +121,26 @@ def test_two_sessions_are_judged_against_each_other() -> None:
 def test_images_of_a_place_that_the_map_does_not_know_are_not_counted() -> None:
     first = drive()
     elsewhere = [replace(seen, step=seen.step + 1, exact_pose=np.array([20.0, 20.0, 0.0])) for seen in first[:4]]
-    judgement = judged(sequence([*first[:2], *elsewhere]), sequence(first), knowing_predictor())
+    mapped = sequence(first)
+    judgement = judged(sequence([*first[:2], *elsewhere]), mapped, knowing_predictor())
     found = judgement.conditions[0].localisation
     assert found is not None
     assert (found.looks, found.looks_elsewhere) == (2, 4)
-    assert any("4 of 6 images" in doubt for doubt in judgement_doubts(judgement, ()))
+    assert any("4 of 6 images" in doubt for doubt in judgement_doubts(judgement, [mapped]))
+
+
+def test_a_map_that_knows_little_of_the_images_is_doubted_with_the_share_of_the_figures() -> None:
+    first = drive()
+    far = [replace(seen, odometry=seen.odometry + 50.0, exact_pose=None) for seen in drive()]
+    far = [replace(seen, step=seen.step + 1000, stamp=seen.stamp + 1000.0) for seen in far]
+    both = [*first, *(replace(seen, exact_pose=np.array([50.0, 50.0, 0.0]) + k) for k, seen in enumerate(far))]
+    images = replace(sequence(both), views=None)
+    judgement = judged(images, images, knowing_predictor())
+    share = judgement.conditions[0].map.largest_piece_share
+    assert share < 0.8
+    said = judgement_doubts(judgement, [images])
+    assert any(f"knows {share:.0%} of its own drive" in doubt for doubt in said)
+    assert any("Likely cause" in doubt for doubt in said)
 
 
 def test_without_truth_the_map_is_judged_alone() -> None:

@@ -9,13 +9,16 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Cause, EdgeAdded, NodeAdded
 from ltvn_core.graph.map_check import map_doubts
+from ltvn_core.graph.map_coverage import MapCoverage
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.topological_map import build_map
-from ltvn_core.types import Features, Prediction, Tilt
+from ltvn_core.types import Features, Observation, Prediction, Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
 from tests.repository import DEMO_MAP
+
+ALL_KNOWN = MapCoverage(1.0, None)
 
 
 def test_a_map_of_one_node_is_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -23,24 +26,42 @@ def test_a_map_of_one_node_is_told(caplog: pytest.LogCaptureFixture) -> None:
     built = build_map(standing, predictor=FlatPredictor(one_room()))
     assert len(built.graph.nodes) == 1
     (doubt,) = [doubt for doubt in built.doubts if "one node" in doubt]
-    assert "has one node, as if all 30 images showed one place" in doubt
+    assert "as if all 30 images showed one place" in doubt
     assert doubt in caplog.text
+
+
+def test_one_node_that_knows_little_is_not_said_to_be_all_there_was_to_see() -> None:
+    alone = TopologicalGraph([NodeAdded(node_from_observation(observation_at(np.zeros(3), 0)), Cause.BUILD)])
+    said = " ".join(map_doubts(alone, 199, MapCoverage(0.11, None)))
+    assert "one node" in said
+    assert "knows 11%" in said
+    assert "one place" not in said
+    assert "nearly all 199 images" in " ".join(map_doubts(alone, 199, MapCoverage(0.95, None)))
+
+
+def test_a_map_of_a_few_images_is_doubted_as_well() -> None:
+    near = list(tour([(0.7, 0.7), (2.2, 0.7)], spins=False))[:9]
+    far = [replace(seen, stamp=seen.stamp + 60.0) for seen in tour([(0.7, 3.2), (4.2, 3.2)], first_step=300)][:7]
+    built = build_map([*near, *far], predictor=FlatPredictor(one_room(), sight_m=1.0))
+    assert built.coverage is not None
+    assert built.coverage.share < 0.8
+    assert any(f"knows {built.coverage.share:.0%}" in doubt for doubt in built.doubts)
 
 
 def test_a_map_without_edges_is_told() -> None:
     images = list(tour([(0.7, 0.7), (4.2, 0.7)], spins=False))
     apart = TopologicalGraph(NodeAdded(node_from_observation(seen), Cause.BUILD) for seen in images[::10])
-    (doubt,) = map_doubts(apart, len(images))
+    (doubt,) = map_doubts(apart, len(images), ALL_KNOWN)
     assert f"None of the {len(apart.nodes)} nodes is joined to another" in doubt
 
 
 def test_maps_in_order_and_short_drives_are_not_doubted() -> None:
     loaded = load_map(DEMO_MAP)
-    assert map_doubts(loaded.graph, len(loaded.observations)) == ()
+    assert map_doubts(loaded.graph, len(loaded.observations), ALL_KNOWN) == ()
     images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
     built = build_map(images, predictor=FlatPredictor(one_room()), system=None)
-    assert map_doubts(built.graph, len(images)) == ()
-    assert map_doubts(TopologicalGraph(), 1) == ()
+    assert map_doubts(built.graph, len(images), ALL_KNOWN) == ()
+    assert map_doubts(TopologicalGraph(), 1, ALL_KNOWN) == ()
 
 
 def test_a_map_in_small_pieces_is_told() -> None:
@@ -50,7 +71,7 @@ def test_a_map_in_small_pieces_is_told() -> None:
     pieces = TopologicalGraph(NodeAdded(node, Cause.BUILD) for node in nodes)
     edge = next(iter(built.graph.edges.values()))
     pieces.apply(EdgeAdded(edge, Cause.BUILD))
-    (doubt,) = map_doubts(pieces, len(images))
+    (doubt,) = map_doubts(pieces, len(images), ALL_KNOWN)
     assert f"falls into {len(nodes)} pieces" in doubt
 
 
@@ -69,7 +90,7 @@ def test_a_map_that_knows_a_part_of_its_drive_is_told_with_where_it_ends() -> No
 def test_a_map_that_knows_its_drive_says_so() -> None:
     images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
     built = build_map(images, predictor=FlatPredictor(one_room()))
-    assert built.coverage == (1.0, None)
+    assert built.coverage == ALL_KNOWN
 
 
 class NarrowPredictor(FlatPredictor):
@@ -143,3 +164,46 @@ def test_a_drive_without_odometry_is_joined_by_what_its_images_say_alone() -> No
     built = build_map(images, predictor=FlatPredictor(one_room()))
     assert len(built.graph.nodes) > 5
     assert count_strongly_connected_components(built.graph) == 1
+
+
+def passed_later(images: list[Observation], steps: int, seconds: float) -> list[Observation]:
+    """Return the images of the same places, taken again."""
+    return [replace(seen, step=seen.step + steps, stamp=seen.stamp + seconds) for seen in images]
+
+
+def test_a_stretch_that_is_driven_once_is_named_one_way_only_and_one_driven_twice_is_not() -> None:
+    here = list(tour([(0.7, 0.7), (4.2, 0.7)], spins=False))
+    there = passed_later(list(tour([(0.7, 3.2), (4.2, 3.2)], spins=False)), 300, 60.0)
+    once = [*here, *there]
+    twice = [*here, *passed_later(here, 150, 30.0), *there, *passed_later(there, 150, 30.0)]
+    said = [
+        " ".join(build_map(drive, predictor=FlatPredictor(one_room(), sight_m=1.0)).doubts) for drive in (once, twice)
+    ]
+    assert ["of its own drive" in words for words in said] == [True, True]
+    assert ["one way only" in words for words in said] == [True, False]
+
+
+class PoorPredictor(BlindPredictor):
+    """Finds hardly any key points."""
+
+    def key_point_counts(self, features: Features) -> np.ndarray:
+        return np.full(len(features), 87)
+
+
+def test_few_key_points_are_named_with_their_number() -> None:
+    images = list(tour([(0.7, 0.7), (4.2, 0.7)]))
+    assert any(
+        "few key points (87 an image" in doubt
+        for doubt in build_map(images, predictor=PoorPredictor(one_room())).doubts
+    )
+
+
+def test_a_drive_without_odometry_is_not_told_to_be_thinned_less_by_metres() -> None:
+    images = [replace(seen, odometry=np.zeros(3)) for seen in tour([(0.7, 0.7), (4.2, 0.7)])]
+    # Two far parts of the room, of which no image sees the other.
+    far = [replace(seen, odometry=np.zeros(3), step=seen.step + 500) for seen in tour([(0.7, 3.2), (4.2, 3.2)])]
+    mixed = [seen for pair in zip(images, far, strict=False) for seen in pair]
+    mixed = [replace(seen, step=k, stamp=0.1 * k) for k, seen in enumerate(mixed)]
+    said = " ".join(build_map(mixed, predictor=FlatPredictor(one_room(), sight_m=0.4)).doubts)
+    assert "Likely cause" in said
+    assert "thin less" not in said

@@ -81,3 +81,36 @@ def test_images_too_small_to_recognise_anything_in_are_told(tmp_path: Path) -> N
     assert "pixels wide" not in said(imported(tmp_path, whole))
     (tmp_path / "tour.rrd").unlink()
     assert "images are 80 pixels wide" in said(imported(tmp_path, small))
+
+
+def test_the_forecast_joins_images_in_a_row_as_the_builder_does_by_odometry(tmp_path: Path) -> None:
+    turning = [frame(k, x=0.7 * k, yaw=0.4 * (k % 2)) for k in range(25)]
+    assert imported(tmp_path, turning).pieces_expected == 1
+    (tmp_path / "tour.rrd").unlink()
+    carried = [replace(raw, stamp=raw.stamp + 8.0 * (k >= 10)) for k, raw in enumerate(turning)]
+    summary = imported(tmp_path, carried)
+    assert summary.pieces_expected == 2
+    assert summary.largest_piece_expected == 0.6
+
+
+def test_a_spacing_that_nothing_can_measure_is_said_to_be_ignored_with_what_works(tmp_path: Path) -> None:
+    drive = [replace(noisy(frame(k)), odometry=None) for k in range(5)] * 2
+    drive = [replace(raw, stamp=k / 10) for k, raw in enumerate(drive)]
+
+    def words(name: str, options: ImportOptions) -> str:
+        return said(import_drive(ListedDrive(drive), tmp_path / name, options))
+
+    assert "--every-m and --every-deg were ignored" in words("own.rrd", ImportOptions(every_m=0.5))
+    usual = words("usual.rrd", ImportOptions())
+    assert "ignored" not in usual
+    assert "--every-m 0 --every-deg 0 keeps every image" in usual
+    assert "every-m" not in words("all.rrd", ALL)
+
+
+def test_metres_are_advised_only_where_images_were_left_out_for_them(tmp_path: Path) -> None:
+    far = [frame(k, x=1.5 * k) for k in range(25)]
+    assert "--every-m" not in said(imported(tmp_path, far))
+    still = [replace(raw, stamp=raw.stamp + 0.05) for raw in far]
+    drive = sorted([*far, *still], key=lambda raw: raw.stamp)
+    summary = import_drive(ListedDrive(drive, ("rgb", "odometry")), tmp_path / "thin.rrd", ImportOptions())
+    assert "lower --every-m" in said(summary)

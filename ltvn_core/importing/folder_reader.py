@@ -1,8 +1,9 @@
 """Reads a plain folder of pictures, with or without depth, with or without a table of odometry.
 
 Pictures are taken in natural order (2 before 10). `depth/` beside them, or the same folder, holds 16-bit PNGs of the
-same names or numbers in millimetres, `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. The lens comes
-from `camera.json`, or roughly from what a phone or camera writes into its pictures.
+same names or numbers in millimetres, `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. True poses are
+read as 7-Scenes, ScanNet and Replica write them (`importing.picture_poses`). The lens comes from `camera.json`, or
+roughly from what a phone or camera writes into its pictures.
 """
 
 import io
@@ -21,6 +22,7 @@ from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.odometry_table import OdometryTable
 from ltvn_core.importing.picture_folder import colour_pictures, depth_partners, holds_pictures
+from ltvn_core.importing.picture_poses import poses_beside
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.importing.stamp_matching import rate_hz
@@ -51,9 +53,12 @@ class FolderReader:
             self._depth = depth_partners(folder, options.depth, pictures)
         self._table = _table(folder, options.odometry)
         self._stamps = self._known_stamps()
+        self._truth = poses_beside(folder, self._images)
         self._described = camera_beside(folder)
         self.dropped: Counter[str] = Counter({_UNREADABLE: len(pictures.unreadable)} if pictures.unreadable else {})
         self.doubts: list[str] = list(pictures.doubts())
+        if self._truth is not None and self._truth.missing:
+            self.doubts.append(f"{self._truth.missing} pictures have no valid pose in {self._truth.name}.")
         self.facts = DriveFacts(
             format="folder", frames=len(self._images), streams=self._streams(), place=folder.resolve().name
         )
@@ -90,7 +95,9 @@ class FolderReader:
 
     def _moment(self, place: int, path: Path) -> FrameMoment:
         stamp = self._stamps[place]
-        return FrameMoment(stamp, None if self._table is None else self._table.pose(path.name, stamp, place))
+        odometry = None if self._table is None else self._table.pose(path.name, stamp, place)
+        truth = None if self._truth is None else self._truth.at(place)
+        return FrameMoment(stamp, odometry) if truth is None else FrameMoment(stamp, odometry, truth.planar, truth.tilt)
 
     def _frame(self, moment: FrameMoment, path: Path) -> RawFrame:
         name = str(path.relative_to(self._folder))
@@ -104,6 +111,8 @@ class FolderReader:
             depth_m=self._read_depth(path),
             camera=None if camera is None else fitted(camera, width, height, name),
             odometry=moment.odometry,
+            truth=moment.truth,
+            tilt=moment.tilt,
             name=name,
         )
 
@@ -134,6 +143,8 @@ class FolderReader:
             found.append(SourceFact("depth", str(where), len(self._depth), rate))
         if self._table is not None:
             found.append(SourceFact("odometry", self._table.name, len(self._table), None))
+        if self._truth is not None:
+            found.append(SourceFact("truth", self._truth.name, len(self._truth), None))
         return found
 
 

@@ -6,6 +6,7 @@ when its turn comes.
 
 import logging
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import cast
 
@@ -17,6 +18,8 @@ from ltvn_core.plugins import READERS, Plugin, find_plugins
 log = logging.getLogger(__name__)
 
 AUTO = "auto"
+_MOST_ENTRIES = 100
+"""Of a folder that no reader knows, so many entries are looked at."""
 LAST = "folder"
 """Folders of every format look like a folder of pictures as well, so this reader is asked last."""
 
@@ -61,11 +64,22 @@ def _recognised(path: Path) -> ReaderClass:
             return reader
     if broken:
         raise broken[0]
+    if inside := _drives_in(path):
+        raise DriveError(
+            f"{path} is no drive itself but holds {len(inside)}; import each by its own path: {inside[0]}."
+        )
     require_plain(path)  # A pointer of Git LFS is not recognised as what it stands for.
     raise DriveError(
         f"{path} is in no format that can be read ({', '.join(reader_names())}); name the file or folder of one drive, "
         "and the format by --format where it was not recognised."
     )
+
+
+def _drives_in(path: Path) -> list[Path]:
+    """Return which of the first entries of a folder are drives."""
+    if not path.is_dir():
+        return []
+    return [each for each in sorted(islice(path.iterdir(), _MOST_ENTRIES)) if is_drive(each)]
 
 
 def _named(name: str) -> ReaderClass:

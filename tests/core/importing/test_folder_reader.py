@@ -275,3 +275,47 @@ def test_replica_as_nice_slam_has_it_comes_with_its_lens_and_unit_of_depth(tmp_p
     (tmp_path / "cam_params.json").write_text("{}", encoding="utf-8")
     with pytest.raises(DriveError, match=r"cam_params\.json describes no camera"):
         read(tmp_path)
+
+
+def poses_along_x(count: int) -> list[str]:
+    """Return 4 x 4 matrices, camera to world, of a level camera that drives 0.2 m a picture along the world's x."""
+    return [f"0 0 1 {0.2 * k}\n-1 0 0 1.5\n0 -1 0 0.6\n0 0 0 1\n" for k in range(count)]
+
+
+@pytest.mark.parametrize("layout", ["7-scenes", "scannet", "replica"])
+def test_poses_that_lie_beside_pictures_are_true_poses(tmp_path: Path, layout: str) -> None:
+    poses = poses_along_x(3)
+    if layout == "7-scenes":
+        write_pictures(tmp_path, [f"frame-{k:06d}.color.png" for k in range(3)])
+        for k, pose in enumerate(poses):
+            (tmp_path / f"frame-{k:06d}.pose.txt").write_text(pose, encoding="utf-8")
+    elif layout == "scannet":
+        write_pictures(tmp_path / "color", [f"{k}.jpg" for k in range(3)])
+        (tmp_path / "pose").mkdir()
+        for k, pose in enumerate(poses):
+            (tmp_path / f"pose/{k}.txt").write_text(pose if k != 1 else pose.replace("1.5", "-inf"), encoding="utf-8")
+    else:
+        write_pictures(tmp_path / "results", [f"frame{k:06d}.jpg" for k in range(3)])
+        rows = "".join(pose.replace("\n", " ") + "\n" for pose in poses)
+        (tmp_path / "traj.txt").write_text(rows, encoding="utf-8")
+    frames = read(tmp_path)
+    assert [None if f.truth is None else round(float(f.truth[0]), 3) for f in frames] == [
+        0.0,
+        None if layout == "scannet" else 0.2,
+        0.4,
+    ]
+    assert frames[2].truth is not None
+    np.testing.assert_allclose(frames[2].truth, [0.4, 1.5, 0.0], atol=1e-9)
+
+
+def test_rows_of_poses_for_other_pictures_are_refused(tmp_path: Path) -> None:
+    write_pictures(tmp_path / "results", [f"frame{k:06d}.jpg" for k in range(3)])
+    (tmp_path / "traj.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n", encoding="utf-8")
+    with pytest.raises(DriveError, match="16 for each of the 3"):
+        FolderReader.open(tmp_path, ReadOptions())
+
+
+def test_a_folder_of_videos_is_refused_with_the_path_to_import(tmp_path: Path) -> None:
+    (tmp_path / "VID_1.MP4").write_bytes(b"\x00\x00\x00\x18ftypmp42")
+    with pytest.raises(DriveError, match=r"own path.*VID_1\.MP4"):
+        open_drive(tmp_path)

@@ -161,8 +161,8 @@ class BagDrive:
         self.dropped[reason] += 1
         if reason == DAMAGED:
             self._doubt(
-                f"Packets of the video {self._topics.rgb} are damaged; images from there up to the next key frame are "
-                "left out. Have the encoder send key frames more often."
+                f"Packets of the video {self._topics.rgb} cannot be decoded; images from there up to the next key "
+                "frame are left out. Where packets get lost, have the encoder send key frames more often."
             )
 
     def _stamp(self, message: Any, raw: RawMessage) -> float:

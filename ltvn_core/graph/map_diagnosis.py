@@ -209,7 +209,7 @@ def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterat
 def _thin_less(drive: MappedDrive) -> str:
     if _has_odometry(drive):
         return "thin less (--every-m, --every-deg of `ltvn import`)"
-    return "keep all images (--every-m 0 --every-deg 0 of `ltvn import`)"
+    return "leave no image out (--every-m 0 --every-deg 0 of `ltvn import`)"
 
 
 def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.bool_] | None) -> Iterator[str]:

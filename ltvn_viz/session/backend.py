@@ -18,6 +18,7 @@ from ltvn_core.extras import naming_the_extra
 from ltvn_core.network.cards.driving_calibration import measured_likelihoods
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.map_file import LoadedMap
+from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -83,6 +84,8 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
     The options name the predictor itself, for the robot's camera depends on it. Raises SceneError, MissingLibraryError.
     """
     try:
+        if options.replay is not None and options.scene.startswith(SOURCE_SCENE):
+            raise SceneError(f"{options.scene} is the place of an imported drive, and no simulated scene.")
         with naming_the_extra():
             return _open_simulator(options, known, stack)
     except (SceneError, MissingLibraryError) as missing:

@@ -218,6 +218,22 @@ def test_each_message_is_notified_once_to_every_page() -> None:
     assert told == ["same words"] * 4
 
 
+def test_what_is_said_before_a_page_is_open_is_notified_to_the_first_one() -> None:
+    told: list[str] = []
+
+    def add_notification(title: str, body: str, **_: object) -> None:
+        told.append(body)
+
+    clients: list[Any] = []
+    notices = Notifications(lambda: clients)
+    snapshot = Snapshot(message=Message("The scene lacks textures.", Severity.WARN, 1))
+    notices.show(snapshot)
+    clients.append(SimpleNamespace(add_notification=add_notification))
+    notices.show(snapshot)
+    notices.show(snapshot)
+    assert told == ["The scene lacks textures."]
+
+
 def test_gallery_images_lie_far_apart() -> None:
     poses = np.array([[0, 0, 0], [0.1, 0, 0], [5, 0, 0], [5.1, 0, 0], [0, 5, 0]], np.float64)
     rows = farthest_points(poses, 3)

@@ -20,6 +20,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.importing.source_camera import CAMERA_FILE
 from ltvn_core.importing.spatial_pose import BODY_FROM_OPTICAL
 from ltvn_core.recording.image_codec import decode_depth
+from ltvn_core.recording.metadata import is_lens_known
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Depth, Pose, Tilt
 
@@ -81,8 +82,13 @@ class ExportedDrive:
         self._offset = min(0.0, float(stamps[inside].min()))
 
     def write_camera(self, folder: Path, *, units_per_metre: float | None = None) -> None:
-        """Write the `camera.json` of a folder, with the units of a metre in its depth images. Raises OSError."""
+        """Write the `camera.json` of a folder, with the units of a metre in its depth images. Raises OSError.
+
+        Of a lens that was only assumed the focal lengths are null, so that nobody takes it for known.
+        """
         camera = {**self.camera.to_json(), "depth_scale": units_per_metre}
+        if not is_lens_known(self._recording.meta):
+            camera |= {"fx": None, "fy": None}
         (folder / CAMERA_FILE).write_text(json.dumps(camera, indent=2), encoding="utf-8")
 
     def __len__(self) -> int:

@@ -22,6 +22,8 @@ from ltvn_core.types import Depth
 UNITS_PER_METRE = 5000.0
 NO_DEPTH = "none"
 CALIBRATION_FILE = "calibration.txt"
+ODOMETRY_FILE = "odometry.txt"
+"""Odometry as `ltvn export` writes it, of the camera's optical frame as the true poses are."""
 SLACK_S = 0.02
 """Colour and depth belong together within half a frame, or within this where frames come faster."""
 
@@ -49,7 +51,7 @@ class TumReader:
         self._colour = self._image_list(options.rgb or "rgb.txt")
         self._depth = self._depth_list(options.depth)
         self._truth = _track(folder / "groundtruth.txt")
-        self._odometry = _track(folder / options.odometry) if options.odometry else None
+        self._odometry = _track(folder / (options.odometry or ODOMETRY_FILE))
         self._described = camera_beside(folder)
         self._depth_unit_m = options.depth_unit_m or self._described.metres_per_unit or 1 / UNITS_PER_METRE
         self._camera = options.camera or self._described.camera or _benchmark_camera(folder)

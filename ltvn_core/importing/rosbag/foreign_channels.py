@@ -18,13 +18,15 @@ _HEADER = struct.Struct("<BQI")
 _MOST_NAME_BYTES = 100
 _PROFILE = "ros2"
 """All that the library opens."""
+_OFFERS = "offered_qos_profiles"
+"""The key of the metadata that the library asks for."""
 _SCHEMAS = ("ros2msg", "ros2idl", "omgidl", "")
 
 
 def tolerate_foreign_channels() -> None:
     """Have `rosbags` open an MCAP of any profile whose schemas are of encodings that it does not know, or no text.
 
-    Channels say one by one how they are encoded. How they were offered to the network is not read.
+    Channels say one by one how they are encoded.
     """
     known = storage_mcap.get_msgdef
 
@@ -33,17 +35,22 @@ def tolerate_foreign_channels() -> None:
         return known(schema) if is_known else MessageDefinition(MessageDefinitionFormat.NONE, "")
 
     def text(stream: BinaryIO) -> str:
-        is_profile = stream.tell() == 0  # No other record that is read begins with a text.
+        is_first = stream.tell() == 0  # As the profile is, and the first key of a channel's metadata.
         said = storage_mcap.read_bytes(stream).decode(errors="replace")
-        return _PROFILE if is_profile else said
+        return _PROFILE if is_first and said != _OFFERS else said
 
-    def no_offers(_: bytes) -> list[Qos]:
-        return []
+    offered = storage_mcap.get_qos
+
+    def offers(text: bytes) -> list[Qos]:
+        try:
+            return offered(text)
+        except Exception:  # Strangers write there what they like, and reading needs none of it.
+            return []
 
     if known.__module__ == storage_mcap.__name__:  # Not done yet.
         storage_mcap.get_msgdef = definition
         storage_mcap.read_string = text
-        storage_mcap.get_qos = no_offers
+        storage_mcap.get_qos = offers
 
 
 def refuse_ros1(file: Path) -> None:

@@ -125,7 +125,7 @@ def test_a_tilt_that_changes_survives_in_a_bag_and_in_a_tum_folder(tmp_path: Pat
 def test_a_tum_folder_comes_back_and_is_read_by_numpy(tmp_path: Path, recording: Recording) -> None:
     export_recording(recording, tmp_path / "folder", ExportFormat.TUM)
 
-    frames = read_back(tmp_path / "folder", ReadOptions(odometry="odometry.txt"))
+    frames = read_back(tmp_path / "folder")
 
     check_frames(frames, recording, depth_within_m=1e-4)
     check_camera(frames[0].camera)

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
@@ -29,6 +30,8 @@ from ltvn_core.importing.stamp_matching import rate_hz
 from ltvn_core.types import Depth
 
 ODOMETRY_FILES = ("odometry.csv", "poses.csv")
+CONFIDENCE_FOLDER = "confidence"
+"""Beside depth of phones: pictures of the same names, 0 where the depth is not sure."""
 NO_DEPTH = "none"
 RATE_HZ = 10.0
 """Pictures without any stamps are taken to be so many a second."""
@@ -122,7 +125,20 @@ class FolderReader:
             return None
         name = str(path.relative_to(self._folder))
         unit = self._options.depth_unit_m or self._described.metres_per_unit or MILLIMETRES
-        return decode_depth(read_bytes_within(self._folder, name), unit, name)
+        return self._without_unsure(decode_depth(read_bytes_within(self._folder, name), unit, name), path)
+
+    def _without_unsure(self, depth_m: Depth, path: Path) -> Depth:
+        """Return depth (H, W) without the pixels to which a phone gave its lowest confidence, 0."""
+        beside = Path(CONFIDENCE_FOLDER) / path.name
+        if not (self._folder / beside).is_file():
+            return depth_m
+        confidence = decode_colour(read_bytes_within(self._folder, str(beside)), str(beside))[..., 0]
+        if confidence.shape != depth_m.shape:
+            raise DriveError(
+                f"{beside} has {confidence.shape[1]} x {confidence.shape[0]} pixels and its depth image "
+                f"{depth_m.shape[1]} x {depth_m.shape[0]}; save them at one size, or move {CONFIDENCE_FOLDER}/ away."
+            )
+        return np.where(confidence > 0, depth_m, 0).astype(depth_m.dtype)
 
     def _known_stamps(self) -> Sequence[float]:
         """Return stamps from the names of the pictures, from the table, or by the rate."""

@@ -308,6 +308,21 @@ def test_poses_that_lie_beside_pictures_are_true_poses(tmp_path: Path, layout: s
     np.testing.assert_allclose(frames[2].truth, [0.4, 1.5, 0.0], atol=1e-9)
 
 
+def test_depth_of_a_phone_that_is_not_sure_is_no_depth(tmp_path: Path) -> None:
+    write_pictures(tmp_path / "rgb", ["1.png", "2.png"])
+    for k in (1, 2):
+        (tmp_path / "depth").mkdir(exist_ok=True)
+        write_depth(tmp_path / f"depth/{k}.png", 2000)
+        sure = np.zeros_like(cv2.imread(str(tmp_path / f"depth/{k}.png"), cv2.IMREAD_UNCHANGED), np.uint8)
+        sure[:, 1:] = 2
+        (tmp_path / "confidence").mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / f"confidence/{k}.png"), sure)
+    depth = read(tmp_path)[0].depth_m
+    assert depth is not None
+    assert (depth[:, 0] == 0).all()
+    assert (depth[1:, 1:] == 2).all()
+
+
 def test_rows_of_poses_for_other_pictures_are_refused(tmp_path: Path) -> None:
     write_pictures(tmp_path / "results", [f"frame{k:06d}.jpg" for k in range(3)])
     (tmp_path / "traj.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n", encoding="utf-8")

@@ -1,14 +1,17 @@
 """Drives of other programs with damage in them: imported or refused with a message, and nothing else is touched."""
 
+import json
 from pathlib import Path
 
 import pytest
 
+from ltvn_core.cameras.camera_model import CameraModel
 from tests.core.importing.drives import write_tum_folder
 from tests.core.importing.lerobot import dataset_examples
 from tests.core.importing.mutations import Fate, judge_mutations
 from tests.core.importing.rosbag import bag_examples
 from tests.core.importing.rtabmap import database_examples
+from tests.core.importing.test_euroc_reader import write_sequence
 from tests.core.importing.test_opennavmap_reader import write_map
 from tests.core.importing.test_video_reader import write_video
 from tests.core.importing.test_vint_reader import write_folder
@@ -17,8 +20,11 @@ from tests.core.importing.test_vint_reader import write_folder
 def write_drives(folder: Path) -> Path:
     """Write a small drive in each format."""
     folder.mkdir()
-    write_tum_folder(folder / "tum")
+    lens = CameraModel.from_fov(64, 48, 1.2).to_json()
+    (write_tum_folder(folder / "tum") / "camera.json").write_text(json.dumps(lens), encoding="utf-8")
     dataset_examples.write_dataset(folder / "lerobot", [4])
+    dataset_examples.write_dataset_v2(folder / "lerobot2", [4])
+    write_sequence(folder / "euroc")
     for kind in ("mcap", "sqlite3", "bag"):
         bag_examples.straight_drive(folder / (f"ros1.{kind}" if kind == "bag" else kind), kind, frames=4)
     database_examples.write_database(folder / "rtabmap.db", database_examples.straight_drive())

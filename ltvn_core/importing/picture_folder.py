@@ -18,7 +18,7 @@ UNREADABLE_SUFFIXES = frozenset(
     (".avif", ".jxl", ".jp2", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".exr", ".tga")
 )
 """Pictures too, which nothing here reads."""
-IMAGE_FOLDERS = ("", "rgb", "images", "color", "colour", "image", "img", "results", "frames", "seq")
+IMAGE_FOLDERS = ("", "rgb", "images", "color", "colour", "image", "img", "mono", "left", "results", "frames", "seq")
 """Where pictures lie: in the folder itself, or in one of these."""
 DEPTH_FOLDER = "depth"
 FEWEST = 2

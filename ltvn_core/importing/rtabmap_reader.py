@@ -1,10 +1,12 @@
-"""Reads databases of RTAB-Map: a drive with colours, depth, odometry, and the optimised map where it closed loops."""
+"""Reads databases of RTAB-Map: a drive with colours, depth, odometry, and the optimised map where it closed loops.
+
+Folders that RTAB-Map exported are `rtabmap.export_reader`'s, which is opened from here.
+"""
 
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from ltvn_core.importing.moving_frame import Transform
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.rtabmap.calibration import RigCamera, parse_calibration
 from ltvn_core.importing.rtabmap.database import Node, NodeImages, RtabmapDatabase
+from ltvn_core.importing.rtabmap.export_files import ExportFiles
+from ltvn_core.importing.rtabmap.export_reader import RtabmapExportReader
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.types import Depth
@@ -58,16 +62,24 @@ class RtabmapReader:
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is called like a database; never raises."""
+        """Tell whether a path is called like a database, or is a folder that RTAB-Map exported; never raises."""
         try:
-            return path.suffix == ".db" and path.is_file()
+            return (path.suffix == ".db" and path.is_file()) or ExportFiles.find(path) is not None
         except OSError:
             return False
 
     @classmethod
-    def open(cls, path: Path, options: ReadOptions) -> Self:
-        """Open a database. Raises DriveError."""
-        return cls(path, options)
+    def open(cls, path: Path, options: ReadOptions) -> "RtabmapReader | RtabmapExportReader":
+        """Open a database or an exported folder. Raises DriveError."""
+        if not path.is_dir():
+            return cls(path, options)
+        exported = ExportFiles.find(path)
+        if exported is None:
+            raise DriveError(
+                f"{path} is no export of RTAB-Map: it needs rgb/ with calib/, or NAME_rgb/ with NAME_calib/, as "
+                "`rtabmap-export --images --poses_camera FILE.db` writes them; or name the database."
+            )
+        return RtabmapExportReader(exported, options)
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the nodes as frames in the order of their stamps. Raises DriveError where none can be read."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
+from ltvn_core.importing.raw_frame import DriveReader, RawFrame, ReadOptions
 from ltvn_core.importing.rtabmap_reader import RtabmapReader
 from tests.core.importing.rtabmap.database_examples import (
     BEGIN_S,
@@ -30,7 +30,7 @@ from tests.core.importing.rtabmap.database_examples import (
 from tests.core.importing.rvl_encoder import encode_rvl
 
 
-def read(path: Path, options: ReadOptions | None = None) -> tuple[list[RawFrame], RtabmapReader]:
+def read(path: Path, options: ReadOptions | None = None) -> tuple[list[RawFrame], DriveReader]:
     reader = RtabmapReader.open(path, options or ReadOptions())
     return list(reader.frames()), reader
 

@@ -51,7 +51,7 @@ class TumReader:
         self._colour = self._image_list(options.rgb or "rgb.txt")
         self._depth = self._depth_list(options.depth)
         self._truth = _track(folder / "groundtruth.txt")
-        self._odometry = _track(folder / (options.odometry or ODOMETRY_FILE))
+        self._odometry = self._odometry_track(options.odometry)
         self._described = camera_beside(folder)
         self._depth_unit_m = options.depth_unit_m or self._described.metres_per_unit or 1 / UNITS_PER_METRE
         self._camera = options.camera or self._described.camera or _benchmark_camera(folder)
@@ -102,6 +102,16 @@ class TumReader:
         if wanted == NO_DEPTH or (wanted is None and not (self._folder / "depth.txt").is_file()):
             return []
         return self._image_list(wanted or "depth.txt")
+
+    def _odometry_track(self, wanted: str | None) -> PoseTrack | None:
+        """Return the odometry that a person named, or else the one that lies there, where it can be read."""
+        if wanted is not None:
+            return PoseTrack.read(self._folder / wanted)
+        try:
+            return _track(self._folder / ODOMETRY_FILE)
+        except DriveError as error:  # Other programs call other things so.
+            self.doubts.append(f"{ODOMETRY_FILE} was left out: {error}")
+            return None
 
     def _time_doubts(self) -> Iterator[str]:
         """Yield which list has no moment in common with the images."""

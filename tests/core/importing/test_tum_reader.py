@@ -208,3 +208,14 @@ def test_the_unit_of_depth_that_a_person_says_wins(tmp_path: Path) -> None:
 
     assert depth is not None
     assert np.allclose(depth, 10.0)
+
+
+def test_odometry_of_another_format_is_left_out_unless_a_person_names_it(tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path)
+    (folder / "odometry.txt").write_text("100.0 1 2 3\n", encoding="utf-8")
+    reader = TumReader.open(folder, ReadOptions())
+    assert all(frame.odometry is None and frame.truth is not None for frame in reader.frames())
+    assert "odometry.txt" in reader.doubts[0]
+    for name in ("odometry.txt", "missing.txt"):
+        with pytest.raises(DriveError, match=name):
+            TumReader.open(folder, ReadOptions(odometry=name))

@@ -15,7 +15,7 @@ from ltvn_core.errors import SceneError
 from ltvn_core.extras import require_libraries
 from ltvn_core.predictors.choice import AUTO, FOR_SIMULATED_IMAGES, ImageSource
 from ltvn_core.predictors.registry import COMPOSED, NETWORK
-from ltvn_core.recording.metadata import SOURCE_SCENE
+from ltvn_core.recording.metadata import SOURCE_SCENE, RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_viz.server.driver_seat import DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
@@ -70,11 +70,13 @@ def check_requirements(options: AppOptions) -> None:
     if options.replay is not None:
         return
     libraries: list[str] = []
+    source = None if options.map is None else Recording.open(options.map).meta
     if options.robot is None:
         _check_scene(options.scene)
-        _check_map_place(options.map)
+        if options.map is not None and source is not None:
+            _check_map_place(options.map, source.scene)
         libraries.append("embreex")
-    libraries += LIBRARIES_OF_PREDICTORS.get(_predictor_name(options), ())
+    libraries += LIBRARIES_OF_PREDICTORS.get(_predictor_name(options, source), ())
     require_libraries(*libraries)
 
 
@@ -87,11 +89,8 @@ def _check_scene(name: str) -> None:
     check_scene(name)
 
 
-def _check_map_place(path: Path | None) -> None:
+def _check_map_place(path: Path, place: str) -> None:
     """Raise SceneError where a map was not made in a simulated scene, so that nothing can be driven there."""
-    if path is None:
-        return
-    place = Recording.open(path).meta.scene
     if place.startswith(SOURCE_SCENE):
         raise SceneError(f"{path} was built from an imported drive ({place}), {_no_scene(path)}")
     try:
@@ -114,12 +113,15 @@ def _no_scene(path: Path) -> str:
     )
 
 
-def _predictor_name(options: AppOptions) -> str:
-    """Return the predictor that will be opened; empty where that depends on the camera of a robot of one's own."""
+def _predictor_name(options: AppOptions, source: RecordingMetadata | None) -> str:
+    """Return the predictor that will be opened; empty where that depends on the camera of a robot of one's own.
+
+    `source` is what the map to begin with says of itself.
+    """
     if options.predictor != AUTO:
         return options.predictor
-    if options.map is not None:
-        return ImageSource.of(Recording.open(options.map).meta).choose().name
+    if source is not None:
+        return ImageSource.of(source).choose().name
     return FOR_SIMULATED_IMAGES if options.robot is None else ""
 
 

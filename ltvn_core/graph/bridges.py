@@ -17,7 +17,7 @@ from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
-_REACH = 30
+REACH = 30
 """Images that were taken so few images before or after are asked about first, and joined by odometry."""
 _BESIDE = 4
 """An image that is joined by odometry must be recognised from one of so many left-over ones before or after it."""
@@ -54,7 +54,7 @@ class BridgeSearch:
 
         One near in time is preferred, because two such are hardly perceptual aliases.
         """
-        beside = [other for other in self._beside(frame, _REACH) if other in merged]
+        beside = [other for other in self._beside(frame, REACH) if other in merged]
         return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
 
     def by_odometry(self, left: Collection[FrameId], placed: Container[FrameId]) -> Bridge | None:
@@ -86,8 +86,8 @@ class BridgeSearch:
     def _ways(self, frame: FrameId, placed: Container[FrameId]) -> Iterator[Bridge]:
         """Yield the ways to the next images before and after a frame that have a place in the map."""
         row = self._row[frame]
-        before = self._frames[max(row - _REACH, 0) : row][::-1]
-        for beside in (before, self._frames[row + 1 : row + 1 + _REACH]):
+        before = self._frames[max(row - REACH, 0) : row][::-1]
+        for beside in (before, self._frames[row + 1 : row + 1 + REACH]):
             other = next((other for other in beside if other in placed), None)
             driven = None if other is None else self._odometry_gate.driven(frame, other)
             if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import read_foreign
-from ltvn_core.importing.moving_frame import Transform
+from ltvn_core.importing.moving_frame import Transform, are_rotations
 
 _MOST_BYTES = 100_000
 _NAME = re.compile(r"^([A-Za-z_]\w*)[ \t]*:", re.MULTILINE)
@@ -67,6 +67,5 @@ def is_rigid(matrix: Transform) -> bool:
     """Tell whether a matrix (4, 4) is finite, turns without mirroring or stretching, and ends in 0, 0, 0, 1."""
     if not np.isfinite(matrix).all():
         return False
-    turn = matrix[:3, :3]
-    is_rotation = np.abs(turn @ turn.T - np.eye(3)).max() < _RIGID_TOLERANCE and np.linalg.det(turn) > 0
-    return bool(is_rotation and np.abs(matrix[3] - [0, 0, 0, 1]).max() < _RIGID_TOLERANCE)
+    is_rotation = bool(are_rotations(matrix[:3, :3], _RIGID_TOLERANCE))
+    return is_rotation and bool(np.abs(matrix[3] - [0, 0, 0, 1]).max() < _RIGID_TOLERANCE)

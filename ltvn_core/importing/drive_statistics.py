@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.graph.bridges import REACH
 from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S
 from ltvn_core.graph.revisits import near_pairs, revisits
 from ltvn_core.importing.stamp_matching import period_s
@@ -22,8 +23,6 @@ from ltvn_core.types import Pose, Tilt
 GAP_PERIODS = 5.0
 GAP_S = 1.0
 """A pause between two images is a gap when it is longer than both."""
-_BRIDGED_IMAGES = 30
-"""By odometry an image is joined to another at most so many images before or after it, as by `graph.bridges`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +84,7 @@ def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]
     breaks |= np.diff(stamps) > PAUSE_S
     stretch = np.concatenate([[0], np.cumsum(breaks)])
     pairs = [np.empty((0, 2), np.intp)]
-    for gap in range(1, min(_BRIDGED_IMAGES, len(poses) - 1) + 1):
+    for gap in range(1, min(REACH, len(poses) - 1) + 1):
         apart = distance(relative(poses[:-gap], poses[gap:]))
         rows = np.flatnonzero((apart < ROBUST.building.connect_distance) & (stretch[:-gap] == stretch[gap:]))
         pairs.append(np.column_stack([rows, rows + gap]))

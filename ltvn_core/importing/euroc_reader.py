@@ -18,20 +18,18 @@ from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.calibration_yaml import CalibrationYaml
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.moving_frame import Transform, inverse
-from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
+from ltvn_core.importing.pose_track import PoseTrack, read_poses, stamped_lines
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.readable_frames import readable_frames
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.importing.stamp_matching import rate_hz
 
-DAMAGED = "damaged or missing image"
 TRUTHS = ("state_groundtruth_estimate0", "mocap0", "vicon0")
 """Folders with poses, the best first."""
 
 _BODY, _FIRST = "mav0", "cam0"
 _LIST, _SENSOR, _IMAGES = "data.csv", "sensor.yaml", "data"
 _NANOSECOND = 1e-9
-_POSE_COLUMNS = 8
-_UNIT_TOLERANCE = 0.1
 _FISHEYES = ("equidistant", "kannala-brandt")
 _DISTORTIONS = ("radial-tangential", "radtan", "plumb_bob", "none", "")
 
@@ -79,17 +77,12 @@ class EurocReader:
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames without those whose moment is not wanted, whose images are not read."""
-        for stamp, name in self._images:
-            found = None if self._truth is None else self._truth.at(stamp)
-            moment = FrameMoment(stamp) if found is None else FrameMoment(stamp, None, found.planar, found.tilt)
-            if not wanted(moment):
-                continue
-            try:
-                yield self._frame(moment, name)
-            except DriveError as error:
-                if not self.dropped[DAMAGED]:
-                    self.doubts.append(f"An image was left out: {error}")
-                self.dropped[DAMAGED] += 1
+        truth = self._truth
+        images = (
+            (FrameMoment.with_truth(stamp, None if truth is None else truth.at(stamp)), name)
+            for stamp, name in self._images
+        )
+        return readable_frames(images, self._frame, wanted, dropped=self.dropped, doubts=self.doubts)
 
     def _frame(self, moment: FrameMoment, name: str) -> RawFrame:
         rgb = decode_colour(read_bytes_within(self._folder, name), name)
@@ -192,22 +185,7 @@ def _images(folder: Path) -> Sequence[tuple[float, str]]:
 
 def _track(path: Path, camera_on_sensor: Transform) -> PoseTrack:
     """Return the poses of a camera that sits on a sensor whose poses a file holds. Raises DriveError."""
-    rows, _ = stamped_lines(path, least_columns=_POSE_COLUMNS, unit_s=_NANOSECOND)
-    try:
-        numbers = np.array([[stamp, *map(float, words[: _POSE_COLUMNS - 1])] for stamp, words in rows])
-    except ValueError as error:
-        raise DriveError(f"{path}: a pose is no row of numbers ({error!s:.80}).") from error
-    if not len(numbers):
-        raise DriveError(f"{path} holds no poses; it needs lines of stamp, x, y, z, qw, qx, qy, qz.")
-    numbers = numbers[np.unique(numbers[:, 0], return_index=True)[1]]
-    is_wrong = ~np.isfinite(numbers).all(axis=1) | (
-        np.abs(np.linalg.norm(numbers[:, 4:], axis=1) - 1) > _UNIT_TOLERANCE
-    )
-    if is_wrong.any():
-        raise DriveError(
-            f"{path}: the pose at {numbers[np.argmax(is_wrong), 0]:.3f} s is not finite, or its quaternion is not of "
-            "length 1; the columns are stamp, x, y, z, qw, qx, qy, qz."
-        )
-    turns = Rotation.from_quat(numbers[:, [5, 6, 7, 4]])
-    positions = numbers[:, 1:4] + turns.apply(camera_on_sensor[:3, 3])
-    return PoseTrack(numbers[:, 0], positions, turns * Rotation.from_matrix(camera_on_sensor[:3, :3]), up_axis="z")
+    of_sensor = read_poses(path, scalar_first=True, unit_s=_NANOSECOND)
+    positions = of_sensor.positions + of_sensor.rotations.apply(camera_on_sensor[:3, 3])
+    turns = of_sensor.rotations * Rotation.from_matrix(camera_on_sensor[:3, :3])
+    return PoseTrack(of_sensor.stamps, positions, turns, up_axis="z")

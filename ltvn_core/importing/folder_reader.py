@@ -13,25 +13,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
 from ltvn_core.cameras.heif_images import heif_exif, is_heif
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.depth_confidence import without_low_confidence
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.odometry_table import OdometryTable
 from ltvn_core.importing.picture_folder import colour_pictures, depth_partners, holds_pictures
 from ltvn_core.importing.picture_poses import poses_beside
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.readable_frames import readable_frames
 from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.importing.stamp_matching import rate_hz
 from ltvn_core.types import Depth
 
 ODOMETRY_FILES = ("odometry.csv", "poses.csv")
 CONFIDENCE_FOLDER = "confidence"
-"""Beside depth of phones: pictures of the same names, 0 where the depth is not sure."""
+"""Beside depth of phones: pictures of the same names, see `importing.depth_confidence`."""
 NO_DEPTH = "none"
 RATE_HZ = 10.0
 """Pictures without any stamps are taken to be so many a second."""
@@ -39,7 +40,6 @@ RATE_HZ = 10.0
 _FOCAL_35MM_TAG = 0xA405
 _EXIF_FOLDER_TAG = 0x8769
 _DIAGONAL_35MM = 43.267
-_DAMAGED = "damaged or missing image"
 _UNREADABLE = "picture of a kind that is not read"
 
 
@@ -85,22 +85,14 @@ class FolderReader:
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames without those whose moment is not wanted, whose pictures are not read."""
-        for place, path in enumerate(self._images):
-            moment = self._moment(place, path)
-            if not wanted(moment):
-                continue
-            try:
-                yield self._frame(moment, path)
-            except DriveError as error:
-                if not self.dropped[_DAMAGED]:
-                    self.doubts.append(f"An image was left out: {error}")
-                self.dropped[_DAMAGED] += 1
+        images = ((self._moment(place, path), path) for place, path in enumerate(self._images))
+        return readable_frames(images, self._frame, wanted, dropped=self.dropped, doubts=self.doubts)
 
     def _moment(self, place: int, path: Path) -> FrameMoment:
         stamp = self._stamps[place]
         odometry = None if self._table is None else self._table.pose(path.name, stamp, place)
         truth = None if self._truth is None else self._truth.at(place)
-        return FrameMoment(stamp, odometry) if truth is None else FrameMoment(stamp, odometry, truth.planar, truth.tilt)
+        return FrameMoment.with_truth(stamp, truth, odometry)
 
     def _frame(self, moment: FrameMoment, path: Path) -> RawFrame:
         name = str(path.relative_to(self._folder))
@@ -128,7 +120,7 @@ class FolderReader:
         return self._without_unsure(decode_depth(read_bytes_within(self._folder, name), unit, name), path)
 
     def _without_unsure(self, depth_m: Depth, path: Path) -> Depth:
-        """Return depth (H, W) without the pixels to which a phone gave its lowest confidence, 0."""
+        """Return depth (H, W) without the pixels of which a phone was least sure."""
         beside = Path(CONFIDENCE_FOLDER) / path.name
         if not (self._folder / beside).is_file():
             return depth_m
@@ -138,7 +130,7 @@ class FolderReader:
                 f"{beside} has {confidence.shape[1]} x {confidence.shape[0]} pixels and its depth image "
                 f"{depth_m.shape[1]} x {depth_m.shape[0]}; save them at one size, or move {CONFIDENCE_FOLDER}/ away."
             )
-        return np.where(confidence > 0, depth_m, 0).astype(depth_m.dtype)
+        return without_low_confidence(depth_m, confidence)
 
     def _known_stamps(self) -> Sequence[float]:
         """Return stamps from the names of the pictures, from the table, or by the rate."""

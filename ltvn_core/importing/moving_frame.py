@@ -42,6 +42,12 @@ def inverse(pose: Transform) -> Transform:
     return result
 
 
+def are_rotations(turns: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
+    """Tell (...) which matrices (..., 3, 3) of finite numbers turn without mirroring or stretching."""
+    errors = np.abs(turns @ turns.swapaxes(-1, -2) - np.eye(3)).max(axis=(-2, -1))
+    return np.asarray((errors < tolerance) & (np.linalg.det(turns) > 0))
+
+
 class MovingFrame:
     """Poses of a frame in its parent in the order of their stamps; what comes late is left out."""
 

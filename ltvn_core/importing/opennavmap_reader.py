@@ -19,13 +19,13 @@ from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.foreign_files import read_bytes_within, read_foreign
 from ltvn_core.importing.pose_track import PoseTrack
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.readable_frames import readable_frames
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.importing.stamp_matching import rate_hz
 from ltvn_core.types import Depth
 
 POSES, STAMPS, LENSES = "poses.txt", "timestamps.txt", "intrinsics.txt"
 NO_DEPTH = "none"
-DAMAGED = "damaged or missing image"
 
 _MOST_BYTES = 100_000_000
 _UNIT_TOLERANCE = 0.1
@@ -71,17 +71,8 @@ class OpenNavMapReader:
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames without those whose moment is not wanted, whose images are not read."""
-        for name, stamp in self._stamps.items():
-            found = self._track.at(stamp)
-            moment = FrameMoment(stamp) if found is None else FrameMoment(stamp, None, found.planar, found.tilt)
-            if not wanted(moment):
-                continue
-            try:
-                yield self._frame(moment, name)
-            except (DriveError, CameraError) as error:
-                if not self.dropped[DAMAGED]:
-                    self.doubts.append(f"An image was left out: {error}")
-                self.dropped[DAMAGED] += 1
+        images = ((FrameMoment.with_truth(stamp, self._track.at(stamp)), name) for name, stamp in self._stamps.items())
+        return readable_frames(images, self._frame, wanted, dropped=self.dropped, doubts=self.doubts)
 
     def _frame(self, moment: FrameMoment, name: str) -> RawFrame:
         rgb = decode_colour(read_bytes_within(self._folder, name), name)
@@ -101,7 +92,10 @@ class OpenNavMapReader:
         if name not in self._lenses:
             return None
         fx, fy, cx, cy, width, height = self._lenses[name]
-        return CameraModel(width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy)
+        try:
+            return CameraModel(width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy)
+        except CameraError as error:
+            raise DriveError(str(error)) from error
 
     def _read_depth(self, name: str) -> Depth | None:
         beside = name.rpartition(".color.")[0] + ".depth.png"

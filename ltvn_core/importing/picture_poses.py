@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import read_foreign
+from ltvn_core.importing.moving_frame import are_rotations
 from ltvn_core.importing.pose_track import PoseTrack
 from ltvn_core.importing.spatial_pose import SpatialPose
 
@@ -59,12 +60,10 @@ def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
     if rows.is_file():
         return PicturePoses(_rows(rows, len(pictures)), ROWS_FILE)
     beside = pictures[0].parent
-    listed = {path: path for path in beside.glob("*.pose.txt")}
-    where = "*.pose.txt"
+    where, listed = "*.pose.txt", list(beside.glob("*.pose.txt"))
     for name in POSE_FOLDERS:
         if not listed:
-            listed = {path: path for path in (folder / name).glob("*.txt")}
-            where = name
+            where, listed = name, list((folder / name).glob("*.txt"))
     by_number = {_number(path): path for path in listed if path.is_file()}
     if not any(_number(picture) in by_number for picture in pictures):
         return None
@@ -108,5 +107,4 @@ def _are_rigid(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
     finite = np.asarray((np.isfinite(matrices) & (np.abs(matrices) < _MOST_M)).all(axis=(1, 2)))
     turns = np.zeros((len(matrices), 3, 3))
     turns[finite] = matrices[finite, :3, :3]
-    errors = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    return np.logical_and.reduce([finite, errors < _RIGID_TOLERANCE, np.linalg.det(turns) > 0])
+    return finite & are_rotations(turns, _RIGID_TOLERANCE)

@@ -50,6 +50,19 @@ class StampedLines(NamedTuple):
     """Says that the stamps of the file are in another unit."""
 
 
+class StampedPoses(NamedTuple):
+    """Poses of one file."""
+
+    stamps: NDArray[np.float64]
+    """(N,) seconds, rising."""
+    positions: NDArray[np.float64]
+    """(N, 3) metres."""
+    rotations: Rotation
+    """N of them, from the frame whose pose it is to the world."""
+    doubt: str | None
+    """What is doubtful of the stamps."""
+
+
 class PoseTrack:
     """Poses of a camera's optical frame over time."""
 
@@ -81,7 +94,7 @@ class PoseTrack:
     @classmethod
     def read(cls, path: Path) -> "PoseTrack":
         """Read a file. Raises DriveError that names the first line that cannot be right."""
-        return cls(*_parsed(path))
+        return cls(*read_poses(path))
 
     def at(self, stamp: float) -> SpatialPose | None:
         """Return the pose at a time, between samples in proportion; None where there is no sample nearby."""
@@ -145,10 +158,21 @@ def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines
     return StampedLines([(stamp * unit_s, words) for stamp, words in rows], doubt)
 
 
-def _parsed(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Rotation, str | None]:
-    lines, doubt = stamped_lines(path, least_columns=_COLUMNS)
+def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None = None) -> StampedPoses:
+    """Read lines of a stamp, a position and a quaternion; of lines with one stamp the first.
+
+    Args:
+        path: The file, as `stamped_lines` reads it; further columns are passed over.
+        scalar_first: Whether w is the first of the quaternion's columns, and not the last.
+        unit_s: Seconds that a stamp counts; found out by its size without.
+
+    Raises:
+        DriveError: The file holds no poses, or one that cannot be right, which is named.
+    """
+    columns = f"stamp tx ty tz {'qw qx qy qz' if scalar_first else 'qx qy qz qw'}"
+    lines, doubt = stamped_lines(path, least_columns=_COLUMNS, unit_s=unit_s)
     if not lines:
-        raise DriveError(f"{path} holds no poses; it needs lines of stamp tx ty tz qx qy qz qw.")
+        raise DriveError(f"{path} holds no poses; it needs lines of {columns}.")
     try:
         numbers = np.array([[stamp, *map(float, words[: _COLUMNS - 1])] for stamp, words in lines])
     except ValueError as error:
@@ -159,9 +183,10 @@ def _parsed(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64], Rotat
     if wrong.any():
         raise DriveError(
             f"{path}: the pose at {numbers[np.argmax(wrong), 0]} is not finite, or its quaternion is not of length 1; "
-            "the columns are stamp tx ty tz qx qy qz qw."
+            f"the columns are {columns}."
         )
-    return numbers[:, 0], numbers[:, 1:4], Rotation.from_quat(numbers[:, 4:]), doubt
+    rotations = Rotation.from_quat(numbers[:, [5, 6, 7, 4] if scalar_first else [4, 5, 6, 7]])
+    return StampedPoses(numbers[:, 0], numbers[:, 1:4], rotations, doubt)
 
 
 def _up_axis(rotations: Rotation) -> str:

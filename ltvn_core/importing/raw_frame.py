@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.importing.spatial_pose import SpatialPose
 from ltvn_core.types import Depth, Pose, Rgb, Tilt
 
 
@@ -53,6 +54,11 @@ class FrameMoment(NamedTuple):
     def of(cls, frame: RawFrame) -> "FrameMoment":
         """Return the moment of a frame."""
         return cls(frame.stamp, frame.odometry, frame.truth, frame.tilt)
+
+    @classmethod
+    def with_truth(cls, stamp: float, truth: SpatialPose | None, odometry: Pose | None = None) -> "FrameMoment":
+        """Return the moment of an image whose camera was at a true pose in space, if that is known."""
+        return cls(stamp, odometry) if truth is None else cls(stamp, odometry, truth.planar, truth.tilt)
 
 
 FrameFilter: TypeAlias = Callable[[FrameMoment], bool]

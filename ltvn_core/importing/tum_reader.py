@@ -15,6 +15,7 @@ from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.pose_track import PoseTrack, stamped_lines
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.readable_frames import readable_frames
 from ltvn_core.importing.source_camera import camera_beside, fitted, read_calibration
 from ltvn_core.importing.stamp_matching import nearest, rate_hz
 from ltvn_core.types import Depth
@@ -79,16 +80,11 @@ class TumReader:
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames without those whose moment is not wanted, whose images are not read."""
         partners = nearest([stamp for stamp, _ in self._colour], [stamp for stamp, _ in self._depth], slack_s=SLACK_S)
-        for (stamp, name), partner in zip(self._colour, partners, strict=True):
-            moment = self._moment(stamp)
-            if not wanted(moment):
-                continue
-            try:
-                yield self._frame(moment, name, None if partner is None else self._depth[partner][1])
-            except DriveError as error:
-                if not self.dropped["damaged or missing image"]:
-                    self.doubts.append(f"An image was left out: {error}")
-                self.dropped["damaged or missing image"] += 1
+        images = (
+            (self._moment(stamp), (name, None if partner is None else self._depth[partner][1]))
+            for (stamp, name), partner in zip(self._colour, partners, strict=True)
+        )
+        return readable_frames(images, self._frame, wanted, dropped=self.dropped, doubts=self.doubts)
 
     def _image_list(self, name: str) -> list[tuple[float, str]]:
         """Return the stamps and files of a list. Raises DriveError."""
@@ -137,7 +133,8 @@ class TumReader:
             tilt=None if known is None else known.tilt,
         )
 
-    def _frame(self, moment: FrameMoment, name: str, depth_name: str | None) -> RawFrame:
+    def _frame(self, moment: FrameMoment, names: tuple[str, str | None]) -> RawFrame:
+        name, depth_name = names
         rgb = decode_colour(read_bytes_within(self._folder, name), name)
         height, width = rgb.shape[:2]
         depth = None if depth_name is None else self._read_depth(depth_name)

@@ -76,13 +76,8 @@ class ImageGrid(NamedTuple):
     """(M, 2): column and row in the image."""
     rays: NDArray[np.float32]
     """(M, 2): right and down at one metre of depth; NaN where a fisheye looks sideways."""
-
-    @property
-    def pixel_ray(self) -> float:
-        """How far a pixel reaches as a ray, the median over the image: one over the focal length without distortion."""
-        rays = self.rays.reshape(self.rows, self.columns, 2)
-        steps = np.linalg.norm(np.diff(rays, axis=1), axis=2) / GRID_STEP_PX
-        return float(np.nanmedian(steps))
+    pixel_ray: float
+    """How far a pixel reaches as a ray, the median over the image: one over the focal length without distortion."""
 
 
 def image_grid(camera: CameraModel) -> ImageGrid:
@@ -92,7 +87,9 @@ def image_grid(camera: CameraModel) -> ImageGrid:
     columns = np.arange(half, camera.width, GRID_STEP_PX)
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     rays = camera.pixels_to_rays(pixels.astype(np.float64)).astype(np.float32)
-    return ImageGrid(len(rows), len(columns), pixels, rays)
+    steps = np.linalg.norm(np.diff(rays.reshape(len(rows), len(columns), 2), axis=1), axis=2) / GRID_STEP_PX
+    pixel_ray = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
+    return ImageGrid(len(rows), len(columns), pixels, rays, pixel_ray)
 
 
 class FeatureExtractor:

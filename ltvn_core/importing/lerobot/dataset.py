@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import is_from_lfs, read_foreign, require_plain, require_within
 from ltvn_core.importing.lerobot.depth_codes import DepthCodes
-from ltvn_core.importing.lerobot.layouts import Episode, Layout, LayoutV2, LayoutV3
+from ltvn_core.importing.lerobot.layouts import Episode, Layout, LayoutV2, LayoutV3, unreadable
 from ltvn_core.importing.lerobot.table_limits import rows_at_once
 
 INFO = "meta/info.json"
@@ -81,7 +81,7 @@ class LerobotDataset:
                 for batch in file.iter_batches(batch_size=at_once, columns=wanted):
                     yield from (row for row in batch.to_pylist() if row["episode_index"] == episode.number)
         except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
-            raise _unreadable(path, error) from error
+            raise unreadable(path, error) from error
 
     def _within(self, name: str) -> Path:
         """Return a file of the data set. Raises DriveError where it is elsewhere, missing or no plain file."""
@@ -93,7 +93,7 @@ class LerobotDataset:
             missing = " ".join(name.split())
             raise DriveError(f"{self.folder} lacks {missing!s:.160}. {self._how_to_get()}") from error
         except OSError as error:
-            raise _unreadable(path, error) from error
+            raise unreadable(path, error) from error
         return path
 
     def _how_to_get(self) -> str:
@@ -107,7 +107,7 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
     try:
         info = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
     except (OSError, ValueError, RecursionError) as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
     if not isinstance(info, dict):
         raise DriveError(f"{path} describes no data set; expected a JSON object.")
     return info
@@ -166,7 +166,3 @@ def _positive(value: object, name: str) -> float:
     if not isinstance(value, int | float) or not 0 < value < 10_000:
         raise DriveError(f"{name} is {value!r:.20}, and must be images a second.")
     return float(value)
-
-
-def _unreadable(path: Path, error: Exception) -> DriveError:
-    return DriveError(f"{path} cannot be read ({' '.join(str(error).split())!s:.120}).")

@@ -121,7 +121,7 @@ class LayoutV3:
                     raise DriveError(f"{path} has {rows:,} episodes with {len(names):,} numbers each.")
                 yield from (_episode(row) for row in file.read(columns=names).to_pylist())
         except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
-            raise _unreadable(path, error) from error
+            raise unreadable(path, error) from error
 
 
 class LayoutV2:
@@ -150,7 +150,7 @@ class LayoutV2:
         except FileNotFoundError as error:
             raise DriveError(f"{self._folder} lacks {EPISODE_LINES}, which lists the episodes.") from error
         except (OSError, ValueError, RecursionError) as error:
-            raise _unreadable(path, error) from error
+            raise unreadable(path, error) from error
 
     def table(self, episode: Episode) -> str:
         """Return the file of that number; see `Layout`."""
@@ -195,5 +195,6 @@ def _episode(row: object) -> Episode:
     return Episode(number=number, length=length, row=found)
 
 
-def _unreadable(path: Path, error: Exception) -> DriveError:
+def unreadable(path: Path, error: Exception) -> DriveError:
+    """Return in one line that a file of the data set cannot be read, and why."""
     return DriveError(f"{path} cannot be read ({' '.join(str(error).split())!s:.120}).")

@@ -15,23 +15,20 @@ from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
 from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.calibration_yaml import CalibrationYaml
+from ltvn_core.importing.depth_confidence import without_low_confidence
 from ltvn_core.importing.foreign_files import read_bytes_within, require_within
 from ltvn_core.importing.pose_track import PoseTrack
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.importing.readable_frames import readable_frames
 from ltvn_core.importing.rtabmap.export_files import ExportedPose, ExportFiles, camera_poses, read_poses
 from ltvn_core.importing.source_camera import camera_beside, fitted
 from ltvn_core.importing.stamp_matching import rate_hz
 from ltvn_core.types import Depth
 
-DAMAGED = "damaged or missing image"
 RATE_HZ = 1.0
 """RTAB-Map keeps an image a second, where nobody says otherwise."""
 
 _NO_DEPTH = "none"
-_LOWEST_OF_THREE = 0
-_LARGEST_OF_THREE = 2
-_LOW_PERCENT = 34
-"""Confidence is 0, 1, 2 as phones give it, or up to 100; the lowest third counts as no depth."""
 _FISHEYES = ("equidistant", "fisheye")
 
 
@@ -65,18 +62,12 @@ class RtabmapExportReader:
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames without those whose moment is not wanted, whose images are not read."""
-        for image in self._images:
-            stamp = self._stamps[image]
-            found = None if self._truth is None else self._truth.at(stamp)
-            moment = FrameMoment(stamp) if found is None else FrameMoment(stamp, None, found.planar, found.tilt)
-            if not wanted(moment):
-                continue
-            try:
-                yield self._frame(moment, image)
-            except DriveError as error:
-                if not self.dropped[DAMAGED]:
-                    self.doubts.append(f"An image was left out: {error}")
-                self.dropped[DAMAGED] += 1
+        truth, stamps = self._truth, self._stamps
+        images = (
+            (FrameMoment.with_truth(stamps[image], None if truth is None else truth.at(stamps[image])), image)
+            for image in self._images
+        )
+        return readable_frames(images, self._frame, wanted, dropped=self.dropped, doubts=self.doubts)
 
     def _frame(self, moment: FrameMoment, image: Path) -> RawFrame:
         name = str(image.relative_to(self._folder))
@@ -115,9 +106,7 @@ class RtabmapExportReader:
         if levels.shape != depth.shape:
             size = (depth.shape[1], depth.shape[0])
             levels = np.asarray(cv2.resize(levels, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-        is_of_three = levels.max(initial=0) <= _LARGEST_OF_THREE
-        is_low = levels <= _LOWEST_OF_THREE if is_of_three else levels < _LOW_PERCENT
-        return np.where(is_low, 0, depth).astype(np.float32)
+        return without_low_confidence(depth, levels)
 
     def _known_stamps(self, found: Mapping[Path, ExportedPose]) -> dict[Path, float]:
         """Return the stamps of the images: from the list of poses, from their names, else by the rate."""

@@ -5,11 +5,13 @@ for ordinary lenses, Kannala-Brandt for fisheyes. Owns how far a lens sees at al
 back, and OpenCV would go on.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TypeAlias
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 from numpy.typing import NDArray
 
 Points: TypeAlias = NDArray[np.float64]
@@ -37,19 +39,21 @@ def distort(points: Points, coefficients: tuple[float, ...]) -> Points:
 
 
 def _plumb_bob(points: Points, coefficients: tuple[float, ...]) -> Points:
-    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=-1).reshape(-1, 3)
     still = np.zeros(3)
-    seen, _ = cv2.projectPoints(rays, still, still, _NO_CAMERA, np.array(coefficients))
-    return np.asarray(seen, np.float64).reshape(points.shape)
+
+    def seen(flat: Points) -> MatLike:
+        rays = np.concatenate([flat, np.ones_like(flat[..., :1])], axis=-1)
+        return cv2.projectPoints(rays, still, still, _NO_CAMERA, np.array(coefficients))[0]
+
+    return _for_all(points, seen)
 
 
 def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
     """Return the ideal points (..., 2) that an ordinary lens shows at `points`; NaN where there is none."""
     if not coefficients:
         return points
-    flat = np.ascontiguousarray(points.reshape(-1, 1, 2))
-    found = cv2.undistortPoints(flat, _NO_CAMERA, np.array(coefficients), criteria=_CRITERIA)
-    ideal = np.asarray(found, np.float64).reshape(points.shape)
+    known = np.array(coefficients)
+    ideal = _for_all(points, lambda flat: cv2.undistortPoints(flat, _NO_CAMERA, known, criteria=_CRITERIA))
     # Beyond the lens's own range the search ends somewhere, and only going back shows that it is nowhere.
     missed = ~(np.abs(distort(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
     return np.where(missed[..., None], np.nan, ideal)
@@ -57,18 +61,23 @@ def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
 
 def distort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
     """Return where a fisheye puts ideal points (..., 2)."""
-    flat = np.ascontiguousarray(points.reshape(-1, 1, 2))
-    seen = cv2.fisheye.distortPoints(flat, _NO_CAMERA, np.array(coefficients))
-    return np.asarray(seen, np.float64).reshape(points.shape)
+    return _for_all(points, lambda flat: cv2.fisheye.distortPoints(flat, _NO_CAMERA, np.array(coefficients)))
 
 
 def undistort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
     """Return the ideal points (..., 2) that a fisheye shows at `points`; NaN where it looks sideways or back."""
-    flat = np.ascontiguousarray(points.reshape(-1, 1, 2))
-    found = cv2.fisheye.undistortPoints(flat, _NO_CAMERA, np.array(coefficients), criteria=_CRITERIA)
-    ideal = np.asarray(found, np.float64).reshape(points.shape)
+    known = np.array(coefficients)
+    ideal = _for_all(points, lambda flat: cv2.fisheye.undistortPoints(flat, _NO_CAMERA, known, criteria=_CRITERIA))
     missed = ~(np.abs(distort_fisheye(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
     return np.where(missed[..., None], np.nan, ideal)
+
+
+def _for_all(points: Points, function: Callable[[Points], MatLike]) -> Points:
+    """Return points (..., 2) after an OpenCV function of (N, 1, 2), which has no answer for no points."""
+    if not points.size:
+        return points
+    found = function(np.ascontiguousarray(points.reshape(-1, 1, 2)))
+    return np.asarray(found, np.float64).reshape(points.shape)
 
 
 @lru_cache(maxsize=32)

@@ -57,6 +57,15 @@ def test_the_lens_is_the_one_that_opencv_knows(distortion: tuple[float, ...]) ->
     assert camera.rays_to_pixels(rays) == pytest.approx(theirs[:, 0], abs=1e-6)
 
 
+@pytest.mark.parametrize("fisheye", [False, True])
+@pytest.mark.parametrize("distortion", [(), (0.02, -0.01, 0.004, -0.001)], ids=["ideal", "distorted"])
+def test_no_point_has_no_pixel_and_no_ray(distortion: tuple[float, ...], fisheye: bool) -> None:
+    camera = replace(KINECT, fisheye=fisheye, distortion=distortion or (0.0,) * 4 * fisheye)
+    nothing = np.zeros((0, 2))
+    assert camera.rays_to_pixels(nothing).shape == (0, 2)
+    assert camera.unproject(nothing, np.zeros(0)).shape == (0, 3)
+
+
 def test_a_fisheye_is_the_one_that_opencv_knows_and_can_be_turned_round() -> None:
     camera = replace(KINECT, fx=220.0, fy=221.0, fisheye=True, distortion=(0.02, -0.01, 0.004, -0.001))
     rays = np.random.default_rng(0).uniform(-1.5, 1.5, (50, 2))

@@ -20,6 +20,8 @@ log = logging.getLogger(__name__)
 AUTO = "auto"
 _MOST_ENTRIES = 100
 """Of a folder that no reader knows, so many entries are looked at."""
+_SCENES = (".glb", ".gltf", ".obj", ".ply")
+"""What `--scene` takes (`mesh_file.FORMATS`; a reader knows nothing of simulation)."""
 LAST = "folder"
 """Folders of every format look like a folder of pictures as well, so this reader is asked last."""
 
@@ -68,6 +70,8 @@ def _recognised(path: Path) -> ReaderClass:
         raise DriveError(
             f"{path} is no drive itself but holds {len(inside)}; import each by its own path: {inside[0]}."
         )
+    if path.suffix.lower() in _SCENES:
+        raise DriveError(f"{path} is a scene and no drive: `ltvn app --scene {path}` opens it, to drive in.")
     require_plain(path)  # A pointer of Git LFS is not recognised as what it stands for.
     raise DriveError(
         f"{path} is in no format that can be read ({', '.join(reader_names())}); name the file or folder of one drive, "

@@ -1,0 +1,157 @@
+"""Print the size and the shape of the two packages: `python -m tools.house_counts [ROOT]`.
+
+Lines and modules, modules that one sibling alone imports, who makes a Navigator or a KeyframeStore, imports inside
+functions, tuple assignments, the length of functions, and how much of the house each verb can reach. A count is a
+thermometer and no goal: nothing is squeezed to lower it.
+"""
+
+import ast
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from statistics import median
+from typing import TypeAlias
+
+PACKAGES = ("ltvn_core", "ltvn_viz")
+COUNTED_CALLS = ("Navigator", "KeyframeStore")
+
+Function: TypeAlias = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+class House:
+    """All modules below a root, parsed."""
+
+    def __init__(self, root: Path) -> None:
+        """Read every file of both packages."""
+        files = [file for package in PACKAGES for file in sorted((root / package).rglob("*.py"))]
+        texts = {_module_name(file.relative_to(root)): file.read_text(encoding="utf-8") for file in files}
+        self.trees = {name: ast.parse(text) for name, text in texts.items()}
+        self.lines = {name: text.count("\n") for name, text in texts.items()}
+
+    @cached_property
+    def imports(self) -> dict[str, set[str]]:
+        """The modules of the house that each module imports anywhere, for type checkers too."""
+        return {name: set(self._imported(name, tree)) - {name} for name, tree in self.trees.items()}
+
+    def _imported(self, module: str, tree: ast.AST) -> Iterator[str]:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                yield from (alias.name for alias in node.names if alias.name in self.trees)
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                for alias in node.names:
+                    inner = f"{node.module}.{alias.name}"
+                    if inner in self.trees:
+                        yield inner
+                    elif node.module in self.trees:
+                        yield node.module
+
+    def reached_from(self, module: str) -> set[str]:
+        """Return the modules that a module can reach, itself included."""
+        reached, waiting = set[str](), [module]
+        while waiting:
+            name = waiting.pop()
+            if name not in reached:
+                reached.add(name)
+                waiting.extend(self.imports[name])
+        return reached
+
+    def one_sibling_modules(self) -> list[str]:
+        """Return the modules that one module alone imports, and that one from the same folder."""
+        importers = defaultdict[str, set[str]](set)
+        for name, others in self.imports.items():
+            for other in others:
+                importers[other].add(name)
+        return sorted(
+            name
+            for name, found in importers.items()
+            if len(found) == 1 and next(iter(found)).rpartition(".")[0] == name.rpartition(".")[0]
+        )
+
+    def functions(self) -> Iterator[Function]:
+        """Yield every function and method."""
+        for tree in self.trees.values():
+            yield from (node for node in ast.walk(tree) if isinstance(node, Function))
+
+    def calls(self, name: str) -> list[str]:
+        """Return the modules that call a name, once for each call."""
+        return sorted(
+            module
+            for module, tree in self.trees.items()
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name
+        )
+
+
+def _module_name(file: Path) -> str:
+    parts = file.with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def lazy_imports(house: House) -> int:
+    """Return how many imports stand inside functions."""
+    return sum(isinstance(node, ast.Import | ast.ImportFrom) for each in house.functions() for node in ast.walk(each))
+
+
+def type_only_imports(house: House) -> int:
+    """Return how many imports are for type checkers alone."""
+    return sum(
+        isinstance(inner, ast.Import | ast.ImportFrom)
+        for tree in house.trees.values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+        for inner in node.body
+    )
+
+
+def tuple_assignments(house: House) -> int:
+    """Return how many assignments set several names from a tuple that is written out."""
+    return sum(
+        isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)
+        for tree in house.trees.values()
+        for node in ast.walk(tree)
+    )
+
+
+def counts(house: House) -> list[tuple[str, str]]:
+    """Return all counts as rows of name and value."""
+    total = sum(house.lines.values())
+    lengths = sorted((each.end_lineno or each.lineno) - each.lineno + 1 for each in house.functions())
+    pairs = tuple_assignments(house)
+    rows = [
+        ("lines", f"{total:,}"),
+        ("modules", f"{len(house.trees):,}"),
+        ("modules that one sibling alone imports", f"{len(house.one_sibling_modules())}"),
+        ("function median, p90, max", f"{median(lengths):.0f}, {lengths[len(lengths) * 9 // 10]}, {lengths[-1]}"),
+        ("functions of more than 20 lines", f"{sum(length > 20 for length in lengths)} of {len(lengths)}"),
+        ("imports inside functions", f"{lazy_imports(house)}"),
+        ("imports for type checkers alone", f"{type_only_imports(house)}"),
+        ("tuple assignments (per 1,000 lines)", f"{pairs} ({1000 * pairs / total:.1f})"),
+    ]
+    for name in COUNTED_CALLS:
+        found = house.calls(name)
+        rows.append((f"calls of {name}", f"{len(found)} in {len(set(found))} modules"))
+    return rows + _reached_rows(house)
+
+
+def _reached_rows(house: House) -> list[tuple[str, str]]:
+    verbs = [name for name in house.trees if ".verbs." in name and house.lines[name] > 1]
+    rows = []
+    for name in sorted(verbs):
+        if any(isinstance(node, ast.ClassDef) and node.name.endswith("Verb") for node in house.trees[name].body):
+            reached = house.reached_from(name)
+            rows.append((f"{name} reaches", f"{sum(house.lines[each] for each in reached):,} lines in {len(reached)}"))
+    return rows
+
+
+def main() -> int:
+    """Print the counts of this tree, or of the one whose root is given."""
+    root = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1]
+    for name, value in counts(House(root)):
+        sys.stdout.write(f"{name:<48} {value}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

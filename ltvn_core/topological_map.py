@@ -6,7 +6,7 @@ This is what a program holds that builds a map or drives by one.
 
 import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -170,7 +170,7 @@ def build_map(
 
     Args:
         observations: RGB-D images with odometry, in any order; each has a `step` of its own, which names its node.
-            Those of several drives say nothing of each other by odometry, see `drives`.
+            Those of several drives say nothing of each other by odometry unless one continues another, see `drives`.
         predictor: What compares images; None loads the shipped network.
         predictor_name: By what name it can be opened again, to be saved with the map.
         system: Strategies and thresholds; None is the paper's system with the `robust` preset.
@@ -198,9 +198,11 @@ def build_map(
     if camera is not None:
         images = [recorded_observation(seen, camera, target) for seen in observations]
     keyframes = KeyframeStore(predictor)
-    keyframes.begin_drives(each.first for each in drives)
+    keyframes.begin_drives([each.first for each in drives], resumed=[each.first for each in drives if each.continues])
     deltas = system.build(images, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress)
     graph = TopologicalGraph(deltas)
+    resumed = keyframes.resumed_starts  # Without the drives whose images contradicted that odometry goes on.
+    drives = [each if each.first in resumed else replace(each, continues="") for each in drives]
     reports: tuple[DriveReport, ...] = ()
     if drives:
         joined = join_map(graph, keyframes, images, drives, predictor, system)

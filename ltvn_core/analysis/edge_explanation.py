@@ -118,7 +118,10 @@ def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
     first = life.beliefs[0]
     driven = f", driven {first.attempts} times before" if first.attempts else ""
     cause = CAUSE_TEXTS[life.cause]
-    text = f"Edge {history.source} -> {history.target} came in {cause} with {belief_text(first.belief)}{driven}."
+    origin = ", by odometry alone because no image was recognised in the other," if life.by_odometry else ""
+    text = (
+        f"Edge {history.source} -> {history.target} came in {cause}{origin} with {belief_text(first.belief)}{driven}."
+    )
     yield ExplanationStep(text, life.added_at, ExplanationKind.BORN, ids)
     yield from _attempt_steps(life, _within(history, life), ids)
 

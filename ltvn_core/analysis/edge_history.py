@@ -71,6 +71,8 @@ class EdgeLifetime:
     waypoint: PoseRow
     """The target in the source's frame, as predicted when it was made."""
     protected: bool
+    by_odometry: bool
+    """Odometry alone joined its nodes."""
     beliefs: tuple[TimedBelief, ...]
     """Oldest first, the belief with which it came in included."""
     end: EdgeRemoval | None
@@ -182,6 +184,7 @@ class _OpenLifetime:
             cause=self.addition.delta.cause,
             waypoint=self.edge.waypoint,
             protected=self.edge.protected,
+            by_odometry=self.edge.by_odometry,
             beliefs=tuple(self.beliefs),
             end=self.end,
         )

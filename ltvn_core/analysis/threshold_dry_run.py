@@ -102,7 +102,7 @@ def rebuild_dry_run(
     known = _encoded(observations, keyframes, predictor)
     for each in (method, changed):
         own = KeyframeStore(predictor)
-        own.begin_drives(keyframes.drive_starts)
+        own.begin_drives(keyframes.drive_starts, resumed=keyframes.resumed_starts)
         if observations:
             own.add(observations, known.features([seen.step for seen in observations]))
         deltas = build(observations, own, predictor, each, deepcopy(rng), progress=progress)

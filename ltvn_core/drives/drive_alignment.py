@@ -1,11 +1,13 @@
 """Drives in one picture: each is moved as a whole so that it lies where the images say, for drawing.
 
-What odometry knows of two images of one drive stays the same, and of two drives it says no more than before. Owns how a
-drive is moved. A drive that was recognised nowhere is put beside the others.
+What odometry knows of two images of one drive stays the same, and of two drives it says no more than before. Drives
+that go on in one odometry are moved together, and one that was recognised nowhere is put beside the others. Owns how a
+drive is moved.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -30,16 +32,31 @@ def drive_movements(graph: TopologicalGraph, drives: Sequence[JoinedDrive]) -> M
     Linear in edges, and quadratic in those that join drives.
     """
     poses = {node: np.array(held.odometry) for node, held in graph.nodes.items()}
-    offsets = {drives[0].name: np.zeros(3)}
-    for _ in drives:  # A drive may hang on one that hangs on another.
-        for drive in drives:
-            opinions = [] if drive.name in offsets else _opinions(graph, drive, drives, poses, offsets)
+    groups = _groups(drives)
+    offsets = {drive.name: np.zeros(3) for drive in groups[0]}
+    for _ in groups:  # A drive may hang on one that hangs on another.
+        for group in groups:
+            opinions = [] if group[0].name in offsets else _opinions(graph, group, drives, poses, offsets)
             if opinions:
-                offsets[drive.name] = _most_agreed(np.array(opinions))
-    for drive in drives:
-        if drive.name not in offsets:
-            offsets[drive.name] = _beside(drive, drives, poses, offsets)
+                offsets |= dict.fromkeys((drive.name for drive in group), _most_agreed(np.array(opinions)))
+    for group in groups:
+        if group[0].name not in offsets:
+            offsets |= dict.fromkeys((drive.name for drive in group), _beside(group, drives, poses, offsets))
     return {name: _mover(offset) for name, offset in offsets.items()}
+
+
+_Group: TypeAlias = list[JoinedDrive]
+"""Drives of one odometry, which are moved together."""
+
+
+def _groups(drives: Sequence[JoinedDrive]) -> list[_Group]:
+    groups = list[_Group]()
+    for drive in drives:
+        if groups and drive.continues:
+            groups[-1].append(drive)
+        else:
+            groups.append([drive])
+    return groups
 
 
 def _mover(offset: Pose) -> Callable[[Pose], Pose]:
@@ -48,17 +65,17 @@ def _mover(offset: Pose) -> Callable[[Pose], Pose]:
 
 def _opinions(
     graph: TopologicalGraph,
-    drive: JoinedDrive,
+    group: _Group,
     drives: Sequence[JoinedDrive],
     poses: dict[FrameId, Pose],
     offsets: dict[str, Pose],
 ) -> list[Pose]:
-    """Return where the beginning of a drive's odometry lies by each edge to a drive whose place is known."""
+    """Return where the zero of a group's odometry lies by each edge to a drive whose place is known."""
     placed = [other for other in drives if other.name in offsets]
     found = []
     for (source, target), edge in graph.edges.items():
         other = next((each for each in placed if each.holds(source)), None)
-        if other is not None and drive.holds(target):
+        if other is not None and any(drive.holds(target) for drive in group):
             there = compose(compose(offsets[other.name], poses[source]), np.array(edge.waypoint))
             found.append(compose(there, invert(poses[target])))
     return found
@@ -70,16 +87,14 @@ def _most_agreed(opinions: Pose) -> Pose:
     return opinions[int(np.minimum(gaps, _OUTLIER).sum(axis=1).argmin())]
 
 
-def _beside(
-    drive: JoinedDrive, drives: Sequence[JoinedDrive], poses: dict[FrameId, Pose], offsets: dict[str, Pose]
-) -> Pose:
+def _beside(group: _Group, drives: Sequence[JoinedDrive], poses: dict[FrameId, Pose], offsets: dict[str, Pose]) -> Pose:
     placed = [
         compose(offsets[other.name], pose)
         for other in drives
         for node, pose in poses.items()
         if other.name in offsets and other.holds(node)
     ]
-    own = [pose for node, pose in poses.items() if drive.holds(node)]
+    own = [pose for node, pose in poses.items() if any(drive.holds(node) for drive in group)]
     if not placed or not own:
         return np.zeros(3)
     gap = max(pose[0] for pose in placed) + _APART_M - min(pose[0] for pose in own)
@@ -108,7 +123,7 @@ def moved_keyframes(
 ) -> KeyframeStore:
     """Return the same images with their features, moved."""
     moved = KeyframeStore(predictor)
-    moved.begin_drives(keyframes.drive_starts)
+    moved.begin_drives(keyframes.drive_starts, resumed=keyframes.resumed_starts)
     seen = [moved_observation(keyframes.observation(frame), drives, movements) for frame in keyframes.frames]
     if seen:
         moved.add(seen, keyframes.features([each.step for each in seen]))

@@ -23,6 +23,10 @@ class DriveReport:
     nodes: int
     joined_by: int
     """Edges between its nodes and those of the drives before; 0 for the first."""
+    joined_by_odometry: int
+    """Those among them that odometry alone speaks for."""
+    continues: str
+    """Name of the drive before it in whose odometry it goes on; empty where its odometry begins anew."""
     recognised: float | None
     """Share of its images whose place the drives before had seen; None for the first."""
     blocked: tuple[EdgeKey, ...]
@@ -40,21 +44,32 @@ class DriveReport:
             return f"{self.name}: {self.nodes} nodes"
         joined = f"{self.recognised:.0%} recognised, joined by {self.joined_by} edges"
         seen = f"{len(self.blocked)} edges seen blocked, {len(self.returned)} open again"
-        return f"{self.name}: {self.nodes} new nodes, images from {self.first} on, {joined}; {seen}"
+        return f"{self.name}: {self.nodes} new nodes, images from {self.first} on, {joined}; {seen}{self._continued}"
+
+    @property
+    def _continued(self) -> str:
+        if not self.continues:
+            return ""
+        how = f"joined by odometry ({self.joined_by_odometry} edges)" if self.joined_by_odometry else "joined by images"
+        return f"; {self.name} continues {self.continues}: {how if self.joined_by else 'but no edge joins them'}"
 
 
 def report_drive(graph: TopologicalGraph, drive: JoinedDrive, comparison: DriveComparison | None) -> DriveReport:
     """Return what became of a drive; `comparison` with those before is None for the first. Linear in the map."""
-    crossing = (
-        edge for edge in graph.edges if drive.holds(edge[0]) != drive.holds(edge[1]) and max(edge) <= drive.last
-    )
+    crossing = [
+        edge
+        for key, edge in graph.edges.items()
+        if drive.holds(key[0]) != drive.holds(key[1]) and max(key) <= drive.last
+    ]
     observed = () if comparison is None else comparison.observed
     return DriveReport(
         name=drive.name,
         first=drive.first,
         added_steps=drive.added_steps,
         nodes=sum(drive.holds(node) for node in graph.nodes),
-        joined_by=sum(1 for _ in crossing),
+        joined_by=len(crossing),
+        joined_by_odometry=sum(edge.by_odometry for edge in crossing),
+        continues=drive.continues,
         recognised=None if comparison is None else round(comparison.share, 3),
         blocked=tuple((each.source, each.target) for each in observed if not each.present),
         returned=tuple((each.source, each.target) for each in observed if each.present),
@@ -75,5 +90,5 @@ def drive_doubts(reports: Sequence[DriveReport]) -> Iterator[str]:
                 f"No edge joins {report.name} to the drives before it, though {report.recognised:.0%} of its images "
                 "look like places there. Drive more slowly where both were, or try another --predictor."
             )
-        elif report.recognised is not None and report.recognised < _FEW:
+        elif report.recognised is not None and report.recognised < _FEW and not report.joined_by_odometry:
             yield f"Only {report.recognised:.0%} of {report.name} was recognised in the drives before it."

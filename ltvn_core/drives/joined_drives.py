@@ -1,6 +1,7 @@
 """Recordings of several drives as the images of one map: numbered on, on one clock, for one camera.
 
-Owns what images of different drives must not share: numbers and times. Their odometry stays as it is.
+Owns what images of different drives must not share: numbers and times. Their odometry stays as it is; whether it goes
+on from one drive to the next is decided in `drives.continued_drives`.
 """
 
 import math
@@ -10,10 +11,10 @@ from datetime import datetime
 from pathlib import Path
 
 from ltvn_core.cameras.rectification import have_same_rays
+from ltvn_core.drives.continued_drives import is_continued, may_be_one_place
 from ltvn_core.errors import MapError
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.preprocessing import recorded_observation
-from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import FrameId, Observation
 
@@ -34,6 +35,8 @@ class JoinedDrive:
     """and its last, as they are numbered in the map."""
     added_steps: int = 0
     """So much more than in its recording."""
+    continues: str = ""
+    """Name of the drive before it in whose odometry it goes on; empty where its odometry begins anew."""
     world_offset_s: float = 0.0
     """Added to a stamp in the map it gives the time of the world, where its recording tells that."""
 
@@ -63,10 +66,13 @@ def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
         only = recordings[0]
         return JoinedDrives([only.observation(frame) for frame in only.frames], (), ())
     _check(recordings)
-    observations, drives, doubts = list[Observation](), list[JoinedDrive](), list[str]()
-    for recording in recordings:
+    observations, drives, doubts, added_s = list[Observation](), list[JoinedDrive](), list[str](), 0.0
+    for before, recording in zip([None, *recordings], recordings, strict=False):
         joined = _following(recording, observations, drives)
-        added_s = _added_seconds(recording, recordings[0], observations)
+        if before is not None and is_continued(before, recording):
+            joined = replace(joined, continues=drives[-1].name)
+        else:
+            added_s = _added_seconds(recording, recordings[0], observations)
         added = joined.added_steps
         observations += [_moved(recording, frame, recordings[0], added, added_s) for frame in recording.frames]
         drives.append(replace(joined, world_offset_s=joined.world_offset_s - added_s))
@@ -136,9 +142,8 @@ def _world_offset_s(recording: Recording) -> float:
 
 def _doubts(recording: Recording, first: Recording) -> list[str]:
     """Return what speaks against joining two drives at all."""
-    here, there = recording.meta.scene, first.meta.scene
-    # What is imported is called after its file unless somebody named the place: two names may mean one.
-    if here == there or (here.startswith(SOURCE_SCENE) and there.startswith(SOURCE_SCENE)):
+    here, there = recording.meta, first.meta
+    if may_be_one_place(here, there):
         return []
-    named = f"{recording.path.name} was recorded in {here!r}, {first.path.name} in {there!r}"
+    named = f"{recording.path.name} was recorded in {here.scene!r}, {first.path.name} in {there.scene!r}"
     return [f"{named}; only drives of one place make one map."]

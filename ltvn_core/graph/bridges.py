@@ -29,6 +29,8 @@ class Bridge(NamedTuple):
     frame: FrameId
     matches: Matches
     """One image that is a node or merged."""
+    by_odometry: bool = False
+    """Odometry alone says how the two lie to each other."""
 
 
 class BridgeSearch:
@@ -93,4 +95,4 @@ class BridgeSearch:
             if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:
                 continue
             # No image speaks for it, so it is believed no more than the least edge that images speak for.
-            yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven))
+            yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)

@@ -49,9 +49,9 @@ def build(
 
     The robust method first puts the odometry of the images right, as far as the drive passed places again, and in
     `keyframes` they keep it so. Images of several drives, whose first frames `keyframes` knows, are joined where these
-    recognise each other. Puts the images into `keyframes` and afterwards drops those that are neither nodes nor in
-    reserve. Frames in `goals` never merge. Images without depth are left out where the predictor needs it. Raises
-    MapError as `usable_trajectory`.
+    recognise each other, or by odometry where it goes on from one to the next. Puts the images into `keyframes` and
+    afterwards drops those that are neither nodes nor in reserve. Frames in `goals` never merge. Images without depth
+    are left out where the predictor needs it. Raises MapError as `usable_trajectory`.
     """
     observations = usable_trajectory(observations, predictor, goals)
     keyframes.add(observations)
@@ -260,7 +260,8 @@ class _BuildRun:
         if other in self._merged:
             merging = self._merged.pop(other)
             self._enter(node_with_edges(keyframes.observation(other), merging, config, cause))
-        self._enter(node_with_edges(keyframes.observation(bridge.frame), bridge.matches, config, cause))
+        seen = keyframes.observation(bridge.frame)
+        self._enter(node_with_edges(seen, bridge.matches, config, cause, by_odometry=bridge.by_odometry))
 
     def _not_met(self, frame: FrameId) -> Iterator[tuple[NodeId, ...]]:
         """Yield the nodes that came since the last time, those near in time first: most images merge with these.

@@ -87,6 +87,8 @@ class Edge:
     """How often that led to the target."""
     protected: bool = False
     """Held by hand: maintenance leaves it alone."""
+    by_odometry: bool = False
+    """Odometry alone joins the two nodes; no predictor found one in the image of the other."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
 from ltvn_core.graph.pose_graph import RelativePoses, optimise
+from ltvn_core.graph.resumed_odometry import separate_contradicted_drives
 from ltvn_core.types import FrameId, Observation
 
 _KEY_GAP = 0.5
@@ -47,19 +48,23 @@ def with_closed_loops(
     The images in the matcher's keyframes are corrected, too. `progress` is called with the share that is done.
     """
     config, keyframes = method.building, matcher.keyframes
-    starts = keyframes.drive_starts
-    gate = OdometryGate(observations, config, drive_starts=starts)
+    if config.odometry_drift:
+        separate_contradicted_drives(observations, matcher, loop_closures, config)
+    starts, resumed = keyframes.odometry_starts, keyframes.resumed_starts
+    gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed)
     if not config.odometry_drift:
         return observations, gate
     closures: tuple[DriveLink, ...] = ()
     if config.close_loops:
         observations, closures = ClosureSearch(observations, matcher, loop_closures, gate, config, progress).closed()
         keyframes.correct(observations)
-        gate = OdometryGate(observations, config, drive_starts=starts, closures=closures)
+        gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed, closures=closures)
     if not starts:
         return observations, gate
     links = DriveLinkSearch(observations, starts, matcher, loop_closures, config).links()
-    return observations, OdometryGate(observations, config, drive_starts=starts, links=links, closures=closures)
+    return observations, OdometryGate(
+        observations, config, drive_starts=starts, resumed=resumed, links=links, closures=closures
+    )
 
 
 class ClosedDrives(NamedTuple):

@@ -71,7 +71,8 @@ class GoalTies:
             driven = self._odometry_gate.driven(frame, self._frames[row])
             if driven is None or distance(driven) >= self._thresholds.connect_distance:
                 return
-            yield Bridge(frame, Matches.of_one(self._frames[row], self._thresholds.connect_reachability, driven))
+            matches = Matches.of_one(self._frames[row], self._thresholds.connect_reachability, driven)
+            yield Bridge(frame, matches, by_odometry=True)
             row += step
 
     def _unsure(self, goal: FrameId, placed: Sequence[FrameId]) -> Bridge | None:

@@ -28,6 +28,7 @@ class KeyframeStore:
         self._order: list[FrameId] = []
         self._free: list[int] = []
         self._drive_starts: list[FrameId] = []
+        self._resumed: list[FrameId] = []
         self._features: Features | None = None
         self._has_odometry = False
         """Whether odometry ever moved; where it did not, it does not say which images are near each other."""
@@ -48,9 +49,30 @@ class KeyframeStore:
         """The first frames of the drives, in order, where there are several."""
         return tuple(self._drive_starts)
 
-    def begin_drives(self, frames: Iterable[FrameId]) -> None:
-        """Hold images from each of some frames on to be of another drive: none before is their neighbour in time."""
+    @property
+    def resumed_starts(self) -> tuple[FrameId, ...]:
+        """The first frames of drives that go on in the odometry of the drive before, in order."""
+        return tuple(self._resumed)
+
+    @property
+    def odometry_starts(self) -> tuple[FrameId, ...]:
+        """The first frames of the drives whose odometry begins anew, in order, where there are several drives."""
+        return tuple(frame for frame in self._drive_starts if frame not in self._resumed)
+
+    def begin_drives(self, frames: Iterable[FrameId], *, resumed: Iterable[FrameId] = ()) -> None:
+        """Begin another drive at each of some frames: no image before is a neighbour in time of those after it.
+
+        Args:
+            frames: First frames of drives.
+            resumed: Those of them at which odometry goes on from the drive before, which `drives.continued_drives`
+                decides.
+        """
         self._drive_starts = sorted({*self._drive_starts, *frames})
+        self._resumed = sorted({*self._resumed, *resumed})
+
+    def restart_odometry(self, frame: FrameId) -> None:
+        """Hold odometry to begin anew at the first frame of a drive."""
+        self._resumed = [other for other in self._resumed if other != frame]
 
     def drive_of(self, frame: FrameId) -> int:
         """Return the number of the drive that a frame is of."""

@@ -2,7 +2,8 @@
 
 Owns the allowance. It is evidence against false edges between perceptual aliases, and saves comparing what cannot be
 near; it places a node only where images in a row show nothing in common (`graph.bridges`). Where odometry jumps, as
-after a restart, and between two drives it knows only what links say, and nothing where it stands still for the whole
+after a restart, and between two drives it knows only what links say, unless one drive goes on in the odometry of the
+other (`drives.continued_drives`). It knows nothing where it stands still for the whole
 drive, which is how a drive without odometry is recorded.
 """
 
@@ -49,6 +50,7 @@ class OdometryGate:
         config: BuildingConfig,
         *,
         drive_starts: Collection[FrameId] = (),
+        resumed: Collection[FrameId] = (),
         links: Sequence[DriveLink] | None = None,
         closures: Sequence[DriveLink] = (),
     ) -> None:
@@ -58,7 +60,8 @@ class OdometryGate:
 
         Images of linked stretches must fit to the link that is nearest along the ways. Images of two drives that no
         link joins are held to be of different places if links were searched; `links` is None where nobody did. A drive
-        whose odometry stands still knows nothing.
+        whose odometry stands still knows nothing. `drive_starts` are where odometry begins anew, `resumed` the first
+        frames of drives that go on in the odometry of the drive before; a pause just before these was judged already.
         """
         ordered = sorted(observations, key=lambda seen: seen.step)
         self._row = {seen.step: k for k, seen in enumerate(ordered)}
@@ -73,7 +76,10 @@ class OdometryGate:
         self._ways = _ShortestWays(self._path_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
         self._separates = links is not None
         self._links = [(self._row[each.frame], self._row[each.other], each.waypoint) for each in links or ()]
-        self._stamps_s = np.array([seen.stamp for seen in ordered])
+        stamps_s = np.array([seen.stamp for seen in ordered])
+        self._pauses = np.abs(np.diff(stamps_s)) > PAUSE_S
+        begun = np.searchsorted(frames, sorted(resumed))
+        self._pauses[begun[(begun > 0) & (begun < len(frames))] - 1] = False
         self._config = config
 
     def may_be_near(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
@@ -104,10 +110,10 @@ class OdometryGate:
         None where odometry is not used, jumps between the two, or cannot know because there is a pause between them.
         """
         here, there = self._row[frame], self._row[other]
-        between = slice(min(here, there), max(here, there) + 1)
+        between = slice(min(here, there), max(here, there))
         if not self._config.odometry_drift or self._segment[here] != self._segment[there]:
             return None
-        if (np.abs(np.diff(self._stamps_s[between])) > PAUSE_S).any():
+        if self._pauses[between].any():
             return None
         return relative(self._poses[here], self._poses[there])
 

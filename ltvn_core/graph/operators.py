@@ -77,18 +77,25 @@ def pose_row(pose: Waypoint) -> PoseRow:
     return PoseRow(*(float(value) for value in pose))
 
 
-def node_with_edges(observation: Observation, matches: Matches, config: BeliefConfig, cause: Cause) -> list[GraphDelta]:
+def node_with_edges(
+    observation: Observation, matches: Matches, config: BeliefConfig, cause: Cause, *, by_odometry: bool = False
+) -> list[GraphDelta]:
     """Return the deltas that make an image a node and join it both ways to every match."""
     return [
         NodeAdded(node_from_observation(observation), cause),
-        *bidirectional_edges(observation.step, matches, config, cause),
+        *bidirectional_edges(observation.step, matches, config, cause, by_odometry=by_odometry),
     ]
 
 
-def bidirectional_edges(source: NodeId, matches: Matches, config: BeliefConfig, cause: Cause) -> Iterable[EdgeAdded]:
-    """Yield an edge to each match and the same edge driven backwards, whose waypoint is the inverse."""
+def bidirectional_edges(
+    source: NodeId, matches: Matches, config: BeliefConfig, cause: Cause, *, by_odometry: bool = False
+) -> Iterable[EdgeAdded]:
+    """Yield an edge to each match and the same edge driven backwards, whose waypoint is the inverse.
+
+    `by_odometry` marks edges that odometry alone speaks for.
+    """
     for k, target in enumerate(matches.nodes):
         belief = initial_belief(matches.reachability[k], matches.distances[k], config)
         ahead, back = pose_row(matches.waypoints[k]), pose_row(invert(matches.waypoints[k]))
-        yield EdgeAdded(Edge(source, target, ahead, belief), cause)
-        yield EdgeAdded(Edge(target, source, back, belief), cause)
+        yield EdgeAdded(Edge(source, target, ahead, belief, by_odometry=by_odometry), cause)
+        yield EdgeAdded(Edge(target, source, back, belief, by_odometry=by_odometry), cause)

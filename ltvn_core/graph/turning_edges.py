@@ -36,7 +36,7 @@ def turning_edges(graph: TopologicalGraph, gate: OdometryGate, method: Method) -
     """Yield edges, each with the one back: the shortest first, as long as there is no way nearly as short."""
     ways = _Ways.of(graph, method)
     for turn in sorted(_turns(graph, gate, method), key=lambda turn: turn.matches.distances[0]):
-        there, back = bidirectional_edges(turn.source, turn.matches, method.believing, Cause.BUILD)
+        there, back = bidirectional_edges(turn.source, turn.matches, method.believing, Cause.BUILD, by_odometry=True)
         if ways.is_shortened_by(there.edge):
             ways.add(there.edge)
             ways.add(back.edge)

@@ -160,6 +160,8 @@ class _DriveImport:
     def _config(self, preparation: FramePreparation) -> Mapping[str, Any]:
         asked = {name: value for name, value in asdict(self._options).items() if value is not None}
         found = {**asked, "odometry": str(self._odometry), "is_lens_known": preparation.is_lens_known}
+        if self._odometry is OdometrySource.SOURCE and self._reader.facts.odometry_frame:
+            found["odometry_frame"] = self._reader.facts.odometry_frame
         return {"verb": "import", "format": self._reader.facts.format, "import": found}
 
     def _all_dropped(self) -> dict[str, int]:

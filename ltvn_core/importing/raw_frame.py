@@ -93,6 +93,8 @@ class DriveFacts:
     """What was found; `--rgb` and its like choose among these."""
     place: str = ""
     """What the drive may be called: the name of the file or folder."""
+    odometry_frame: str = ""
+    """The frame in which the source gives its odometry, such as `odom`; empty where it names none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -85,7 +85,8 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
             return EventDescription(f"node {node} dropped ({cause})", e.Severity.WARN, node=node)
         case d.EdgeAdded(edge, cause):
             ends = edge.source, edge.target
-            return EventDescription(f"{edge_text(ends)} added, p {edge.belief.p:.2f} ({cause})", edge=ends)
+            origin = " by odometry" if edge.by_odometry else ""
+            return EventDescription(f"{edge_text(ends)} added{origin}, p {edge.belief.p:.2f} ({cause})", edge=ends)
         case d.BeliefUpdated(source, target, belief, attempts, successes, cause):
             ends = source, target
             counts = f"{successes} of {_count(attempts, 'attempt')} succeeded"

@@ -108,6 +108,7 @@ def _edges(drawn: MapLayout) -> Iterator[str]:
 def _edge_words(edge: Edge, spurious: bool) -> str:
     driven = f"driven {edge.attempts} x, {edge.successes} x with success" if edge.attempts else "never driven"
     words = f"edge {edge.source} to {edge.target}: p {edge.belief.p:.2f}, length {edge.belief.mu:.2f}, {driven}"
+    words += ", by odometry" if edge.by_odometry else ""
     return words + (", spurious" if spurious else "") + (", protected" if edge.protected else "")
 
 

@@ -95,7 +95,13 @@ class BagDrive:
             for topic in self._files.topics.values()
         ]
         frames = self._files.topics[self._topics.rgb].count
-        return DriveFacts(format="rosbag", frames=frames, streams=streams, place=self._files.path.resolve().stem)
+        return DriveFacts(
+            format="rosbag",
+            frames=frames,
+            streams=streams,
+            place=self._files.path.resolve().stem,
+            odometry_frame=self._rig.world,
+        )
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of their stamps. Raises DriveError where the bag is damaged or none fits."""

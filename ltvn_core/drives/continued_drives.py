@@ -2,8 +2,8 @@
 
 Owns the rule. A robot that is switched on again begins its odometry at zero, in a frame of the same name, so neither
 the name of a frame nor a pose near the end of the drive before is enough: time, pose and frame must all agree, and the
-pose must not be one at which any odometry begins. So of a drive that was cut while the robot stood where its odometry
-had begun, nothing is known, and it counts as another one.
+pose must not be one at which odometry begins. A drive that goes on where its odometry had begun cannot be told from a
+restart, so it counts as one.
 """
 
 import math
@@ -34,7 +34,7 @@ def is_continued(before: Recording, after: Recording) -> bool:
     Returns:
         Whether both are of one place, source and frame of odometry; the second begins within two minutes of the end of
         the first, on one clock; and its first pose is as near to the last one of the first as a robot can have come
-        since, and not near the zero of odometry.
+        since, and near neither the zero of odometry nor the first pose of the first.
     """
     if not may_be_one_place(before.meta, after.meta) or not _may_be_one_frame(before.meta, after.meta):
         return False
@@ -43,7 +43,7 @@ def is_continued(before: Recording, after: Recording) -> bool:
         return False  # Odometry that stands still is none.
     pause_s = float(later.stamps[0] - earlier.stamps[-1])
     step = relative(earlier.odometry[-1], later.odometry[0])
-    return _can_have_driven(step, pause_s) and _begins_on_the_way(later.odometry[0], step)
+    return _can_have_driven(step, pause_s) and not _may_be_restarted(earlier.odometry, later.odometry[0])
 
 
 def may_be_one_place(one: RecordingMetadata, other: RecordingMetadata) -> bool:
@@ -71,9 +71,14 @@ def _can_have_driven(step: Waypoint, pause_s: float) -> bool:
     return _is_standing(step) or (pause_s <= PAUSE_S and float(distance(step)) < JUMP_M)
 
 
-def _begins_on_the_way(pose: Pose, step: Waypoint) -> bool:
-    """Tell whether a first pose (3,) is more likely on the way, a step (3,) from its end, than one at a restart."""
-    return not _is_standing(pose) and float(distance(pose)) > float(distance(step))
+def _may_be_restarted(before: Pose, pose: Pose) -> bool:
+    """Tell whether odometry may have begun anew at a pose (3,), rather than gone on from poses (N, 3) before.
+
+    What is recorded is where the camera is, which at zero is beside the middle of the robot and may look aside.
+    """
+    is_at_zero = float(np.hypot(pose[0], pose[1])) <= _STOOD_M
+    is_nearer_to_zero = float(distance(pose)) <= float(distance(relative(before[-1], pose)))
+    return is_at_zero or is_nearer_to_zero or _is_standing(relative(before[0], pose))
 
 
 def _is_standing(step: Waypoint) -> bool:

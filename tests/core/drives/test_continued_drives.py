@@ -18,7 +18,7 @@ from ltvn_core.graph.deltas import Edge
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.topological_map import TopologicalMap, build_map
-from ltvn_core.types import Observation, Pose
+from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour
 
 OUT_OF_SIGHT = np.array([50.0, 0.0, 0.0])
@@ -179,7 +179,17 @@ def test_frames_of_odometry_that_have_two_names_are_two(tmp_path: Path) -> None:
     assert not is_continued(before, other)
 
 
-def test_a_restart_at_the_place_where_the_robot_had_begun_is_no_continuation(tmp_path: Path) -> None:
-    loop: tuple[Pose, ...] = (np.zeros(3), np.array([2.0, 0.0, 0.0]), np.array([0.1, 0.1, 0.1]))
-    before = moves(tmp_path, "before", loop, 100.0)
-    assert not is_continued(before, moves(tmp_path, "after", loop, 104.0))
+@pytest.mark.parametrize(
+    "zero",
+    [
+        pytest.param((0.0, 0.0, 0.0), id="camera in the middle of the robot"),
+        pytest.param((0.2, 0.1, 1.57), id="camera that looks aside"),
+        pytest.param((0.9, 0.0, 0.0), id="camera far ahead of the middle"),
+    ],
+)
+def test_a_restart_at_the_place_where_the_robot_had_begun_is_no_continuation(
+    tmp_path: Path, zero: tuple[float, float, float]
+) -> None:
+    x, y, yaw = zero
+    before = moves(tmp_path, "before", (zero, (2.0, 0.0, 0.0), (x + 0.1, y + 0.1, yaw)), 100.0)
+    assert not is_continued(before, moves(tmp_path, "after", (zero, (2.0, 0.0, 0.0)), 104.0))

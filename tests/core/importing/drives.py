@@ -33,7 +33,9 @@ class ListedDrive:
     def __init__(self, frames: Iterable[RawFrame], roles: Sequence[str] = ("rgb",)) -> None:
         self._frames = list(frames)
         streams = [SourceFact(role, f"/{role}", len(self._frames), 10.0) for role in roles]
-        self.facts = DriveFacts(format="list", frames=len(self._frames), streams=streams, place="yard")
+        self.facts = DriveFacts(
+            format="list", frames=len(self._frames), streams=streams, place="yard", odometry_frame="odom"
+        )
         self.dropped: Mapping[str, int] = {}
         self.doubts: Sequence[str] = ()
 

@@ -155,7 +155,9 @@ def test_true_poses_stand_in_for_odometry_only_where_there_is_none_or_they_are_a
         recording = Recording.open(tmp_path / f"{name}.rrd")
         assert recording.poses.odometry[:, column] == pytest.approx(np.arange(5) * 0.2)
         assert recording.poses.exact is not None
-        assert recording.meta.config["import"]["odometry"] == ("source" if name == "own" else "truth")
+        told = recording.meta.config["import"]
+        assert told["odometry"] == ("source" if name == "own" else "truth")
+        assert told.get("odometry_frame") == ("odom" if name == "own" else None)
 
 
 def test_what_is_wrong_with_an_image_is_counted_and_the_others_are_kept(output: Path) -> None:

@@ -51,6 +51,7 @@ def test_a_bag_of_each_kind_becomes_the_same_frames(tmp_path: Path, kind: str) -
     roles = {stream.role: stream.name for stream in reader.facts.streams}
     assert roles["rgb"] == COLOURS
     assert roles["odometry"] == "/odom"
+    assert reader.facts.odometry_frame == "odom"
     assert reader.facts.frames == 6
     assert not reader.dropped
     assert not reader.doubts

@@ -182,7 +182,8 @@ def build_map(
         seed: Draws the order in which images are sampled.
         goals: Frames that must be nodes because somebody will want to go there.
         drives: Which images are of which drive, where there are several, see `drives.joined_drives`. They are joined
-            where they recognise each other, and what a later drive finds blocked is observed to be so.
+            where they recognise each other or where one continues another, and what a later drive finds blocked is
+            observed to be so.
         progress: Called now and then with the number of images done and of images in all.
 
     Raises:

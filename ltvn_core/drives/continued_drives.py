@@ -74,11 +74,11 @@ def _can_have_driven(step: Waypoint, pause_s: float) -> bool:
 def _may_be_restarted(before: Pose, pose: Pose) -> bool:
     """Tell whether odometry may have begun anew at a pose (3,), rather than gone on from poses (N, 3) before.
 
-    What is recorded is where the camera is, which at zero is beside the middle of the robot and may look aside.
+    What is recorded is where the camera is, which at zero may be far from the middle of the robot and look aside; then
+    both drives begin there.
     """
-    is_at_zero = float(np.hypot(pose[0], pose[1])) <= _STOOD_M
     is_nearer_to_zero = float(distance(pose)) <= float(distance(relative(before[-1], pose)))
-    return is_at_zero or is_nearer_to_zero or _is_standing(relative(before[0], pose))
+    return is_nearer_to_zero or _is_standing(pose) or _is_standing(relative(before[0], pose))
 
 
 def _is_standing(step: Waypoint) -> bool:

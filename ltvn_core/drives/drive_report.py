@@ -50,8 +50,10 @@ class DriveReport:
     def _continued(self) -> str:
         if not self.continues:
             return ""
-        how = f"joined by odometry ({self.joined_by_odometry} edges)" if self.joined_by_odometry else "joined by images"
-        return f"; {self.name} continues {self.continues}: {how if self.joined_by else 'but no edge joins them'}"
+        by_images = self.joined_by - self.joined_by_odometry
+        by = [name for name, count in (("images", by_images), ("odometry", self.joined_by_odometry)) if count]
+        joined = f"joined by {' and '.join(by)}" if by else "no edge joins them"
+        return f"; {self.name} continues {self.continues}: {joined}"
 
 
 def report_drive(graph: TopologicalGraph, drive: JoinedDrive, comparison: DriveComparison | None) -> DriveReport:
@@ -90,5 +92,5 @@ def drive_doubts(reports: Sequence[DriveReport]) -> Iterator[str]:
                 f"No edge joins {report.name} to the drives before it, though {report.recognised:.0%} of its images "
                 "look like places there. Drive more slowly where both were, or try another --predictor."
             )
-        elif report.recognised is not None and report.recognised < _FEW and not report.joined_by_odometry:
+        elif report.recognised is not None and report.recognised < _FEW and not report.continues:
             yield f"Only {report.recognised:.0%} of {report.name} was recognised in the drives before it."

@@ -213,7 +213,7 @@ class ViewDropped:
 
 @dataclass(frozen=True, slots=True)
 class DriveBegun:
-    """Images from a frame on are of another drive: its odometry has nothing to do with that of images before."""
+    """Images from a frame on are of another drive, whose odometry most often begins anew."""
 
     frame: FrameId
     """The first image."""

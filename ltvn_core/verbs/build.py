@@ -50,7 +50,8 @@ class BuildVerb(Verb):
     """Build a map from one or more recordings by Algorithm 1, or as one of the paper's rivals does."""
 
     recordings: Positional[tuple[Path, ...]]
-    """The recording to build from; or several drives of one place, on other days, from other starts."""
+    """The recording to build from; or several drives of one place, on other days, from other starts. Name the parts of
+    one run in the order in which they were driven."""
     output: Path
     """The map to write; must not exist yet."""
     preset: Literal["robust", "paper"] = "robust"

@@ -71,12 +71,13 @@ def run_verb(program: str, verb: "type[Verb]", arguments: Sequence[str] | None =
 
 def report(verb: "Verb") -> int:
     """Run the verb, print its summary or write it as JSON where the user asked for that, and return the exit code."""
+    from ltvn_core.terminal_text import shown_plainly
     from ltvn_core.verbs.verb import to_json, to_text
 
     verb.check_options()
     summary = verb.run()
     if verb.json is None:
-        print(to_text(summary))
+        print(shown_plainly(to_text(summary)))
     elif str(verb.json) == "-":
         print(to_json(summary))
     else:
@@ -116,27 +117,36 @@ def _show_all(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> None:
     import tyro
 
     from ltvn_core.plugins import load_plugins
+    from ltvn_core.terminal_text import shown_plainly
     from ltvn_core.verbs.discovery import load_verb
 
     loaded = load_plugins(verbs, load_verb)
     for line in loaded.broken:
-        print(f"ltvn: {line}", file=sys.stderr)
+        print(f"ltvn: {shown_plainly(line)}", file=sys.stderr)
     tyro.extras.subcommand_cli_from_dict(
         dict(loaded.by_name), prog="ltvn", description=DESCRIPTION, args=given, sort_subcommands=False
     )
 
 
 def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
-    import logging
-
     import tyro
 
     from ltvn_core.extras import naming_the_extra
 
-    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    _show_log()
     chosen = tyro.cli(verb, prog=program, args=given)
     with naming_the_extra(), _unwinding_at_sigterm():
         return report(chosen)
+
+
+def _show_log() -> None:
+    import logging
+
+    from ltvn_core.terminal_text import PlainFormatter
+
+    shown = logging.StreamHandler(sys.stderr)
+    shown.setFormatter(PlainFormatter("%(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[shown])
 
 
 class _Terminated(KeyboardInterrupt):
@@ -208,12 +218,14 @@ def _system_failure(error: OSError) -> str:
 
 def _say(text: str, error: BaseException, code: int, *, debug: bool) -> int:
     """Print a failure as one line, after its traceback where somebody wants that; return the code."""
+    from ltvn_core.terminal_text import shown_plainly
+
     if debug or os.environ.get("LTVN_DEBUG"):
         import traceback
 
-        traceback.print_exception(error)
+        print(shown_plainly("".join(traceback.format_exception(error))), end="", file=sys.stderr)
     line = " ".join(part.strip() for part in text.splitlines() if part.strip())
-    print(f"ltvn: {line}", file=sys.stderr)
+    print(f"ltvn: {shown_plainly(line)}", file=sys.stderr)
     return code
 
 

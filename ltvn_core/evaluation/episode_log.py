@@ -14,6 +14,7 @@ import cattrs
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.results import EpisodeResult
+from ltvn_core.structured_text import parse_json
 
 _CONVERTER = cattrs.Converter(forbid_extra_keys=True)
 
@@ -33,7 +34,7 @@ def read_episodes(path: Path) -> Mapping[int, LoggedEpisode]:
     found = {}
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         try:
-            logged = _CONVERTER.structure(json.loads(line), LoggedEpisode)
+            logged = _CONVERTER.structure(parse_json(line), LoggedEpisode)
         except (ValueError, TypeError, AttributeError, cattrs.BaseValidationError):
             continue
         found[logged.result.episode] = logged

@@ -14,6 +14,7 @@ import cattrs
 from ltvn_core.atomic_files import write_text_atomically
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.gzipped_results import read_result_text
+from ltvn_core.structured_text import parse_json
 from ltvn_core.types import FrameId
 
 
@@ -229,7 +230,7 @@ def save_results(path: Path, results: Any) -> None:
 def load_results(path: Path, kind: type) -> Any:
     """Read results of a kind that `save_results` wrote, gzipped or not. Raises OptionError for any other file."""
     try:
-        return _CONVERTER.structure(json.loads(read_result_text(path)), kind)
+        return _CONVERTER.structure(parse_json(read_result_text(path)), kind)
     except OSError as error:
         raise OptionError(f"{path} cannot be read: {error.strerror}.") from error
     except (ValueError, TypeError, AttributeError, cattrs.BaseValidationError) as error:

@@ -22,6 +22,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_entry
 from ltvn_core.types import Predictor
@@ -227,12 +228,22 @@ def plan_settings(plan: TrialPlan) -> dict[str, Any]:
     return settings
 
 
+def _settings_in(path: Path) -> Mapping[str, Any]:
+    try:
+        found = parse_json(path.read_text(encoding="utf-8"))
+        if not isinstance(found, dict):
+            raise ValueError("it is no JSON object")
+    except ValueError as error:
+        raise OptionError(f"{path} holds no settings ({error}); name another --folder, or move it away.") from error
+    return found
+
+
 def claim_settings(path: Path, settings: Mapping[str, Any]) -> None:
     """Write settings to a file beside what is made with them. Raises OptionError if it holds others."""
     made_by = json.loads(json.dumps(settings, default=str))
     if not path.exists():
         write_text_atomically(path, json.dumps(made_by, indent=1))
-    before = json.loads(path.read_text(encoding="utf-8"))
+    before = _settings_in(path)
     if changed := sorted(key for key in made_by.keys() | before.keys() if made_by.get(key) != before.get(key)):
         raise OptionError(
             f"{path.parent} holds results that were made with other settings ({', '.join(changed)}). Name another "

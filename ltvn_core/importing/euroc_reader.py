@@ -16,7 +16,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.encoded_images import decode_colour
 from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.calibration_yaml import CalibrationYaml
-from ltvn_core.importing.foreign_files import read_bytes_within
+from ltvn_core.importing.foreign_files import read_bytes_within, require_own_files
 from ltvn_core.importing.moving_frame import Transform, inverse
 from ltvn_core.importing.pose_track import PoseTrack, read_poses, stamped_lines
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
@@ -41,6 +41,7 @@ class EurocReader:
         """Read the lists, and no image yet. Raises DriveError."""
         self._folder = _camera_folder(path, options.rgb)
         self._body = self._folder.parent
+        require_own_files(self._body)  # One camera may have been named alone, and poses lie beside it.
         self._images = _images(self._folder)
         self.dropped: Counter[str] = Counter()
         self.doubts: list[str] = []

@@ -3,6 +3,7 @@
 A pipe or a device in an unpacked folder would never end, and a link could name any file of this machine.
 """
 
+import os
 import stat
 from pathlib import Path
 
@@ -16,6 +17,7 @@ _POINTER = b"version https://git-lfs"
 _LONGEST_POINTER = 1024
 _ATTRIBUTES = ".gitattributes"
 _MOST_ATTRIBUTES = 1_000_000
+_READ_LEVELS = 5
 
 
 def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
@@ -44,6 +46,35 @@ def require_plain(path: Path) -> None:
     if stat.S_ISREG(found.st_mode) and found.st_size <= _LONGEST_POINTER and _begins_as_pointer(path):
         raise DriveError(
             f"{path} is only a pointer of Git LFS, not the file itself; run `git lfs pull` in {path.parent}."
+        )
+
+
+def require_own_files(folder: Path) -> None:
+    """Raise DriveError where a link in a folder leads to something outside of it.
+
+    Who packed the folder could have any file of this machine read by it, and shown in a message. Readers look into
+    `_READ_LEVELS` levels of folders; only names in lists can lead deeper, and those are held by `require_within`.
+    """
+    if not folder.is_dir():
+        return
+    found = [(folder, 0)]
+    while found:
+        place, level = found.pop()
+        with os.scandir(place) as entries:
+            for entry in entries:
+                if entry.is_symlink():
+                    _require_link_within(Path(entry.path), folder)
+                elif level < _READ_LEVELS and entry.is_dir(follow_symlinks=False):
+                    found.append((Path(entry.path), level + 1))
+
+
+def _require_link_within(link: Path, folder: Path) -> None:
+    if not link.exists():
+        return  # It leads nowhere, or in a circle, and shows nothing.
+    if not link.resolve().is_relative_to(folder.resolve()):
+        raise DriveError(
+            f"{link} is a link to outside of {folder}, and links are not followed there. If you trust what it leads "
+            "to, import a copy that `cp -rL` makes of the folder; else take the link away."
         )
 
 

@@ -11,13 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.importing.stamp_matching import period_s
+from ltvn_core.importing.text_lists import read_list
 from ltvn_core.types import Pose
 
 _COLUMNS = 4
-_MOST_BYTES = 100_000_000
-"""A million rows."""
 _LEAST_SLACK_S = 0.02
 _KEYS = ("file", "filename", "image", "stamp", "timestamp", "time", "t")
 _HOW_TO = "it needs the columns file (or stamp in seconds), x, y in metres, and yaw in radians"
@@ -42,10 +40,9 @@ class OdometryTable:
     def read(cls, path: Path) -> "OdometryTable":
         """Read a CSV file. Raises DriveError that names the first line that cannot be right."""
         try:
-            text = read_foreign(path, most_bytes=_MOST_BYTES, what="table of odometry").decode("utf-8-sig")
-            lines = csv.reader(io.StringIO(text, newline=""))
+            lines = csv.reader(io.StringIO(read_list(path, "table of odometry"), newline=""))
             rows = [row for row in lines if row and not row[0].startswith("#")]
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
+        except csv.Error as error:
             raise DriveError(f"{path} cannot be read as a table ({error!s:.120}); {_HOW_TO}.") from error
         return cls(path.name, *_parsed(rows, path))
 

@@ -16,18 +16,18 @@ from scipy.spatial.transform import Rotation
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
 from ltvn_core.errors import CameraError, DriveError
-from ltvn_core.importing.foreign_files import read_bytes_within, read_foreign
+from ltvn_core.importing.foreign_files import read_bytes_within
 from ltvn_core.importing.pose_track import PoseTrack
 from ltvn_core.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.importing.readable_frames import readable_frames
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.importing.stamp_matching import rate_hz
+from ltvn_core.importing.text_lists import list_lines
 from ltvn_core.types import Depth
 
 POSES, STAMPS, LENSES = "poses.txt", "timestamps.txt", "intrinsics.txt"
 NO_DEPTH = "none"
 
-_MOST_BYTES = 100_000_000
 _UNIT_TOLERANCE = 0.1
 
 
@@ -106,15 +106,8 @@ class OpenNavMapReader:
 
 def _rows(path: Path, *, columns: int) -> Mapping[str, list[float]]:
     """Return the numbers of each image. Raises DriveError that names the first line that cannot be right."""
-    try:
-        text = read_foreign(path, most_bytes=_MOST_BYTES, what="list of images").decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
     found: dict[str, list[float]] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
+    for number, line, words in list_lines(path, "list of images"):
         try:
             numbers = [float(word) for word in words[1 : columns + 1]]
         except ValueError:

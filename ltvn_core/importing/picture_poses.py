@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.importing.moving_frame import are_rotations
 from ltvn_core.importing.pose_track import PoseTrack
 from ltvn_core.importing.spatial_pose import SpatialPose
+from ltvn_core.importing.text_lists import list_lines
 
 POSE_FOLDERS = ("pose", "poses")
 ROWS_FILE = "traj.txt"
 _NUMBERS = 16
-_MOST_BYTES = 100_000_000
 _MOST_M = 1e6
 _RIGID_TOLERANCE = 0.01
 _FIRST_NUMBER = re.compile(r"[0-9]+")
@@ -94,9 +93,8 @@ def _rows(path: Path, count: int) -> NDArray[np.float64]:
 
 def _numbers(path: Path) -> list[float]:
     try:
-        text = read_foreign(path, most_bytes=_MOST_BYTES, what="list of poses").decode("utf-8-sig")
-        return [float(word) for word in text.replace(",", " ").split()]
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+        return [float(word) for _, _, words in list_lines(path, "list of poses") for word in words]
+    except ValueError as error:
         raise DriveError(
             f"{path} cannot be read as poses ({error!s:.80}); it needs 4 x 4 numbers, camera to world."
         ) from error

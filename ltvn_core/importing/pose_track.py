@@ -4,7 +4,6 @@ Owns reading such files (TUM's format, which evo, ORB-SLAM and RTAB-Map write to
 axis of the world is up.
 """
 
-import codecs
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -14,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.importing.stamp_matching import period_s
+from ltvn_core.importing.text_lists import list_lines
 
 LARGEST_GAP_S = (0.25, 1.0)
 """Between samples that are farther apart nothing is known: the first, or twice their usual distance up to the
@@ -30,13 +29,9 @@ _CLEARLY_UP = 0.8
 _UNIT_TOLERANCE = 0.1
 _BESIDE_S = 0.025
 """A sample so near in time is the pose, where there is none on the other side."""
-_MOST_BYTES = 100_000_000
-"""A million poses."""
 _SECONDS_BELOW = 1e11
 """Stamps are in seconds below this, the year 5138."""
 _UNITS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
-_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-"""With these a text begins that Windows' PowerShell wrote."""
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
 """What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
 
@@ -123,16 +118,8 @@ def stamped_lines(path: Path, *, least_columns: int, unit_s: float | None = None
     Lines that begin with # are comments. Stamps are in units of `unit_s` seconds; without it, those in thousandths of a
     second or less are recognised by their size. Raises DriveError that names the first line that cannot be right.
     """
-    try:
-        blob = read_foreign(path, most_bytes=_MOST_BYTES, what="list of images or poses")
-        text = blob.decode("utf-16" if blob.startswith(_UTF_16) else "utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
     lines: list[tuple[float, list[str]]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
+    for number, line, words in list_lines(path, "list of images or poses"):
         try:
             stamp = float(words[0])
         except ValueError:

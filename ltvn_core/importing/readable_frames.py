@@ -8,6 +8,8 @@ from ltvn_core.errors import DriveError
 from ltvn_core.importing.raw_frame import FrameFilter, FrameMoment, RawFrame
 
 DAMAGED = "damaged or missing image"
+_MOST_AT_FIRST = 1000
+"""Where so many are damaged before one is not, the images are elsewhere, and looking for a million takes minutes."""
 
 _Image = TypeVar("_Image")
 
@@ -28,13 +30,20 @@ def readable_frames(
         wanted: Tells from the moment whether a frame is wanted; the image of another is not read.
         dropped: Gets the number of images that cannot be read, as `DAMAGED`.
         doubts: Gets a sentence about the first of them.
+
+    Raises:
+        DriveError: A drive begins with nothing but images that cannot be read.
     """
+    found_any = False
     for moment, image in images:
         if not wanted(moment):
             continue
         try:
             yield read(moment, image)
+            found_any = True
         except DriveError as error:
             if not dropped[DAMAGED]:
                 doubts.append(f"An image was left out: {error}")
             dropped[DAMAGED] += 1
+            if not found_any and dropped[DAMAGED] >= _MOST_AT_FIRST:
+                raise DriveError(f"None of the first {_MOST_AT_FIRST:,} images can be read. {doubts[-1]}") from error

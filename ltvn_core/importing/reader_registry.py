@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import cast
 
 from ltvn_core.errors import DriveError, LtvnError
-from ltvn_core.importing.foreign_files import require_plain
+from ltvn_core.importing.foreign_files import require_own_files, require_plain
 from ltvn_core.importing.raw_frame import DriveReader, ReaderClass, ReadOptions
 from ltvn_core.plugins import READERS, Plugin, find_plugins
 
@@ -40,7 +40,15 @@ def open_drive(path: Path, name: str = AUTO, options: ReadOptions | None = None)
     if not path.exists():
         raise DriveError(f"There is no file or folder {path}.")
     reader = _recognised(path) if name == AUTO else _named(name)
+    _require_own_files(path)
     return reader.open(path, options or ReadOptions())
+
+
+def _require_own_files(path: Path) -> None:
+    try:
+        require_own_files(path)
+    except OSError as error:
+        raise DriveError(f"{path} cannot be looked through ({error!s:.120}); change its permissions.") from error
 
 
 def is_drive(path: Path) -> bool:

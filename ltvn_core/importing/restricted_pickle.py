@@ -6,7 +6,7 @@ the file itself holds. Owns that list.
 
 import io
 import pickle
-import pickletools
+import re
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -16,33 +16,24 @@ import numpy as np
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import read_foreign
+from ltvn_core.importing.pickle_program import check_program
 
 MOST_BYTES = 50_000_000
 """A million poses; a longer file is no trajectory."""
-_MOST_STEPS = 2_000_000
-"""Steps of the pickle's program."""
+_NUMPY_TYPE = re.compile("[<>|=]?[?biufcSUO][0-9]{0,4}")
+"""Numbers and texts; numpy parses longer descriptions for minutes."""
 
 
 def load_pickle(path: Path) -> Any:
     """Return what a pickle holds. Raises DriveError where it is damaged, or wants to do anything else."""
     try:
         data = read_foreign(path, most_bytes=MOST_BYTES, what="trajectory")
-        _check_steps(data)
+        check_program(data)
         return _ArrayUnpickler(io.BytesIO(data)).load()
     except DriveError:
         raise
     except Exception as error:  # A damaged program fails in as many ways as there are steps.
         raise DriveError(f"{path} is no pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
-
-
-def _check_steps(data: bytes) -> None:
-    """Raise ValueError for a program that is too long, or that numbers what it remembers beyond its own length."""
-    for count, (step, argument, _) in enumerate(pickletools.genops(data)):
-        if count > _MOST_STEPS:
-            raise ValueError(f"it has more than {_MOST_STEPS:,} steps")
-        # The interpreter makes a list as long as the number, whatever was put into it.
-        if step.name.endswith("PUT") and isinstance(argument, int) and argument > count:
-            raise ValueError("it numbers what it remembers too high")
 
 
 class _ArrayUnpickler(pickle.Unpickler):
@@ -76,6 +67,12 @@ def _array(buffer: bytes, dtype: np.dtype, shape: tuple[int, ...], order: str) -
     return np.frombuffer(buffer, dtype=dtype).reshape(shape, order="F" if order == "F" else "C")
 
 
+def _dtype(text: object, *_: object) -> np.dtype:
+    if not isinstance(text, str) or not _NUMPY_TYPE.fullmatch(text):
+        raise pickle.UnpicklingError(f"{text!r:.20} is no type of numbers")
+    return np.dtype(text, copy=True)  # What the state then changes must not be numpy's own.
+
+
 def _scalar(dtype: np.dtype, data: bytes) -> Any:
     return np.frombuffer(data, dtype=dtype, count=1)[0]
 
@@ -88,7 +85,7 @@ def _latin(text: str, encoding: str) -> bytes:
 
 _ALLOWED: dict[str, Callable[..., Any]] = {
     "numpy.ndarray": _Marker,
-    "numpy.dtype": np.dtype,
+    "numpy.dtype": _dtype,
     "numpy._core.multiarray._reconstruct": _empty_array,
     "numpy._core.multiarray.scalar": _scalar,
     "numpy._core.numeric._frombuffer": _array,

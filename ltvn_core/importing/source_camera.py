@@ -4,7 +4,6 @@ Owns these notations, Replica's `cam_params.json`, and the fit of a camera to th
 nothing: where nobody says what the lens is, there is no camera.
 """
 
-import json
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.foreign_files import read_foreign
+from ltvn_core.structured_text import parse_json
 
 CAMERA_FILE = "camera.json"
 REPLICA_FILE = "cam_params.json"
@@ -76,11 +76,11 @@ def read_camera_file(path: Path) -> CameraFile:
     DriveError where the file cannot be right.
     """
     try:
-        fields = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
+        fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
         if not isinstance(fields, dict):
             raise ValueError("it is no JSON object")
         return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), _depth_unit(fields))
-    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError, CameraError) as error:
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
             f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs width, height, fx, fy, cx "
             "and cy in pixels. Mend it, or take it away and use --camera."
@@ -99,10 +99,10 @@ def camera_beside(folder: Path) -> CameraFile:
 def _replica_camera(path: Path) -> CameraFile:
     """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError where it cannot be right."""
     try:
-        fields = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="cam_params.json"))["camera"]
+        fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="cam_params.json"))["camera"]
         named = {**fields, "width": fields["w"], "height": fields["h"], "depth_scale": fields.get("scale")}
         return CameraFile(_file_camera(named), None, _depth_unit(named))
-    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError, CameraError) as error:
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
             f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs w, h, fx, fy, cx, cy and "
             "scale under camera. Mend it, or take it away and use --camera."

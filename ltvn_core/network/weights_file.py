@@ -15,6 +15,7 @@ from ltvn_core.atomic_files import atomic_replacement, file_aside
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import AnyArchitecture
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
+from ltvn_core.structured_text import parse_json
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -142,10 +143,10 @@ def card_path(path: Path) -> Path:
 def read_card(path: Path) -> dict[str, Any]:
     """Return the card of weights, empty where there is none. Raises WeightsError if it cannot be read as JSON."""
     try:
-        card = json.loads(card_path(path).read_text(encoding="utf-8"))
+        card = parse_json(card_path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise WeightsError(f"{card_path(path)}: not a readable card ({error}).") from error
     if not isinstance(card, dict):
         raise WeightsError(
@@ -195,8 +196,8 @@ def _card_fingerprint(path: Path) -> str | None:
 
 def _description(metadata: Mapping[str, str], path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(metadata["ltvn"])
-    except (KeyError, ValueError, RecursionError):
+        found = parse_json(metadata["ltvn"])
+    except (KeyError, ValueError):
         found = {}
     if not isinstance(found, dict) or found.get("schema") != SCHEMA:
         schema = found.get("schema", "something else") if isinstance(found, dict) else "something else"

@@ -19,6 +19,7 @@ from ltvn_core.errors import DriveError, WeightsError
 from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.predictors.geometric_epipolar import ROOM_DEPTH_M
 from ltvn_core.predictors.geometric_evidence import Evidence
+from ltvn_core.structured_text import parse_json
 
 CALIBRATION_FILE = Path(__file__).with_name("geometric_calibration.json")
 """The fitted weights, and what they were fitted on."""
@@ -79,13 +80,13 @@ def shipped_calibration() -> Calibration:
 def read_calibration(path: Path) -> Calibration:
     """Read a calibration. Raises WeightsError for a file that is missing, cut or something else."""
     try:
-        held = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="calibration"))
+        held = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="calibration"))
         logistics = {name: _logistic(held["logistics"][name]) for name in DEPTHS}
         depth = _finite(held.get("room_depth_m", ROOM_DEPTH_M))
         if not 0 < depth < MAX_DEPTH_M:
             raise ValueError(f"room_depth_m is {depth:g}")
         return Calibration(logistics, depth, dict(held.get("card", {})))
-    except (DriveError, OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (DriveError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
         raise WeightsError(
             f"{path}: no calibration of the geometric predictor ({reason}); `ltvn finetune DRIVE.rrd --predictor "

@@ -12,6 +12,7 @@ from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.config import Likelihoods
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods, read_driving
+from ltvn_core.structured_text import parse_json
 
 DRIVING_FILE = Path(__file__).with_name("geometric_driving.json")
 """The measurements that come with the package."""
@@ -23,7 +24,7 @@ def shipped_likelihoods() -> Likelihoods | None:
     if not DRIVING_FILE.is_file():
         return None
     try:
-        measured = read_driving(json.loads(DRIVING_FILE.read_text(encoding="utf-8")))
+        measured = read_driving(parse_json(DRIVING_FILE.read_text(encoding="utf-8")))
     except ValueError as error:
         raise WeightsError(f"{DRIVING_FILE} is damaged ({error}); install the package again.") from error
     return None if measured is None else likelihoods(measured)

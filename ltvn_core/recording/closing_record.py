@@ -15,6 +15,7 @@ from ltvn_core.protobuf_fields import bytes_field_start
 from ltvn_core.recording import rrd_framing
 from ltvn_core.recording.chunk_table import ChunkPlace, ChunkTable
 from ltvn_core.recording.rrd_framing import EndMessage, MessageSum, Tail
+from ltvn_core.structured_text import parse_json
 
 _MAGIC = b"LTVNEND1"
 _FIELD = 7000
@@ -130,7 +131,7 @@ def _parsed(data: bytes) -> ClosingRecord | None:
     text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
     table_end = text_at + text_bytes + count * _SUM.size
     try:
-        counts = json.loads(data[text_at : text_at + text_bytes])
+        counts = parse_json(data[text_at : text_at + text_bytes])
         rows, static_rows = dict(counts["rows"]), dict(counts["static_rows"])
     except (ValueError, LookupError, TypeError):
         return None  # Its checksum is right, so somebody wrote it so.

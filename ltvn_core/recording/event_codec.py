@@ -18,6 +18,7 @@ from cattrs.strategies import configure_tagged_union
 from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import Event, StampedEvent
+from ltvn_core.structured_text import parse_json
 from ltvn_core.types import FrameId
 from ltvn_core.worlds.world_change import WorldChange
 
@@ -56,7 +57,7 @@ def decode_event(text: str) -> Event:
     Raises RecordingError when the text is no event of this schema.
     """
     try:
-        data = json.loads(text)
+        data = parse_json(text)
         return _CONVERTER.structure(data | {"kind": current_kind(data["kind"])}, Event)  # pyright: ignore[reportArgumentType]
     except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
         raise RecordingError(f"This is no event of the present schema: {text[:120]}") from error

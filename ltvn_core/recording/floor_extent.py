@@ -1,12 +1,13 @@
 """The part of the floor that a recording takes place on, so that its first view can show all of it."""
 
-import json
 import struct
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ltvn_core.structured_text import parse_json
 
 _GLB_MAGIC = b"glTF"
 _HEADER_BYTES = 20
@@ -40,7 +41,7 @@ class FloorExtent:
             return None
         (length,) = struct.unpack_from("<I", glb, 12)
         try:
-            content = json.loads(glb[_HEADER_BYTES : _HEADER_BYTES + length])
+            content = parse_json(glb[_HEADER_BYTES : _HEADER_BYTES + length])
             used = {part["attributes"]["POSITION"] for mesh in content["meshes"] for part in mesh["primitives"]}
             corners = [content["accessors"][k][end] for k in used for end in ("min", "max")]
             return cls.of_points(np.array(corners, float).reshape(-1, 3))

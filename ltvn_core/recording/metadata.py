@@ -11,6 +11,7 @@ import pyarrow as pa
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, text_column
+from ltvn_core.structured_text import parse_json
 
 SOURCE_SCENE = "real:"
 """What was imported is recorded in a scene of this and the name of its source, unless somebody named the place."""
@@ -66,11 +67,11 @@ def read_metadata(row: pa.RecordBatch, recording_id: str) -> RecordingMetadata:
     value = {name: row.column(f"{METADATA_ARCHETYPE}:{name}").flatten()[0].as_py() for name in _COLUMNS}
     return RecordingMetadata(
         scene=value["scene"],
-        config=json.loads(value["config"]),
+        config=parse_json(value["config"]),
         fingerprint=value["fingerprint"],
-        camera=CameraModel.from_json(json.loads(value["intrinsics"])),
+        camera=CameraModel.from_json(parse_json(value["intrinsics"])),
         schema=value["schema"],
-        versions=json.loads(value["versions"]),
+        versions=parse_json(value["versions"]),
         started_at=value["started_at"],
         recording_id=recording_id,
     )

@@ -3,7 +3,6 @@
 Owns nothing on disk and changes nothing. Pictures stay compressed until somebody asks for one.
 """
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +23,7 @@ from ltvn_core.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.rrd_contents import RrdContents, open_contents
+from ltvn_core.structured_text import parse_json
 from ltvn_core.types import FrameId, Observation, OriginalImage, Pose, Tilt
 
 
@@ -211,7 +211,7 @@ class Recording:
 
 def _original_image(row: _BatchRow) -> OriginalImage:
     camera = row.batch.column(f"{schema.ORIGINAL_ROW}:camera")[row.row].as_py()[0]
-    return OriginalImage(row.numbers("EncodedImage:blob").tobytes(), CameraModel.from_json(json.loads(camera)))
+    return OriginalImage(row.numbers("EncodedImage:blob").tobytes(), CameraModel.from_json(parse_json(camera)))
 
 
 def _tilt(row: _BatchRow) -> Tilt | None:

@@ -1,11 +1,11 @@
 """Explains in words why a pair is not reachable: each failed criterion with the measured value and the limit."""
 
-import json
 from dataclasses import dataclass, fields
 from math import degrees
 
 import numpy as np
 
+from ltvn_core.structured_text import parse_json
 from ltvn_core.training_data.pair_table import LabelledPair
 from ltvn_core.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
 
@@ -43,7 +43,7 @@ def reasons(pair: LabelledPair, limits: ReachabilityLimits) -> tuple[FailureExpl
 def limits_from_recipe(recipe: str) -> ReachabilityLimits:
     """Return the limits in a shard's recipe; the defaults where it has none."""
     try:
-        found = json.loads(recipe)["limits"]
+        found = parse_json(recipe)["limits"]
     except (ValueError, KeyError, TypeError):
         return ReachabilityLimits()
     known = {field.name for field in fields(ReachabilityLimits)}

@@ -17,6 +17,7 @@ from safetensors.numpy import save_file
 from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import DatasetError
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.structured_text import parse_json
 from ltvn_core.types import Pose
 
 SCHEMA = "ltvn-pairs-1"
@@ -153,7 +154,7 @@ def _check_arrays(shard: Shard, path: Path) -> None:
 def _metadata(file: Any) -> dict[str, str]:
     """Return the metadata of an open safetensors file, empty if another program wrote it."""
     try:
-        return json.loads((file.metadata() or {})["ltvn"])
+        return parse_json((file.metadata() or {})["ltvn"])
     except (KeyError, ValueError):
         return {}
 

@@ -27,6 +27,7 @@ from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.continued_robot import ContinuedRobot
 from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
+from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Observation, Pose
 from ltvn_core.verbs.navigate_options import NavigateOptions
@@ -230,7 +231,7 @@ class _EpisodeLog:
         self._path = path
         for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
             try:
-                self.episodes.append(cattrs.structure(json.loads(line), RobotEpisode))
+                self.episodes.append(cattrs.structure(parse_json(line), RobotEpisode))
             except (ValueError, KeyError, cattrs.BaseValidationError) as error:
                 raise RecordingError(f"{path} has a line that is no episode: {line:.60!r}; remove it.") from error
 

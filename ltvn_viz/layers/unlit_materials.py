@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ltvn_core.simulation.gltf_export import CORNER_LIGHT
 from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.structured_text import parse_json
 
 FACE_BRIGHTNESS = (0.95, 0.8, 0.68)
 """How bright faces are: level ones, those that look along x, and those that look along y."""
@@ -38,7 +39,7 @@ def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
     What `to_glb` wrote of the light of faces becomes their colour.
     """
     (length,) = struct.unpack_from("<I", glb, 12)
-    described = json.loads(glb[20 : 20 + length])
+    described = parse_json(glb[20 : 20 + length])
     for part in (part for mesh in described["meshes"] for part in mesh["primitives"]):
         if CORNER_LIGHT in part["attributes"]:
             part["attributes"]["COLOR_0"] = part["attributes"].pop(CORNER_LIGHT)

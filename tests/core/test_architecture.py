@@ -38,6 +38,8 @@ FOUNDATION = (
     "plugins",
     "preprocessing",
     "protobuf_fields",
+    "structured_text",
+    "terminal_text",
     "cameras",
     "robots",
     "worlds",

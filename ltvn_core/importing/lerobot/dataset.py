@@ -3,7 +3,6 @@
 Where the files of an episode are is in `layouts`. Every path that the data set names is looked up within its folder.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from ltvn_core.importing.foreign_files import is_from_lfs, read_foreign, require
 from ltvn_core.importing.lerobot.depth_codes import DepthCodes
 from ltvn_core.importing.lerobot.layouts import Episode, Layout, LayoutV2, LayoutV3, unreadable
 from ltvn_core.importing.lerobot.table_limits import rows_at_once
+from ltvn_core.structured_text import parse_json
 
 INFO = "meta/info.json"
 
@@ -105,8 +105,8 @@ class LerobotDataset:
 def _read_info(folder: Path) -> Mapping[str, Any]:
     path = folder / INFO
     try:
-        info = json.loads(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
-    except (OSError, ValueError, RecursionError) as error:
+        info = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
+    except (OSError, ValueError) as error:
         raise unreadable(path, error) from error
     if not isinstance(info, dict):
         raise DriveError(f"{path} describes no data set; expected a JSON object.")

@@ -4,7 +4,6 @@ Owns the lists of episodes and the templates of paths, in which only known words
 a stranger, and Python's own formatting would look up attributes for it.
 """
 
-import json
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -17,6 +16,7 @@ import pyarrow.parquet as pq
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import read_foreign, require_plain, require_within
+from ltvn_core.structured_text import parse_json
 
 EPISODES = "meta/episodes"
 EPISODE_LINES = "meta/episodes.jsonl"
@@ -146,10 +146,10 @@ class LayoutV2:
             lines = [line for line in blob.splitlines() if line.strip()]
             if not 0 < len(lines) <= _MOST_EPISODES:
                 raise DriveError(f"{path} lists {len(lines):,} episodes; expected 1 to {_MOST_EPISODES:,}.")
-            return [_episode(json.loads(line)) for line in lines]
+            return [_episode(parse_json(line)) for line in lines]
         except FileNotFoundError as error:
             raise DriveError(f"{self._folder} lacks {EPISODE_LINES}, which lists the episodes.") from error
-        except (OSError, ValueError, RecursionError) as error:
+        except (OSError, ValueError) as error:
             raise unreadable(path, error) from error
 
     def table(self, episode: Episode) -> str:

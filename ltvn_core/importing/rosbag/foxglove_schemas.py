@@ -4,7 +4,6 @@ Owns the numbers and names of their fields, which are public and fixed; a schema
 """
 
 import base64
-import json
 import struct
 from enum import Enum, auto
 from types import SimpleNamespace
@@ -13,6 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ltvn_core.protobuf_fields import Field, read_fields
+from ltvn_core.structured_text import parse_json
 
 PREFIX = "foxglove."
 """Before the name of a schema in an MCAP file."""
@@ -121,7 +121,7 @@ def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
         return _ProtobufReader().read(data, SCHEMAS[name])
     if len(data) > _MOST_JSON_BYTES:
         raise ValueError(f"{len(data):,} bytes of JSON, where {_MOST_JSON_BYTES:,} are the most that is read")
-    return _json_fields(json.loads(data), SCHEMAS[name])
+    return _json_fields(parse_json(data), SCHEMAS[name])
 
 
 class _ProtobufReader:

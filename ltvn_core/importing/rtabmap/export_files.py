@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.calibration_yaml import is_rigid
-from ltvn_core.importing.foreign_files import read_foreign
 from ltvn_core.importing.moving_frame import Transform, transform
 from ltvn_core.importing.spatial_pose import BODY_FROM_OPTICAL
+from ltvn_core.importing.text_lists import list_lines
 
 _COLOUR_SUFFIXES = (".jpg", ".jpeg", ".png")
 _LENS_SUFFIXES = (".yaml", ".yml")
 _CAMERA_POSES, _POSES = "camera_poses.txt", "poses.txt"
-_MOST_BYTES = 100_000_000
 _RAW, _STAMPED, _WITH_ID = 12, 8, 9
 """Columns of the formats 0, of 1 and 10, and of 11."""
 _CLEARLY = 0.2
@@ -150,14 +149,7 @@ def _uprightness(poses: NDArray[np.float64]) -> float:
 
 
 def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
-    try:
-        text = read_foreign(path, most_bytes=_MOST_BYTES, what="list of poses").decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
+    for number, line, words in list_lines(path, "list of poses"):
         try:
             numbers = np.array([float(word) for word in words])
         except ValueError:

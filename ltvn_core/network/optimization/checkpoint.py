@@ -16,6 +16,7 @@ from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.optimization.trainer import Trainer
 from ltvn_core.network.training_examples import HardNegative
+from ltvn_core.structured_text import parse_json
 
 SCHEMA = "ltvn-checkpoint-1"
 """Name of the file format; another one is refused."""
@@ -86,7 +87,7 @@ def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
 def _other_family(trainer: Trainer, metadata: dict[str, str]) -> str:
     """Say that a checkpoint is of another family of networks, or nothing."""
     try:
-        found = str(json.loads(metadata["plan"])[1]["name"])
+        found = str(parse_json(metadata["plan"])[1]["name"])
     except (KeyError, IndexError, TypeError, ValueError):
         return ""
     wanted = trainer.network.size.name

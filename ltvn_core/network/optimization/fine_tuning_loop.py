@@ -31,6 +31,7 @@ from ltvn_core.network.optimization.trajectory_evaluation import TrajectoryMetri
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import SceneExamples
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
+from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 
@@ -261,7 +262,7 @@ def _require_same_run(path: Path, run: dict[str, str]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             path.write_text(json.dumps(run), encoding="utf-8")
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise WeightsError(
             f"{path}: cannot be read or written ({error}); free some space, or delete {path.parent} to begin anew."

@@ -17,6 +17,7 @@ from ltvn_core.network.optimization.tensorboard_log import TensorBoardLog
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import SceneExamples
 from ltvn_core.network.weights_file import save_weights
+from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 
@@ -108,7 +109,7 @@ _BEST = "best.json"
 def _read_best(path: Path) -> ValidationMetrics | None:
     """Return the metrics of the best weights of an interrupted training."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     drives = DriveMetrics(**found["drives"]) if found["drives"] else None

@@ -6,7 +6,6 @@ and the check of every field. Speaks to no robot.
 
 import math
 import re
-import tomllib
 from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib.resources import files
@@ -19,6 +18,7 @@ from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.close_names import which_name
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot_spec import AccelerationLimits, RobotSpec, SpeedLimits
+from ltvn_core.structured_text import parse_toml
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LAST_DOMAIN = 232
@@ -215,9 +215,11 @@ def open_profile(wanted: str) -> RobotProfile:
 def read_profile(text: str, source: str) -> RobotProfile:
     """Return the profile in a TOML text. Raises RobotError that names every field which is wrong."""
     try:
-        return _converter().structure(tomllib.loads(text), RobotProfile)
-    except tomllib.TOMLDecodeError as error:
+        tables = parse_toml(text)
+    except ValueError as error:
         raise RobotError(f"The profile {source} is no TOML: {error}.") from error
+    try:
+        return _converter().structure(tables, RobotProfile)
     except cattrs.BaseValidationError as error:
         wrong = "; ".join(
             each.replace("$.", "").replace("$", "the file")

@@ -21,6 +21,7 @@ from ltvn_core.errors import WorldError
 from ltvn_core.simulation.changes.world_check import check_change
 from ltvn_core.simulation.changes.world_script import TimedChange, WorldScript
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.structured_text import parse_json
 from ltvn_core.worlds.world_change import ThingKind, WorldChange
 from ltvn_core.worlds.world_state import AS_MADE
 
@@ -38,7 +39,7 @@ def read_script(path: Path, scene: Scene) -> WorldScript:
     try:
         if path.stat().st_size > _LARGEST_BYTES:
             raise WorldError(f"The script {path} is larger than {_LARGEST_BYTES // 1_000_000} MB; no script is.")
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise WorldError(f"The script {path} cannot be read as JSON: {error}.") from error
     if not isinstance(data, dict) or not isinstance(data.get("changes"), list):

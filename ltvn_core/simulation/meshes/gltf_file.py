@@ -17,6 +17,7 @@ from trimesh.exchange.gltf.extensions import register_handler
 
 from ltvn_core.errors import SceneError
 from ltvn_core.extras import is_installed, missing_text
+from ltvn_core.structured_text import parse_json
 
 SUFFIXES = (".glb", ".gltf")
 
@@ -51,8 +52,8 @@ class GltfFile:
                 if kind != _JSON:
                     return None
                 data, rest = data[20 : 20 + length], data[20 + length :]
-            header = json.loads(data)
-        except (OSError, ValueError, struct.error, RecursionError):
+            header = parse_json(data)
+        except (OSError, ValueError, struct.error):
             return None
         return cls(path, header, rest) if isinstance(header, dict) else None
 

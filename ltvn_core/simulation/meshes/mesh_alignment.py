@@ -5,7 +5,6 @@ without them. GLB files of Habitat and Gibson have z up although the standard sa
 in every format.
 """
 
-import json
 import logging
 import math
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 
@@ -62,14 +62,14 @@ def read_mesh_settings(mesh: Path) -> MeshSettings:
     if not path.is_file():
         return MeshSettings()
     try:
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
+        content: Any = parse_json(path.read_text(encoding="utf-8"))
         floor = content.get("floor_height")
         settings = MeshSettings(
             up=content.get("up"),
             scale=_number(content.get("scale", 1.0)),
             floor_height=None if floor is None else _number(floor),
         )
-    except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise SceneError(
             f'{path} is not understood ({error}). Write for instance {{"up": "z", "scale": 1.0}}.'
         ) from error

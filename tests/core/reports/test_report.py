@@ -168,7 +168,7 @@ def test_a_folder_without_results_is_a_clear_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["broken.trial.json", "broken.lifelong.json"])
-@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", "\xff"])
+@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", "\xff", "[" * 9000 + "]" * 9000])
 def test_a_broken_file_is_named(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text, encoding="latin-1")
     with pytest.raises(OptionError, match=name):

@@ -52,6 +52,7 @@ def test_a_profile_of_ones_own_is_named_by_its_path(tmp_path: Path) -> None:
         ("[topics]", "[odometry_transform]\nchild = 'odom'\n[topics]", "leads from odom to itself"),
         ("[topics]", "[odometry_transform]\nparent = '*'\n[topics]", "a frame is written as base_link"),
         ("[topics]", "[topics", "is no TOML"),
+        ("[topics]", f"deep = {'[' * 900}{']' * 900}\n[topics]", "levels deep"),
     ],
 )
 def test_what_is_wrong_with_a_profile_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:

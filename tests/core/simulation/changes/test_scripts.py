@@ -130,6 +130,7 @@ def test_scripts_that_would_change_the_same_things_do_not_run_together(scene: Sc
     ("text", "why"),
     [
         ("{", "cannot be read as JSON"),
+        ("[" * 900 + "]" * 900, "levels deep"),
         ("[]", 'no object with a list "changes"'),
         ('{"changes": [], "speed": 2}', "unknown keys: speed"),
         ('{"changes": [], "people": -1}', "from 0 to 20"),

@@ -1,0 +1,63 @@
+"""JSON and TOML that others may have written: the one place where such a text becomes values.
+
+The parsers of the standard library call themselves for every level, and so does nearly everything that walks what came
+out. A text of a few kilobytes can have more levels than there is room for, so the levels are bounded here.
+"""
+
+import json
+import tomllib
+from collections.abc import Iterable
+from typing import Any
+
+MOST_LEVELS = 100
+"""No file that the toolkit reads has more than a dozen."""
+_MOST_TOML = 1_000_000
+"""Characters. Tables of TOML are written by hand, and its parser is slow."""
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return the value in a JSON text.
+
+    Raises:
+        ValueError: It is no JSON, is not in UTF-8, or lists and objects lie within one another too deep.
+    """
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise _too_deep() from None
+    _require_levels(value)
+    return value
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the tables in a TOML text.
+
+    Raises:
+        ValueError: It is no TOML, is too long, or tables and arrays lie within one another too deep.
+    """
+    if len(text) > _MOST_TOML:
+        raise ValueError(f"it has more than {_MOST_TOML:,} characters")
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise _too_deep() from None
+    _require_levels(tables)
+    return tables
+
+
+def _require_levels(value: Any) -> None:
+    """Raise ValueError for too many levels; looks at one level after the other, as calls of itself would run out."""
+    level = _within([value])
+    for _ in range(MOST_LEVELS):
+        if not level:
+            return
+        level = [part for each in level for part in _within(each.values() if isinstance(each, dict) else each)]
+    raise _too_deep()
+
+
+def _within(values: Iterable[Any]) -> list[dict[str, Any] | list[Any]]:
+    return [each for each in values if isinstance(each, dict | list)]
+
+
+def _too_deep() -> ValueError:
+    return ValueError(f"lists and tables lie within one another more than {MOST_LEVELS} levels deep")

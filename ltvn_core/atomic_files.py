@@ -1,7 +1,8 @@
 """Files appear under their name only when they are whole: new ones never in place of another, others in one step.
 
-Owns that promise for recordings, maps, weights, checkpoints, shards and texts. What is written is written aside, in a
-file with a name of its own in the same folder, and renamed; whatever ends the writing early, that file vanishes.
+Owns that promise for recordings, maps, weights, checkpoints, shards and texts, and who may read them. What is written
+is written aside, in a file with a name of its own in the same folder, and renamed; whatever ends the writing early,
+that file vanishes.
 """
 
 import os
@@ -12,6 +13,23 @@ from pathlib import Path
 from uuid import uuid4
 
 from ltvn_core.errors import RecordingError
+
+_FOR_NOBODY_ELSE = 0o077
+
+
+@contextmanager
+def owner_only() -> Iterator[None]:
+    """Let every file and folder that is made in the block be for its owner alone (0600 and 0700), whoever makes it.
+
+    Exports, reports and maps show the inside of somebody's rooms as recordings do. This holds for the whole process
+    and the processes that it starts, so it is for programs of our own and never for a part of somebody else's.
+    """
+    before = os.umask(_FOR_NOBODY_ELSE)
+    os.umask(before | _FOR_NOBODY_ELSE)
+    try:
+        yield
+    finally:
+        os.umask(before)
 
 
 @contextmanager

@@ -131,11 +131,12 @@ def _show_all(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> None:
 def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
     import tyro
 
+    from ltvn_core.atomic_files import owner_only
     from ltvn_core.extras import naming_the_extra
 
     _show_log()
     chosen = tyro.cli(verb, prog=program, args=given)
-    with naming_the_extra(), _unwinding_at_sigterm():
+    with naming_the_extra(), _unwinding_at_sigterm(), owner_only():
         return report(chosen)
 
 

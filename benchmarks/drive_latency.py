@@ -3,7 +3,6 @@
 Owns the measuring page: a plain websocket that says what a browser would. Everything behind it is the app's own.
 """
 
-import http.client
 import json
 import queue
 import tempfile
@@ -13,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
@@ -147,15 +147,13 @@ def _recolouring(server: GuardedServer) -> Iterator[None]:
 
 
 def page_socket(server: GuardedServer, path: str, protocol: str | None = None) -> Connection:
-    """Open a socket as the page would, with the cookie that the printed address earns."""
-    asked = http.client.HTTPConnection(server.host, server.port, timeout=10)
-    asked.request("GET", f"/?token={server.token}")
-    cookie = (asked.getresponse().getheader("Set-Cookie") or "").split(";")[0]
-    asked.close()
-    return connect(
+    """Open a socket as the page would, and show the token on it."""
+    socket = connect(
         f"ws://{server.host}:{server.port}{path}",
         origin=f"http://{server.host}:{server.port}",  # type: ignore[arg-type]
-        additional_headers={"Cookie": cookie},
         subprotocols=None if protocol is None else [protocol],  # type: ignore[list-item]
         max_size=None,
     )
+    shown = {"type": "proof", "token": server.token}
+    socket.send(json.dumps(shown) if protocol is None else msgspec.msgpack.encode(shown))
+    return socket

@@ -74,6 +74,10 @@ class Pages(Protocol):
         """Return our number of a page by viser's."""
         ...
 
+    def file_address(self, address: str) -> str:
+        """Return the address of a served file as a picture in a panel may have it."""
+        ...
+
     def show_picture(self, jpeg: bytes) -> None:
         """Show all pages what the robot sees, colours beside depth."""
         ...
@@ -111,7 +115,7 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
     with drive_tab:
         drive, learn = DrivePanel(gui), FineTuningPanel(gui)
     with tabs.add_tab("Go", viser.Icon.MAP_PIN):
-        go = NavigationPanel(gui, send)
+        go = NavigationPanel(gui, send, pages.file_address)
     with tabs.add_tab("World", viser.Icon.DOOR):
         world = WorldPanel(gui)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):

@@ -98,7 +98,8 @@ class ShareQuestion(Question[ShareRequest]):
         address = link(context.name, seconds, question, selection, context.viewpoint)
         builder.add_html(
             f'<div><a href="{escape(address)}" class="lt-link">Link to this moment</a>: right-click it to copy. It '
-            "works in any page of this machine whose recordings folder holds this file.</div>"
+            "works in any page of this machine whose recordings folder holds this file; a new tab asks for the address "
+            "that the terminal printed.</div>"
         )
         command = f"ltvn replay {quote(context.name)} --at {seconds:.1f}"
         builder.add_html(f"<div>Elsewhere: send the file, and <code>{escape(command)}</code></div>")

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from html import escape
 
 import viser
 
@@ -22,8 +23,12 @@ GO_TO_UPLOAD, FIND_UPLOAD = "Go to an uploaded image", "Find an uploaded image i
 class NavigationPanel:
     """Images to go to, and how it goes."""
 
-    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
-        """Add the controls to the tab that is open; `send` takes commands and returns at once."""
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None], file_address: Callable[[str], str]) -> None:
+        """Add the controls to the tab that is open; `send` takes commands and returns at once.
+
+        `file_address` makes the address of a file one that a picture of this page may be loaded from.
+        """
+        self._file_address = file_address
         HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there by what it sees."))
         self.task, self.keep_going = HtmlBlock(gui), HtmlBlock(gui)
         self.state, self.gallery = HtmlBlock(gui), HtmlBlock(gui)
@@ -65,9 +70,20 @@ class NavigationPanel:
         self.keep_going.show(_keep_going(snapshot.keeps_going))
         self.state.show(_state(snapshot))
         self.gallery.show(
-            _goal_images(snapshot.gallery, snapshot, "Drive a little: goal images appear as the map grows.")
+            self._goal_images(snapshot.gallery, snapshot, "Drive a little: goal images appear as the map grows.")
         )
-        self._matching_nodes.show(_goal_images(snapshot.similar_nodes, snapshot, ""))
+        self._matching_nodes.show(self._goal_images(snapshot.similar_nodes, snapshot, ""))
+
+    def _goal_images(self, nodes: tuple[NodeId, ...], snapshot: Snapshot, instead: str) -> str:
+        if not nodes:
+            return note(instead) if instead else ""
+        images = "".join(
+            f'<img src="{escape(self._file_address(f"/thumb/{node}.jpg"))}" data-ltvn-action="{Action.SELECT}" '
+            f'data-id="{node}" alt="goal {node}" title="go to node {node}" '
+            f'class="{"lt-chosen" if node == snapshot.selected else ""}">'
+            for node in map(int, nodes)
+        )
+        return f'<div class="lt"><div class="lt-gallery" role="group" aria-label="goal images">{images}</div></div>'
 
 
 def _task(snapshot: Snapshot) -> str:
@@ -115,14 +131,3 @@ def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
     judged = snapshot.moment.progress.judged
     truth = "" if judged is None else f", in truth {judged.position_error_m:.2f} m from the goal"
     return f"Last query: {outcome}{truth}."
-
-
-def _goal_images(nodes: tuple[NodeId, ...], snapshot: Snapshot, instead: str) -> str:
-    if not nodes:
-        return note(instead) if instead else ""
-    images = "".join(
-        f'<img src="/thumb/{node}.jpg" data-ltvn-action="{Action.SELECT}" data-id="{node}" alt="goal {node}" '
-        f'title="go to node {node}" class="{"lt-chosen" if node == snapshot.selected else ""}">'
-        for node in map(int, nodes)
-    )
-    return f'<div class="lt"><div class="lt-gallery" role="group" aria-label="goal images">{images}</div></div>'

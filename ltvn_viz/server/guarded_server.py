@@ -18,6 +18,8 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from http import HTTPStatus
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
 
@@ -36,8 +38,11 @@ from ltvn_viz.server.driver_seat import ClientId, DriverSeat
 from ltvn_viz.server.index_page import IndexPage
 from ltvn_viz.server.page_gate import PageGate
 from ltvn_viz.server.presence import HERE_LEASE_S, Presence
-from ltvn_viz.server.request_guard import RequestGuard, is_loopback, is_websocket
+from ltvn_viz.server.proof import MAX_PROOF_BYTES, Proof
+from ltvn_viz.server.request_guard import is_loopback, is_websocket, refusal
+from ltvn_viz.server.responses import refuse
 from ltvn_viz.server.routes import RouteHandler, Routes, not_found
+from ltvn_viz.server.strangers import StrangerConnection, Strangers
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
@@ -45,6 +50,7 @@ READY_PREFIX = "/ready/"
 """A page asks here whether the app is there, true or false as JSON, before it opens its sockets."""
 MAX_VISER_SOCKETS = 2 * MAX_PAGES
 """A page that comes back may be counted twice until its old socket is given up."""
+ASK_FOR_TOKEN = "Open the address that was printed in the terminal; it carries the token (#token=...)."
 _PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
 _SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
@@ -96,7 +102,8 @@ class GuardedServer:
         self._is_loading = is_loading
         self.gate = PageGate(self._drive.may_drive if drives else lambda key: True)
         self._routes.add(READY_PREFIX, lambda _: b"false" if self._is_loading else b"true", ending="json")
-        self._guard = RequestGuard(self.token, f"ltvn_{self.port}")
+        self._proof = Proof(self.token)
+        self._strangers = Strangers()
         self._files = ThreadPoolExecutor(max_workers=2, thread_name_prefix="page files")
         self.viser = self._start(listening)
         self.viser.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
@@ -104,8 +111,13 @@ class GuardedServer:
     @property
     def url(self) -> str:
         """Return the address to open, token included."""
+        return self.link()
+
+    def link(self, query: str = "") -> str:
+        """Return the address to open with a query, as links to a moment have it, and the token."""
         host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{self.port}/?token={self.token}"
+        # In the fragment, which browsers keep to themselves: it stands in no request, log or referrer.
+        return f"http://{host}:{self.port}/{query and '?'}{query}#token={self.token}"
 
     @property
     def scene(self) -> viser.SceneApi:
@@ -140,6 +152,10 @@ class GuardedServer:
     def add_route(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
         """Serve `prefix<number>.ending`, as in `/thumb/17.jpg`, from `handler(number)`, called in a worker thread."""
         self._routes.add(prefix, handler, ending=ending)
+
+    def file_address(self, address: str) -> str:
+        """Return the address of a served file as a picture in a panel may have it."""
+        return self._proof.file_address(address)
 
     def show_picture(self, jpeg: bytes) -> None:
         """Show all pages what the robot sees. Safe from any thread."""
@@ -178,6 +194,7 @@ class GuardedServer:
 
         def serve(handler: Callable[..., Any], host: str, port: int, **options: Any) -> Any:
             options |= {"process_request": self._judge, "logger": _quiet_logger(), "server_header": None}
+            options["create_connection"] = partial(StrangerConnection, self._strangers)
             return original(self._router(handler), sock=listening, **options)
 
         with _starting, _silence():
@@ -192,29 +209,36 @@ class GuardedServer:
         return server
 
     async def _judge(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request; None lets it become a websocket."""
-        if (refusal := self._guard.refusal(request)) is not None:
-            return refusal
+        """Answer a request; None lets it become a websocket, on which the token is still to be shown."""
+        if (refused := refusal(request)) is not None:
+            return refused
         path = urlsplit(request.path).path
         if is_websocket(request.headers):
-            # Refuse a large message while it arrives, not when it is here. viser's own limit is 50 MB.
-            most = MAX_MESSAGE_BYTES if path == DRIVE_PATH else page_messages.MAX_MESSAGE_BYTES
-            connection.protocol.max_message_size = most
+            # Refuse a large message while it arrives, not when it is here.
+            connection.protocol.max_message_size = MAX_PROOF_BYTES
             return None if path in (DRIVE_PATH, VISER_PATH) else not_found()
         if path in ("/", "/index.html"):
-            return self._page.answer()
+            return self._page.answer()  # The same for every start: it shows nothing of this one.
+        if not self._proof.is_in(request):
+            return refuse(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN)
         if (match := self._routes.find(path)) is None:
             return not_found()
         # Reading a picture from disk must not hold up a key press.
         return await asyncio.get_running_loop().run_in_executor(self._files, match.answer)
 
     def _router(self, viser_handler: Callable[..., Any]) -> Callable[..., Any]:
-        async def route(connection: ServerConnection) -> None:
+        async def route(connection: StrangerConnection) -> None:
+            if not await self._proof.is_first_on(connection):
+                return
+            self._strangers.leave(connection)
             address = urlsplit("" if connection.request is None else connection.request.path)
             key = _page_key(address.query)
             if address.path == DRIVE_PATH:
+                connection.protocol.max_message_size = MAX_MESSAGE_BYTES
                 await self._drive.serve(connection, key)
             else:
+                # viser's own limit is 50 MB.
+                connection.protocol.max_message_size = page_messages.MAX_MESSAGE_BYTES
                 await self._serve_panels(viser_handler, connection, key)
 
         return route

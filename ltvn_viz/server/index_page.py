@@ -20,8 +20,10 @@ from ltvn_viz.server.strip_kinds import strip_tables
 from ltvn_viz.server.viser_client import viser_page
 
 STATIC = Path(__file__).parents[1] / "static"
+DOOR_SCRIPTS = ("token.js", "page.js")
+"""What each page needs to be let in."""
 SCRIPTS = (
-    "page.js",
+    *DOOR_SCRIPTS,
     "layout.js",
     "names.js",
     "pictures.js",
@@ -42,6 +44,8 @@ SCRIPTS = (
     "main.js",
 )
 STYLES = ("loading.css", "layout.css", "ltvn.css", "timeline.css")
+PLAIN_SCRIPTS = (*DOOR_SCRIPTS, "plain_main.js")
+PLAIN_STYLES = ("loading.css", "ltvn.css")
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
@@ -75,12 +79,14 @@ class IndexPage:
     def __init__(self, *, drives: bool = True) -> None:
         """Read the page; one that drives nothing comes without pad, keys and our layout."""
         index = _guarded(viser_page())
-        self._html = _with_our_parts(index) if drives else _with_style(index, ("ltvn.css",))
+        html = _with_our_parts(index) if drives else _with_script(_with_style(index, PLAIN_STYLES), PLAIN_SCRIPTS)
+        # Everybody on the machine may ask for the page, so that asking must cost little.
+        self._between_nonces = html.encode().split(NONCE.encode())
 
     def answer(self) -> Response:
-        """Return the page with a fresh nonce."""
+        """Return the page with a fresh nonce; it holds nothing that was not the same at every start."""
         nonce = secrets.token_urlsafe(18)
-        html, policy = self._html.replace(NONCE, nonce), POLICY.replace(NONCE, nonce)
+        html, policy = nonce.encode().join(self._between_nonces), POLICY.replace(NONCE, nonce)
         return reply(HTTPStatus.OK, html, content_type=HTML, policy=policy)
 
 
@@ -97,7 +103,11 @@ def _guarded(index: str) -> str:
 def _with_our_parts(index: str) -> str:
     """Return the page with our layout, keys and pad; the parts come first, so that loading shows before all else."""
     index = _with_style(index, STYLES).replace("<body>", f"<body>{(STATIC / PARTS).read_text(encoding='utf-8')}")
-    return index.replace("</head>", f'<script nonce="{NONCE}">{_script()}</script></head>')
+    return _with_script(index, SCRIPTS)
+
+
+def _with_script(index: str, names: Iterable[str]) -> str:
+    return index.replace("</head>", f'<script nonce="{NONCE}">{_script(names)}</script></head>')
 
 
 def _with_style(index: str, names: Iterable[str]) -> str:
@@ -105,8 +115,8 @@ def _with_style(index: str, names: Iterable[str]) -> str:
     return index.replace("</head>", f"<style>{style}</style></head>")
 
 
-def _script() -> str:
-    parts = "\n".join((STATIC / name).read_text(encoding="utf-8") for name in SCRIPTS)
+def _script(names: Iterable[str]) -> str:
+    parts = "\n".join((STATIC / name).read_text(encoding="utf-8") for name in names)
     tables = {
         "KEYMAP": _keymap(),
         "LINK_WORDS": LINK_PARAMETERS,

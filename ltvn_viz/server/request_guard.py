@@ -1,62 +1,28 @@
-"""Who may come in: token, Host and Origin of every request and every socket.
+"""Where a request comes from: Host and Origin of every request and every socket.
 
 A server on 127.0.0.1 is still reachable by each web page that is open in the user's browser. So a request passes only
-when it names this machine as its host (against DNS rebinding), comes from this page or from nowhere (against other
-sites, other ports included), and carries the token. Pure functions of a request; owns no connection.
+when it names this machine as its host (against DNS rebinding), and comes from this page or from nowhere (against other
+sites, other ports included). Whether it has shown the token is `proof`'s to say. Pure functions of a request.
 """
 
-import hmac
 import ipaddress
-from html import escape
 from http import HTTPStatus
-from urllib.parse import parse_qs, parse_qsl, urlencode, urlsplit
+from urllib.parse import urlsplit
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from ltvn_viz.server.responses import HTML, refuse, reply
-
-ASK_FOR_TOKEN = "Open the address that was printed in the terminal; it carries the key (?token=...)."
-CLEAN_PAGE = '<!doctype html><meta http-equiv="refresh" content="0; url={0}"><a href="{0}">Open the page</a>'
+from ltvn_viz.server.responses import refuse
 
 
-class RequestGuard:
-    """Judge requests by one token."""
-
-    def __init__(self, token: str, cookie: str) -> None:
-        self._token = token
-        self._cookie = cookie
-
-    def refusal(self, request: Request) -> Response | None:
-        """Return None for a request that may pass, else the answer: a refusal, or the cookie for a right token."""
-        headers = request.headers
-        if not _names_this_machine(headers):
-            return refuse(HTTPStatus.FORBIDDEN, "This server answers to localhost and 127.0.0.1 only.")
-        if not _comes_from_this_page(headers):
-            return refuse(HTTPStatus.FORBIDDEN, "This request comes from another site.")
-        if self._is_token(_cookie_value(headers, self._cookie)):
-            return None
-        given = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
-        if is_websocket(headers) or not self._is_token(given):
-            return refuse(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN)
-        return self._welcome(headers, _without_token(request.path))
-
-    def _welcome(self, headers: Headers, address: str) -> Response:
-        """Move the token from the URL, where it would be seen and kept, into a cookie that scripts cannot read."""
-        cookie = ("Set-Cookie", f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/")
-        # After a link on another site, a redirect would not carry the strict cookie; a refresh by our own page does.
-        if headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin"):
-            return reply(HTTPStatus.SEE_OTHER, "", extra=(("Location", address), cookie))
-        return reply(HTTPStatus.OK, CLEAN_PAGE.format(escape(address)), content_type=HTML, extra=(cookie,))
-
-    def _is_token(self, value: str) -> bool:
-        return hmac.compare_digest(value.encode("utf-8", "surrogateescape"), self._token.encode())
-
-
-def _without_token(path: str) -> str:
-    """Return the page's address with what else the query says, written anew, so that nothing strange gets through."""
-    rest = urlencode([(name, value) for name, value in parse_qsl(urlsplit(path).query) if name != "token"])
-    return f"/?{rest}" if rest else "/"
+def refusal(request: Request) -> Response | None:
+    """Return None for a request that comes from this machine's own page or from nowhere, else the answer."""
+    headers = request.headers
+    if not _names_this_machine(headers):
+        return refuse(HTTPStatus.FORBIDDEN, "This server answers to localhost and 127.0.0.1 only.")
+    if not _comes_from_this_page(headers):
+        return refuse(HTTPStatus.FORBIDDEN, "This request comes from another site.")
+    return None
 
 
 def is_websocket(headers: Headers) -> bool:
@@ -101,13 +67,3 @@ def _comes_from_this_page(headers: Headers) -> bool:
 def _is_same_origin(origin: str, host: str) -> bool:
     # https stands before a reverse proxy that ends TLS and keeps the Host.
     return origin in (f"http://{host}", f"https://{host}")
-
-
-def _cookie_value(headers: Headers, name: str) -> str:
-    # Read by hand: the standard library's parser gives up at the first foreign cookie that it does not like.
-    for header in headers.get_all("Cookie"):
-        for pair in header.split(";"):
-            key, _, value = pair.strip().partition("=")
-            if key == name:
-                return value
-    return ""

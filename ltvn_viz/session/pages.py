@@ -27,6 +27,10 @@ class SessionPages:
         """Return our number of a page by viser's."""
         return self._server.number_of(viser_client)
 
+    def file_address(self, address: str) -> str:
+        """Return the address of a served file as a picture in a panel may have it."""
+        return self._server.file_address(address)
+
     def show_picture(self, jpeg: bytes) -> None:
         """Show all pages what the robot sees."""
         self._server.show_picture(jpeg)

@@ -13,11 +13,9 @@ function takeLink() {
     if (words.has(word)) query.set(word, words.get(word));
     words.delete(word);
   }
-  // A page that has its cookie already is not sent on by the server, so the key still stands in its address.
-  words.delete("token");
   for (const [name, word] of viewWords(query.get("camera"))) words.set(name, word);
   // Before viser reads the address: it would write it back without escaping anything.
-  history.replaceState(null, "", words.size === 0 ? location.pathname : `${location.pathname}?${words}`);
+  history.replaceState(null, "", `${location.pathname}${words.size === 0 ? "" : `?${words}`}${location.hash}`);
   return query.size === 0 ? null : query.toString();
 }
 

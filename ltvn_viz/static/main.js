@@ -1,6 +1,6 @@
 // Begin. The script stands in the head, before viser's own, so that its listeners come first.
 
-nameViserSocket();
+letViserIn();
 keepViserNarrow();
 smoothOnlyWhereQuick();
 listenToKeys();

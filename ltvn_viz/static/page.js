@@ -9,6 +9,9 @@ function socketAddress(path) {
 
 const ASK_WHETHER_THERE_MS = 200;
 const ASK_IN_VAIN = 25;
+const UNAUTHORIZED = 401;
+const TOKEN_REFUSED = "token refused"; // As in `proof.py`.
+const VISER_MESSAGES = ["zstd_wasm", "set_server"]; // The first that viser's page says to the worker of its socket.
 
 // The page is served before the app is loaded, so that the browser unpacks viser meanwhile.
 const appIsThere = new Promise((resolve) => askWhetherThere(resolve, ASK_IN_VAIN));
@@ -16,20 +19,37 @@ const appIsThere = new Promise((resolve) => askWhetherThere(resolve, ASK_IN_VAIN
 async function askWhetherThere(resolve, tries) {
   let isThere = false;
   try {
-    isThere = await (await fetch("/ready/0.json")).json();
+    const answer = await fetchWithToken("/ready/0.json");
+    if (answer.status === UNAUTHORIZED) return askForToken();
+    isThere = await answer.json();
     tries = ASK_IN_VAIN;
   } catch {
     tries -= 1;
-    if (tries === 0) byId("ltvn-loading-text").textContent = "The app has ended. Its terminal says why.";
+    if (tries === 0) sayWhileLoading("The app has ended. Its terminal says why.");
   }
   if (isThere) resolve();
   else setTimeout(askWhetherThere, ASK_WHETHER_THERE_MS, resolve, tries);
 }
 
-// viser's socket lives in a worker, which is told where to connect by this one message.
-function nameViserSocket() {
+function sayWhileLoading(text) {
+  const place = document.getElementById("ltvn-loading-text");
+  if (place !== null) place.textContent = text;
+}
+
+// viser's socket lives in a worker, which is told where to connect by one message. Once it says that it is connected,
+// the token goes first. viser sends as soon as its own listener hears that; ours is there before it, because a worker
+// gets its first message before it gets that listener.
+function letViserIn() {
   const post = Worker.prototype.postMessage;
+  const known = new WeakSet();
   Worker.prototype.postMessage = function (message, ...rest) {
+    if (VISER_MESSAGES.includes(message?.type) && !known.has(this)) {
+      known.add(this);
+      this.addEventListener("message", ({ data }) => {
+        if (data?.type === "connected") post.call(this, { type: "send", message: proof() });
+        else if (data?.type === "closed" && data.closeReason === TOKEN_REFUSED) askForToken();
+      });
+    }
     if (message?.type !== "set_server") return post.call(this, message, ...rest);
     appIsThere.then(() => post.call(this, { ...message, server: socketAddress("/") }, ...rest));
   };

@@ -29,12 +29,13 @@ function connect() {
     if (data.type === "picture") drawPictures(data.jpeg);
     else if (data.type === "heard") hear(JSON.parse(data.text));
     else if (data.type === "lost") lose();
+    else if (data.type === "refused") askForToken();
     else socket.postMessage({ type: "answer" });
   };
   for (const name of ["freeze", "resume"]) {
     document.addEventListener(name, () => socket.postMessage({ type: "freeze", frozen: name === "freeze" }));
   }
-  socket.postMessage({ type: "connect", address: socketAddress("/drive") });
+  socket.postMessage({ type: "connect", address: socketAddress("/drive"), proof: JSON.stringify(proof()) });
 }
 
 function lose() {

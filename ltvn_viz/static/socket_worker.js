@@ -9,6 +9,7 @@ const HERE_MS = 50;
 const RECONNECT_MS = 500;
 const ASK_MS = 1000;
 const HUNG_MS = 10000;
+const TOKEN_REFUSED = 4401; // As in `proof.py`.
 
 let socket = null;
 let isFrozen = false;
@@ -17,17 +18,19 @@ let held = null; // What the page holds, as it last said, and when it did.
 let heldAt = 0;
 let heldText = "";
 
-function connect(address) {
+function connect(address, proof) {
   socket = new WebSocket(address);
   socket.binaryType = "arraybuffer";
+  socket.onopen = () => send(proof);
   socket.onmessage = ({ data }) => {
     if (data instanceof ArrayBuffer) postMessage({ type: "picture", jpeg: data }, [data]);
     else postMessage({ type: "heard", text: data });
   };
-  socket.onclose = () => {
+  socket.onclose = ({ code }) => {
     held = null;
     postMessage({ type: "lost" });
-    setTimeout(connect, RECONNECT_MS, address);
+    if (code === TOKEN_REFUSED) postMessage({ type: "refused" });
+    else setTimeout(connect, RECONNECT_MS, address, proof);
   };
 }
 
@@ -59,7 +62,7 @@ function sayHere() {
 
 onmessage = ({ data }) => {
   answered = performance.now();
-  if (data.type === "connect") connect(data.address);
+  if (data.type === "connect") connect(data.address, data.proof);
   else if (data.type === "hold") hold(data.message);
   else if (data.type === "send") send(data.text);
   else if (data.type === "freeze") isFrozen = data.frozen;

@@ -21,7 +21,7 @@ async function fetchMarks() {
   if (strip.isFetching || moment.run === 0 || strip.times.length >= moment.marks) return;
   strip.isFetching = true;
   try {
-    const answer = await fetch(`/marks/${moment.run * STRIP_NUMBERS + strip.times.length}.json`);
+    const answer = await fetchWithToken(`/marks/${moment.run * STRIP_NUMBERS + strip.times.length}.json`);
     if (answer.ok) takeMarks(await answer.json());
   } catch {
     // No connection: the next moment that comes asks again.

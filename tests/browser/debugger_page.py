@@ -173,7 +173,7 @@ class DebuggerPage:
     def open_link(self, address: str) -> None:
         """Open a link in place of the page, as whoever got it does."""
         before = set(self._clients)
-        self.page.goto(f"{self.app.server.url}&{address.removeprefix('/?')}")
+        self.page.goto(self.app.server.link(address.removeprefix("/?")))
         self.until(lambda: len(self._clients) == 1 and not before & set(self._clients))
         self.page.get_by_role("tab", name="Why").click()
 

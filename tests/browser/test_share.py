@@ -47,7 +47,7 @@ def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
 
 def open_link(app: FlatApp, page: Page, address: str) -> None:
     """Open a link, with the key that the terminal printed."""
-    page.goto(f"{app.server.url}&{address.removeprefix('/?')}")
+    page.goto(app.server.link(address.removeprefix("/?")))
     page.get_by_text("Next:").wait_for()
 
 

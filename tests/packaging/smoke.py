@@ -14,7 +14,8 @@ import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from urllib.request import HTTPCookieProcessor, build_opener
+from urllib.parse import parse_qs, urlsplit
+from urllib.request import ProxyHandler, Request, build_opener
 
 DEMO = "demo-fault.rrd"
 PATIENCE_S = 300.0
@@ -85,13 +86,17 @@ def _until_the_link(process: "subprocess.Popen[str]") -> str:
 
 
 def open_link(link: str) -> str:
-    """Open a link as a browser does; return the cookie that its token is exchanged for."""
-    cookies = HTTPCookieProcessor()
-    with build_opener(cookies).open(link, timeout=60) as page:
+    """Open a link as a browser does, and ask for something with its token; return the token."""
+    opener = build_opener(ProxyHandler({}))
+    with opener.open(link, timeout=60) as page:
         text = page.read()
     assert page.status == 200, page.status
     assert b"<html" in text.lower(), text[:200]
-    return "; ".join(f"{each.name}={each.value}" for each in cookies.cookiejar)
+    (token,) = parse_qs(urlsplit(link).fragment)["token"]
+    ready = Request(link.split("#")[0] + "ready/0.json", headers={"Authorization": f"Bearer {token}"})
+    with opener.open(ready, timeout=60) as answer:
+        assert answer.status == 200, answer.status
+    return token
 
 
 def installed_program() -> Path:

@@ -9,6 +9,7 @@ import secrets
 import subprocess
 from pathlib import Path
 
+import msgspec
 import pytest
 import viser
 from websockets.sync.client import connect
@@ -110,16 +111,17 @@ def _debug_every_recording(program: Path, folder: Path) -> None:
 
 
 def _open_socket(link: str) -> None:
-    """Hear viser's first message on a page's socket, with the cookie that the link is exchanged for."""
-    address = link.split("/?")[0]
+    """Hear viser's first message on a page's socket, where its token goes first."""
+    address = link.split("/#")[0]
+    token = smoke.open_link(link)
     with connect(
         f"{address.replace('http', 'ws')}/?page={secrets.token_hex(16)}",
         origin=address,  # pyright: ignore[reportArgumentType]
-        additional_headers={"Cookie": smoke.open_link(link)},
         subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
         open_timeout=60,
         max_size=None,
     ) as panels:
+        panels.send(msgspec.msgpack.encode({"type": "proof", "token": token}))
         assert panels.recv(timeout=60)
 
 

@@ -1,6 +1,5 @@
 """A page without a browser: its two sockets, opened by hand, and messages written by hand."""
 
-import http.client
 import json
 import secrets
 import threading
@@ -128,20 +127,18 @@ def _read_all(socket: Connection) -> None:
 
 
 def _socket(server: GuardedServer, path: str, *, panels: bool = False) -> ClientConnection:
-    return connect(
+    socket = connect(
         f"ws://127.0.0.1:{server.port}{path}",
         origin=f"http://127.0.0.1:{server.port}",  # type: ignore[arg-type]
-        additional_headers={"Cookie": _cookie(server)},
         subprotocols=[f"viser-v{viser.__version__}"] if panels else None,  # type: ignore[list-item]
         open_timeout=PATIENCE_S,
         max_size=None,
     )
+    socket.send(proof(server.token, panels=panels))
+    return socket
 
 
-def _cookie(server: GuardedServer) -> str:
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE_S)
-    connection.request("GET", f"/?token={server.token}")
-    answer = connection.getresponse()
-    answer.read()
-    connection.close()
-    return (answer.getheader("Set-Cookie") or "").split(";")[0]
+def proof(token: str, *, panels: bool = False) -> str | bytes:
+    """Return what a page says first on a socket: JSON to the app, MessagePack to viser."""
+    said = {"type": "proof", "token": token}
+    return msgspec.msgpack.encode(said) if panels else json.dumps(said)

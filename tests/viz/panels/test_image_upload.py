@@ -76,7 +76,7 @@ def test_the_largest_image_takes_little_memory_and_gives_it_back(
 
 
 def test_of_two_uploads_at_once_one_is_read_and_neither_file_is_kept(server: viser.ViserServer) -> None:
-    panel = NavigationPanel(server.gui, lambda _: None)
+    panel = NavigationPanel(server.gui, lambda _: None, str)
 
     async def upload_twice() -> list[c.NavigateToImage | c.ReportError]:
         asked = []

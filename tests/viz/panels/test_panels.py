@@ -145,7 +145,7 @@ def test_the_legend_is_bright_for_what_is_shown_now(server: viser.ViserServer, s
 
 
 def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.ViserServer, snapshot: Snapshot) -> None:
-    panel = NavigationPanel(server.gui, nothing)
+    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
     panel.show(replace(snapshot, mode=Mode.NAVIGATING))
     for action in (Action.PAUSE, Action.STEP, Action.CANCEL):
         assert is_enabled(panel.task.content, action)
@@ -155,11 +155,11 @@ def test_a_running_query_can_be_paused_stepped_and_cancelled(server: viser.Viser
 
 
 def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, snapshot: Snapshot) -> None:
-    panel = NavigationPanel(server.gui, nothing)
+    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
     panel.show(snapshot)
     assert snapshot.gallery
     for node in snapshot.gallery:
-        assert f'src="/thumb/{node}.jpg" data-ltvn-action="select" data-id="{node}"' in panel.gallery.content
+        assert f'src="/thumb/{node}.jpg?key=k" data-ltvn-action="select" data-id="{node}"' in panel.gallery.content
 
 
 def test_panels_send_nothing_while_nothing_changes(
@@ -169,7 +169,7 @@ def test_panels_send_nothing_while_nothing_changes(
         StatusPanel(server.gui, clock=lambda: 0.0),
         DrivePanel(server.gui),
         FineTuningPanel(server.gui),
-        NavigationPanel(server.gui, nothing),
+        NavigationPanel(server.gui, nothing, "{}?key=k".format),
         ReplayPanel(server.gui, nothing),
         CameraPanel(server.gui, nothing),
     ]

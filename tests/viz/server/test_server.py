@@ -3,19 +3,26 @@
 import http.client
 import json
 import queue
+import re
 import socket
 from collections.abc import Iterator
+from contextlib import contextmanager
 from urllib.parse import urlsplit
 
+import msgspec
 import pytest
 from viser import _messages
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.frames import CloseCode
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from ltvn_core.errors import ServerError
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.proof import REFUSED_CODE, Proof
 from ltvn_viz.server.viser_client import mended
+from tests.viz.page_sockets import CAMERA, proof
 from tests.waiting import PATIENCE_S
 
 THUMB = b"\xff\xd8 a picture"
@@ -41,84 +48,121 @@ def get(server: GuardedServer, path: str, **headers: str) -> http.client.HTTPRes
     return answer
 
 
-def cookie(server: GuardedServer) -> str:
-    """Return the cookie that a right token earns."""
-    header = get(server, f"/?token={server.token}").getheader("Set-Cookie")
-    assert header is not None
-    return header.split(";")[0]
+def shown(server: GuardedServer) -> dict[str, str]:
+    """Return the header by which the page's script shows the token."""
+    return {"Authorization": f"Bearer {server.token}"}
 
 
-def open_socket(server: GuardedServer, path: str, *, origin: str | None, with_cookie: bool) -> ClientConnection:
-    headers = {"Cookie": cookie(server)} if with_cookie else {}
-    protocols = ["viser-v1.1.1"] if path == "/" else None
-    return connect(
+@contextmanager
+def open_socket(
+    server: GuardedServer, path: str, *, origin: str | None = None, first: str | bytes | None = None
+) -> Iterator[Connection]:
+    """Open a socket as the page does, and say `first`: the token if nothing else is given, nothing if it is empty."""
+    with connect(
         f"ws://127.0.0.1:{server.port}{path}",
-        origin=origin,  # type: ignore[arg-type]
-        additional_headers=headers,
-        subprotocols=protocols,  # type: ignore[arg-type]
+        origin=origin or f"http://127.0.0.1:{server.port}",  # type: ignore[arg-type]
+        subprotocols=["viser-v1.1.1"] if path == "/" else None,  # type: ignore[list-item]
         open_timeout=PATIENCE_S,
-    )
+    ) as socket:
+        if first != "":
+            socket.send(proof(server.token, panels=path == "/") if first is None else first)
+        yield socket
 
 
-def test_the_printed_address_earns_a_cookie_and_hides_the_token(server: GuardedServer) -> None:
-    parts = urlsplit(server.url)
-    answer = get(server, f"{parts.path}?{parts.query}")
-    assert (answer.status, answer.getheader("Location")) == (303, "/")
-    earned = answer.getheader("Set-Cookie") or ""
-    assert "HttpOnly" in earned
-    assert "SameSite=Strict" in earned
+def test_the_token_stands_where_no_browser_sends_it(server: GuardedServer) -> None:
+    parts = urlsplit(server.link("replay=a.rrd&at=3"))
+    assert (parts.path, parts.query, parts.fragment) == ("/", "replay=a.rrd&at=3", f"token={server.token}")
+    assert urlsplit(server.url).query == ""
 
 
-def test_a_link_keeps_what_it_asks_for_and_loses_the_token(server: GuardedServer) -> None:
-    asked = "replay=a%26b.rrd&at=3&x=%0d%0aSet-Cookie:%20y"
-    answer = get(server, f"/?{asked}&token={server.token}")
-    assert answer.getheader("Location") == "/?replay=a%26b.rrd&at=3&x=%0D%0ASet-Cookie%3A+y"
-    from_elsewhere = {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "navigate", "Sec_Fetch_Dest": "document"}
-    page = get(server, f"/?token={server.token}&replay=%22%3E%3Cb%3E&at=3", **from_elsewhere)
-    assert b"url=/?replay=%22%3E%3Cb%3E&amp;at=3" in page.body  # type: ignore[attr-defined]
-    assert server.token.encode() not in page.body  # type: ignore[attr-defined]
+def test_the_page_shows_nothing_of_a_session_and_leaves_no_cookie(server: GuardedServer) -> None:
+    with GuardedServer() as other:
+        answers = [get(each, "/") for each in (server, other)]
+    bodies = [answer.body for answer in answers]  # type: ignore[attr-defined]
+    nonces = [re.findall(rb'nonce="([^"{]+)"', body)[0] for body in bodies]
+    assert bodies[0].replace(nonces[0], b"") == bodies[1].replace(nonces[1], b"")
+    assert server.token.encode() not in bodies[0]
+    assert [answer.getheader("Set-Cookie") for answer in answers] == [None, None]
 
 
 def test_a_link_reaches_the_app_unless_somebody_else_drives(server: GuardedServer) -> None:
     heard: queue.Queue[str] = queue.Queue()
     server.listen(DriveListener(on_link=lambda _, query: heard.put(query)))
-    with open_socket(server, "/drive", origin=f"http://127.0.0.1:{server.port}", with_cookie=True) as page:
+    with open_socket(server, "/drive") as page:
         page.send(json.dumps({"type": "link", "query": "replay=a.rrd"}))
         assert heard.get(timeout=PATIENCE_S) == "replay=a.rrd"
-        with open_socket(server, "/drive", origin=f"http://127.0.0.1:{server.port}", with_cookie=True) as other:
+        with open_socket(server, "/drive") as other:
             other.send(json.dumps({"type": "link", "query": "replay=b.rrd"}))
             while json.loads(other.recv(timeout=PATIENCE_S))["type"] != "refused":
                 pass
     assert heard.empty()
 
 
-@pytest.mark.parametrize("path", ["/", "/thumb/17.jpg", "/assets/x.js", "/?token=wrong"])
-def test_nothing_is_served_without_the_token(server: GuardedServer, path: str) -> None:
+@pytest.mark.parametrize("path", ["/thumb/17.jpg", "/ready/0.json", "/assets/x.js"])
+def test_no_file_is_served_without_the_token(server: GuardedServer, path: str) -> None:
     assert get(server, path).status == 401
+    assert get(server, path, Authorization="Bearer wrong").status == 401
+    assert get(server, path, Cookie=f"ltvn_{server.port}={server.token}").status == 401
+    assert get(server, f"{path}?token={server.token}").status == 401
+    assert get(server, f"{path}?key={server.token}").status == 401
 
 
 @pytest.mark.parametrize("path", ["/", "/thumb/17.jpg"])
 def test_another_host_name_is_refused_even_with_the_token(server: GuardedServer, path: str) -> None:
     for host in ("evil.example", f"evil.example:{server.port}", "127.0.0.1.evil.example"):
-        assert get(server, path, Host=host, Cookie=cookie(server)).status == 403
+        assert get(server, path, Host=host, **shown(server)).status == 403
 
 
 def test_another_origin_is_refused_even_with_the_token(server: GuardedServer) -> None:
-    assert get(server, "/thumb/17.jpg", Origin="http://evil.example", Cookie=cookie(server)).status == 403
+    assert get(server, "/thumb/17.jpg", Origin="http://evil.example", **shown(server)).status == 403
 
 
 @pytest.mark.parametrize("path", ["/", "/drive"])
-def test_a_socket_needs_cookie_and_origin(server: GuardedServer, path: str) -> None:
-    own = f"http://127.0.0.1:{server.port}"
-    for origin, with_cookie in (("http://evil.example", True), (None, True), (own, False), ("null", True)):
-        with pytest.raises(InvalidStatus):
-            open_socket(server, path, origin=origin, with_cookie=with_cookie)
-    with open_socket(server, path, origin=own, with_cookie=True) as opened:
+@pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1:1", "null"])
+def test_a_socket_from_another_origin_is_refused_even_with_the_token(
+    server: GuardedServer, path: str, origin: str
+) -> None:
+    with pytest.raises(InvalidStatus), open_socket(server, path, origin=origin):
+        pass
+
+
+@pytest.mark.parametrize("path", ["/", "/drive"])
+def test_a_socket_hears_nothing_before_the_token_was_shown(server: GuardedServer, path: str) -> None:
+    for wrong in (
+        proof("wrong", panels=path == "/"),
+        json.dumps({"type": "action", "action": "stop", "id": None}),
+        msgspec.msgpack.encode(CAMERA),
+        b"\xc1",
+        "[" * 4000,
+        "x" * 5000,
+    ):
+        with open_socket(server, path, first=wrong) as refused:
+            assert list(refused_words(refused)) == []
+            assert refused.close_code in (REFUSED_CODE, CloseCode.MESSAGE_TOO_BIG)
+    with open_socket(server, path) as opened:
         assert opened.recv(timeout=PATIENCE_S)
 
 
+@pytest.mark.parametrize("path", ["/", "/drive"])
+def test_a_socket_on_which_nothing_is_said_is_closed(path: str) -> None:
+    with GuardedServer() as impatient:
+        impatient._proof = Proof(impatient.token, within_s=0.0)
+        with open_socket(impatient, path, first="") as late:
+            assert list(refused_words(late)) == []
+            assert late.close_code == REFUSED_CODE
+
+
+def refused_words(socket: Connection) -> Iterator[str | bytes]:
+    """Return what a socket says until the other end closes it."""
+    try:
+        while True:
+            yield socket.recv(timeout=PATIENCE_S)
+    except ConnectionClosed:
+        return
+
+
 def test_the_page_asks_for_nothing_from_outside_and_may_not_be_framed(server: GuardedServer) -> None:
-    answer = get(server, "/", Cookie=cookie(server))
+    answer = get(server, "/", **shown(server))
     policy = answer.getheader("Content-Security-Policy") or ""
     assert "default-src 'self'" in policy or "default-src 'none'" in policy
     assert "http:" not in policy
@@ -128,8 +172,11 @@ def test_the_page_asks_for_nothing_from_outside_and_may_not_be_framed(server: Gu
 
 
 def test_a_numbered_image_is_served(server: GuardedServer) -> None:
-    answer = get(server, "/thumb/17.jpg", Cookie=cookie(server))
-    assert (answer.status, answer.body) == (200, THUMB)  # type: ignore[attr-defined]
+    answer = get(server, "/thumb/17.jpg", **shown(server))
+    in_a_panel = get(server, server.file_address("/thumb/17.jpg"))
+    for each in (answer, in_a_panel):
+        assert (each.status, each.body) == (200, THUMB)  # type: ignore[attr-defined]
+    assert server.token not in server.file_address("/thumb/17.jpg")
 
 
 @pytest.mark.parametrize(
@@ -137,7 +184,7 @@ def test_a_numbered_image_is_served(server: GuardedServer) -> None:
     ["/thumb/18.jpg", "/thumb/../../etc/passwd", "/thumb/%2e%2e%2fx.jpg", "/thumb/17.jpg/x", "/thumb/-1.jpg", "/etc"],
 )
 def test_any_other_path_is_not_found(server: GuardedServer, path: str) -> None:
-    assert get(server, path, Cookie=cookie(server)).status == 404
+    assert get(server, path, **shown(server)).status == 404
 
 
 def test_no_page_can_open_a_public_tunnel(server: GuardedServer) -> None:
@@ -157,10 +204,9 @@ def test_listening_to_the_network_is_refused() -> None:
 
 @pytest.mark.parametrize("message", ["{", "x" * 5000, '{"type": "drive"}', b"\x00\xff"])
 def test_an_invalid_message_closes_only_its_own_socket(server: GuardedServer, message: str | bytes) -> None:
-    own = f"http://127.0.0.1:{server.port}"
     with (
-        open_socket(server, "/drive", origin=own, with_cookie=True) as good,
-        open_socket(server, "/drive", origin=own, with_cookie=True) as bad,
+        open_socket(server, "/drive") as good,
+        open_socket(server, "/drive") as bad,
     ):
         bad.recv(timeout=PATIENCE_S)
         bad.send(message)
@@ -179,22 +225,20 @@ def test_only_this_machine_can_reach_the_port(server: GuardedServer) -> None:
 
 def test_a_page_that_comes_while_the_app_is_loading_is_shown_and_told_to_wait() -> None:
     with GuardedServer(is_loading=True) as server:
-        key = cookie(server)
-        page = get(server, "/", Cookie=key)
-        before = get(server, "/ready/0.json", Cookie=key)
+        page = get(server, "/")
+        before = get(server, "/ready/0.json", **shown(server))
         server.end_loading()
-        after = get(server, "/ready/0.json", Cookie=key)
+        after = get(server, "/ready/0.json", **shown(server))
     assert b"Loading scene" in page.body  # type: ignore[attr-defined]
     assert [json.loads(each.body) for each in (before, after)] == [False, True]  # type: ignore[attr-defined]
 
 
 def test_pictures_reach_pages_that_are_there_and_the_newest_one_those_that_come(server: GuardedServer) -> None:
-    here = f"http://127.0.0.1:{server.port}"
-    with open_socket(server, "/drive", origin=here, with_cookie=True) as early:
+    with open_socket(server, "/drive") as early:
         early.recv(timeout=PATIENCE_S)
         server.show_picture(b"a jpeg")
         assert next(said for said in iter(lambda: early.recv(timeout=PATIENCE_S), None) if isinstance(said, bytes))
-    with open_socket(server, "/drive", origin=here, with_cookie=True) as late:
+    with open_socket(server, "/drive") as late:
         said = [late.recv(timeout=PATIENCE_S) for _ in range(2)]
     assert b"a jpeg" in said
 

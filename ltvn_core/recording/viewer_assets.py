@@ -11,8 +11,6 @@ import socket
 import subprocess
 import tempfile
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -23,6 +21,7 @@ import platformdirs
 import rerun as rr
 
 from ltvn_core.errors import ServerError
+from ltvn_core.recording.this_machine import open_here
 
 _LOG = logging.getLogger(__name__)
 _SCRIPT, _MODULE = "re_viewer.js", "re_viewer_bg.wasm"
@@ -99,12 +98,10 @@ def _wait_until_served(address: str, process: subprocess.Popen[bytes]) -> None:
 
 
 def _fetched(url: str) -> bytes:
-    # No proxy may come between this machine and itself.
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
-        with opener.open(url, timeout=_START_S) as answer:
+        with open_here(url, _START_S) as answer:
             return answer.read()
-    except (urllib.error.URLError, OSError) as error:
+    except OSError as error:
         raise ServerError(f"The Rerun program did not hand over its web viewer ({error}); try again.") from error
 
 

@@ -10,7 +10,6 @@ import re
 import secrets
 import shutil
 import threading
-import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -22,6 +21,7 @@ from ltvn_core.errors import RecordingError, ServerError
 from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.live_server import is_own_host, port_of
 from ltvn_core.recording.rrd_contents import require_rrd
+from ltvn_core.recording.this_machine import open_here
 from ltvn_core.recording.viewer_assets import viewer_assets
 from ltvn_core.recording.viewer_page import SCRIPT, RecordingContents, contents_of, viewer_page
 
@@ -101,7 +101,7 @@ def _checked_live_address(address: str) -> str:
             "(http://127.0.0.1:PORT/SECRET/live.rrd). Download the recording and name the file."
         )
     try:
-        urllib.request.urlopen(address, timeout=_ANSWER_S).close()
+        open_here(address, _ANSWER_S).close()
     except OSError as error:
         raise RecordingError(
             f"Nothing is being recorded at {address} ({error}). Start a run with --stream and open the address that it "
@@ -151,7 +151,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         """Send what a live recording sends, for as long as it goes on."""
         try:
             # The address was checked: it leads to this machine.
-            live = urllib.request.urlopen(address, timeout=_LIVE_TIMEOUT_S)
+            live = open_here(address, _LIVE_TIMEOUT_S)
         except OSError:
             self.send_error(HTTPStatus.NOT_FOUND, "Nothing is being recorded there now.")
             return

@@ -16,6 +16,7 @@ from ltvn_core.navigation.events import Note, StampedEvent
 from ltvn_core.recording.live_server import live_address, port_of
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_framing import is_finished
+from ltvn_core.recording.this_machine import open_here
 from ltvn_core.recording.viewer_server import serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.verbs.stream_option import announce_stream
@@ -81,6 +82,24 @@ def test_who_watches_gets_what_is_written_and_at_the_end_the_whole_file(tmp_path
     with watched:
         seen += watched.read()
     assert seen == path.read_bytes()
+
+
+def test_no_proxy_hears_of_the_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    port = free_port()
+    with socket.socket() as proxy:
+        proxy.bind(("127.0.0.1", 0))
+        proxy.listen()
+        proxy.setblocking(False)
+        for name in ("http_proxy", "HTTP_PROXY", "all_proxy"):
+            monkeypatch.setenv(name, f"http://127.0.0.1:{proxy.getsockname()[1]}")
+        for name in ("no_proxy", "NO_PROXY"):
+            monkeypatch.delenv(name, raising=False)
+        with RecordingWriter(tmp_path / "a.rrd", **ABOUT, live_port=port), serve_viewer(live_address(port)) as viewer:
+            passed_on = open_here(f"{viewer.url}recording.rrd", PATIENCE_S)
+            assert passed_on.read(4) == b"RRF2"
+        passed_on.close()
+        with pytest.raises(BlockingIOError):
+            proxy.accept()
 
 
 def test_a_port_that_is_taken_is_said_before_a_file_is_made(tmp_path: Path, taken: int) -> None:

@@ -20,6 +20,9 @@ MAX_ID = 2**53 - 1
 class MessageError(ValueError):
     """A message from a page is not what the protocol knows."""
 
+    told = "invalid message"
+    """What the page is told when its socket is closed."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriveMessage:

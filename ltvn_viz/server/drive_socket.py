@@ -33,6 +33,7 @@ from ltvn_viz.server.drive_messages import (
 from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
 from ltvn_viz.server.keymap import FOR_EVERYBODY, OWN_VIEW, Action
 from ltvn_viz.server.limited_log import LimitedLog
+from ltvn_viz.server.message_pace import Pace, PageBudget
 from ltvn_viz.server.presence import TICK_S, Presence
 
 logger = logging.getLogger(__name__)
@@ -112,8 +113,15 @@ class DriveSocket:
     """Serve the pages' drive connections and tell the listener what the driver wants."""
 
     def __init__(
-        self, seat: DriverSeat, presence: Presence | None = None, *, clock: Callable[[], float] = time.monotonic
+        self,
+        seat: DriverSeat,
+        presence: Presence | None = None,
+        *,
+        pace: Pace | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        """Serve pages that say no more than `pace` allows."""
+        self._pace = pace or Pace()
         self.seat = seat
         self.presence = presence or Presence()
         self.listener = DriveListener()
@@ -151,7 +159,7 @@ class DriveSocket:
             await self._listen(page)
         except MessageError as error:
             self._refusal_log.log(logging.WARNING, "closed the drive socket of page %d: %s", page.client, error)
-            await connection.close(CloseCode.POLICY_VIOLATION, "invalid message")
+            await connection.close(CloseCode.POLICY_VIOLATION, error.told)
         except ConnectionClosed:
             pass
         finally:
@@ -213,7 +221,9 @@ class DriveSocket:
         self._watchdog.join(timeout=1.0)
 
     async def _listen(self, page: _Page) -> None:
+        budget = PageBudget(self._pace)
         async for text in page.connection:
+            budget.count(text)
             if len(text) > MAX_MESSAGE_BYTES:
                 raise MessageError(f"{len(text)} bytes; at most {MAX_MESSAGE_BYTES} would be valid")
             self._obey(page, parse_message(text))

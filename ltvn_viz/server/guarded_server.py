@@ -10,7 +10,6 @@ Uploads need no route: `gui.add_upload_button` travels over viser's own socket, 
 import asyncio
 import contextlib
 import io
-import logging
 import re
 import secrets
 import socket
@@ -36,6 +35,7 @@ from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
 from ltvn_viz.server.drive_socket import MAX_PAGES, DriveListener, DriveSocket, Newest
 from ltvn_viz.server.driver_seat import ClientId, DriverSeat
 from ltvn_viz.server.index_page import IndexPage
+from ltvn_viz.server.message_pace import Pace
 from ltvn_viz.server.page_gate import PageGate
 from ltvn_viz.server.presence import HERE_LEASE_S, Presence
 from ltvn_viz.server.proof import MAX_PROOF_BYTES, Proof
@@ -43,6 +43,7 @@ from ltvn_viz.server.request_guard import is_loopback, is_websocket, refusal
 from ltvn_viz.server.responses import refuse
 from ltvn_viz.server.routes import RouteHandler, Routes, not_found
 from ltvn_viz.server.strangers import StrangerConnection, Strangers
+from ltvn_viz.server.websockets_log import quiet_logger
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
@@ -53,7 +54,6 @@ MAX_VISER_SOCKETS = 2 * MAX_PAGES
 ASK_FOR_TOKEN = "Open the address that was printed in the terminal; it carries the token (#token=...)."
 _PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
-_SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
 _starting = threading.Lock()
 """Held while `websockets` is wrapped, so that two servers do not start through each other's wrapper."""
 
@@ -79,10 +79,12 @@ class GuardedServer:
         seat: DriverSeat | None = None,
         drives: bool = True,
         is_loading: bool = False,
+        pace: Pace | None = None,
     ) -> None:
         """Start serving; port 0 takes any free one. A page that drives nothing has no pad. Raises ServerError.
 
-        While it is loading, which `end_loading` ends, pages come and wait.
+        While it is loading, which `end_loading` ends, pages come and wait. A page that says more than `pace` allows
+        loses its socket.
         """
         if not is_loopback(host):
             raise ServerError(
@@ -96,11 +98,11 @@ class GuardedServer:
         self.seat = seat or DriverSeat()
         # Who is patient with a page's held keys is patient with the page.
         self.presence = Presence(lease_s=HERE_LEASE_S if seat is None else seat.lease_s)
-        self._drive = DriveSocket(self.seat, self.presence)
+        self._drive = DriveSocket(self.seat, self.presence, pace=pace)
         self._routes = Routes()
         self._page = IndexPage(drives=drives)
         self._is_loading = is_loading
-        self.gate = PageGate(self._drive.may_drive if drives else lambda key: True)
+        self.gate = PageGate(self._drive.may_drive if drives else lambda key: True, pace)
         self._routes.add(READY_PREFIX, lambda _: b"false" if self._is_loading else b"true", ending="json")
         self._proof = Proof(self.token)
         self._strangers = Strangers()
@@ -193,7 +195,7 @@ class GuardedServer:
         original = websockets.asyncio.server.serve
 
         def serve(handler: Callable[..., Any], host: str, port: int, **options: Any) -> Any:
-            options |= {"process_request": self._judge, "logger": _quiet_logger(), "server_header": None}
+            options |= {"process_request": self._judge, "logger": quiet_logger(), "server_header": None}
             options["create_connection"] = partial(StrangerConnection, self._strangers)
             return original(self._router(handler), sock=listening, **options)
 
@@ -278,11 +280,3 @@ def _bind(host: str, port: int) -> socket.socket:
 def _silence() -> contextlib.redirect_stdout[io.StringIO]:
     """Keep viser from printing an address without the token, and from writing into `--json -`."""
     return contextlib.redirect_stdout(io.StringIO())
-
-
-def _quiet_logger() -> logging.Logger:
-    """Return a logger without the lines that `websockets` writes for each ordinary HTTP answer and of its own life."""
-    quiet = logging.getLogger("ltvn_viz.websockets")
-    if not quiet.filters:
-        quiet.addFilter(lambda record: not record.getMessage().startswith(_SAID_OTHERWISE))
-    return quiet

@@ -7,6 +7,7 @@ view, and for what all pages share only from the driver's seat. What is refused 
 what stands; bytes that are no message at all cost the page its socket.
 """
 
+import asyncio
 import logging
 from collections import Counter
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from websockets.frames import CloseCode
 
 from ltvn_viz.server.drive_messages import MessageError
 from ltvn_viz.server.limited_log import LimitedLog
+from ltvn_viz.server.message_pace import Pace, PageBudget, TooManyMessagesError
 from ltvn_viz.server.page_elements import takes
 from ltvn_viz.server.page_messages import (
     MAX_UPLOAD_BYTES,
@@ -68,8 +70,9 @@ class _Upload:
 class PageGate:
     """Judge what pages say to one viser server."""
 
-    def __init__(self, may_drive: Callable[[str | None], bool]) -> None:
-        """Ask `may_drive` whether the page with a key has the seat, or may sit down."""
+    def __init__(self, may_drive: Callable[[str | None], bool], pace: Pace | None = None) -> None:
+        """Ask `may_drive` whether the page with a key has the seat, or may sit down; hear `pace` from each page."""
+        self.pace = pace or Pace()
         self.may_drive = may_drive
         self.counts: Counter[Verdict] = Counter()
         self.log = LimitedLog(logger)
@@ -174,17 +177,26 @@ class GuardedPage:
         self.key = key
         self.subprotocol = connection.subprotocol
         self._gate, self._connection = gate, connection
+        self._budget = PageBudget(gate.pace)
         self._upload: _Upload | None = None
 
     async def recv(self) -> bytes | str:
         """Return the next message that viser may see."""
         while True:
             raw = await self._connection.recv()
+            try:
+                wait_s = self._budget.count(raw)
+            except TooManyMessagesError as error:
+                self._gate.log.log(logging.WARNING, "closed a page's socket: %s", error)
+                await self._connection.close(CloseCode.POLICY_VIOLATION, error.told)
+                continue  # The closed connection says so to viser.
+            if wait_s > 0:
+                await asyncio.sleep(wait_s)
             verdict = self._gate.judge(self, raw)
             if verdict is Verdict.ADMITTED:
                 return raw
             if verdict is Verdict.UNREADABLE:
-                await self._connection.close(CloseCode.POLICY_VIOLATION, "invalid message")
+                await self._connection.close(CloseCode.POLICY_VIOLATION, MessageError.told)
 
     async def send(self, message: bytes) -> None:
         """Send to the page."""

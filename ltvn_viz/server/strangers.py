@@ -1,4 +1,4 @@
-"""Connections on which no token was shown yet: how many there may be, and that none of them can fill the log.
+"""Connections on which no token was shown yet, and how many of them there may be.
 
 Every user of the machine can connect. Without a limit they would use up the files that a process may open, and the
 server would log each connection that it cannot take.
@@ -8,7 +8,6 @@ import logging
 from typing import Any
 
 from websockets.asyncio.server import ServerConnection
-from websockets.http11 import Request
 
 from ltvn_viz.server.limited_log import LimitedLog
 
@@ -25,7 +24,7 @@ class Strangers:
         """Keep at most so many."""
         self._most = most
         self._waiting: dict[StrangerConnection, None] = {}
-        self.log = LimitedLog(logger)
+        self._log = LimitedLog(logger)
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -42,7 +41,7 @@ class Strangers:
             oldest = next(iter(self._waiting))
             self.leave(oldest)
             oldest.transport.abort()
-            self.log.log(logging.WARNING, "more than %d connections without the token: closed the oldest", self._most)
+            self._log.log(logging.WARNING, "more than %d connections without the token: closed the oldest", self._most)
 
     def leave(self, connection: "StrangerConnection") -> None:
         """Forget a connection that is closed, or has shown the token."""
@@ -50,7 +49,7 @@ class Strangers:
 
 
 class StrangerConnection(ServerConnection):
-    """A connection that is a stranger's until it is known, and cannot make the event loop log a traceback."""
+    """A connection that is a stranger's until it is known."""
 
     def __init__(self, strangers: Strangers, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -65,22 +64,3 @@ class StrangerConnection(ServerConnection):
         """Count it out."""
         self._strangers.leave(self)
         super().connection_lost(exc)
-
-    def data_received(self, data: bytes) -> None:
-        """Read what came; what is no request, or a second one, ends the connection and not in the log's tracebacks."""
-        try:
-            super().data_received(data)
-        except Exception as error:
-            self._strangers.log.log(logging.INFO, "closed a connection that broke the protocol: %s", _one_line(error))
-            self.transport.abort()
-
-    def process_event(self, event: Any) -> None:
-        """Take a request or a frame; a connection has one request, as each answer says."""
-        if self.request is not None and isinstance(event, Request):
-            self.transport.abort()
-        else:
-            super().process_event(event)
-
-
-def _one_line(error: Exception) -> str:
-    return f"{type(error).__name__} {str(error)[:80]!r}"

@@ -22,6 +22,7 @@ from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import drive_listener
 from tests.core.flat_world import FlatWorld, two_rooms
+from tests.viz.page_sockets import ANY_PACE
 from tests.viz.session_harness import SessionHarness
 from tests.viz.tiny_fine_tuning import TUNER, tiny_weights
 from tests.waiting import PATIENCE_S, until
@@ -50,7 +51,8 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     executor = ThreadPoolExecutor(1)
     fine_tuning = FineTuning(TUNER, tiny_weights(folder), executor)
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=executor, fine_tuning=fine_tuning)
-    with GuardedServer(seat=None if lease_s is None else DriverSeat(lease_s=lease_s, idle_s=idle_s)) as server:
+    seat = None if lease_s is None else DriverSeat(lease_s=lease_s, idle_s=idle_s)
+    with GuardedServer(seat=seat, pace=ANY_PACE) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         server.add_route("/marks/", harness.state.strips.rows_from, ending="json")
         painters: list[Painter] = []

@@ -16,7 +16,11 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.sync.connection import Connection
 
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.message_pace import Pace
 from tests.waiting import PATIENCE_S, until
+
+ANY_PACE = Pace(messages_per_s=1e9, messages_at_once=1e9, bytes_per_s=1e12, bytes_at_once=1e12)
+"""For tests that say by hand in seconds what pages say in minutes."""
 
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",

@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.server.page_gate import Verdict
 from tests.viz.hostile_messages import HostileMessages, is_readable, targets_of
-from tests.viz.page_sockets import PageSockets, open_sockets
+from tests.viz.page_sockets import ANY_PACE, PageSockets, open_sockets
 from tests.waiting import PATIENCE_S, until
 
 
@@ -36,7 +36,7 @@ class House:
 @pytest.fixture
 def house() -> Iterator[House]:
     with ExitStack() as stack:
-        server = stack.enter_context(GuardedServer())
+        server = stack.enter_context(GuardedServer(pace=ANY_PACE))
         gui = server.gui
         pressed: list[int | None] = []
         clicked: list[int | None] = []

@@ -33,7 +33,7 @@ from ltvn_viz.server.drive_messages import (
 from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
 from ltvn_viz.server.keymap import FOR_EVERYBODY, OWN_VIEW, Action
 from ltvn_viz.server.limited_log import LimitedLog
-from ltvn_viz.server.message_pace import Pace, PageBudget
+from ltvn_viz.server.message_pace import Pace, PageBudget, hang_up
 from ltvn_viz.server.presence import TICK_S, Presence
 
 logger = logging.getLogger(__name__)
@@ -159,7 +159,7 @@ class DriveSocket:
             await self._listen(page)
         except MessageError as error:
             self._refusal_log.log(logging.WARNING, "closed the drive socket of page %d: %s", page.client, error)
-            await connection.close(CloseCode.POLICY_VIOLATION, error.told)
+            await hang_up(connection, error.told)
         except ConnectionClosed:
             pass
         finally:

@@ -22,7 +22,7 @@ from websockets.frames import CloseCode
 
 from ltvn_viz.server.drive_messages import MessageError
 from ltvn_viz.server.limited_log import LimitedLog
-from ltvn_viz.server.message_pace import Pace, PageBudget, TooManyMessagesError
+from ltvn_viz.server.message_pace import Pace, PageBudget, TooManyMessagesError, hang_up
 from ltvn_viz.server.page_elements import takes
 from ltvn_viz.server.page_messages import (
     MAX_UPLOAD_BYTES,
@@ -188,7 +188,7 @@ class GuardedPage:
                 wait_s = self._budget.count(raw)
             except TooManyMessagesError as error:
                 self._gate.log.log(logging.WARNING, "closed a page's socket: %s", error)
-                await self._connection.close(CloseCode.POLICY_VIOLATION, error.told)
+                await hang_up(self._connection, error.told)
                 continue  # The closed connection says so to viser.
             if wait_s > 0:
                 await asyncio.sleep(wait_s)
@@ -196,7 +196,7 @@ class GuardedPage:
             if verdict is Verdict.ADMITTED:
                 return raw
             if verdict is Verdict.UNREADABLE:
-                await self._connection.close(CloseCode.POLICY_VIOLATION, MessageError.told)
+                await hang_up(self._connection, MessageError.told)
 
     async def send(self, message: bytes) -> None:
         """Send to the page."""

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 
@@ -33,8 +32,9 @@ from ltvn_viz.server.drive_messages import (
 from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
 from ltvn_viz.server.keymap import FOR_EVERYBODY, OWN_VIEW, Action
 from ltvn_viz.server.limited_log import LimitedLog
-from ltvn_viz.server.message_pace import Pace, PageBudget, hang_up
+from ltvn_viz.server.message_pace import Pace, PageBudget
 from ltvn_viz.server.presence import TICK_S, Presence
+from ltvn_viz.server.strangers import GuardedConnection
 
 logger = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ class Newest(Enum):
 class _Page:
     """One open page: its connection and what is still to be told to it."""
 
-    def __init__(self, client: ClientId, connection: ServerConnection) -> None:
+    def __init__(self, client: ClientId, connection: GuardedConnection) -> None:
         self.client = client
         self.connection = connection
         self._told = ""
@@ -138,7 +138,7 @@ class DriveSocket:
         self._watchdog = threading.Thread(target=self._watch, name="drive watchdog", daemon=True)
         self._watchdog.start()
 
-    async def serve(self, connection: ServerConnection, key: str | None = None) -> None:
+    async def serve(self, connection: GuardedConnection, key: str | None = None) -> None:
         """Talk to one page, whose other socket has the same key, until it goes away or says something invalid."""
         if len(self._pages) >= MAX_PAGES:
             await connection.close(CloseCode.TRY_AGAIN_LATER, "too many pages")
@@ -159,7 +159,7 @@ class DriveSocket:
             await self._listen(page)
         except MessageError as error:
             self._refusal_log.log(logging.WARNING, "closed the drive socket of page %d: %s", page.client, error)
-            await hang_up(connection, error.told)
+            await connection.hang_up(error.told)
         except ConnectionClosed:
             pass
         finally:

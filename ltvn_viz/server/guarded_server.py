@@ -25,7 +25,6 @@ from urllib.parse import parse_qs, urlsplit
 import viser
 import websockets.asyncio.server
 from viser import _messages
-from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
@@ -42,7 +41,7 @@ from ltvn_viz.server.proof import MAX_PROOF_BYTES, Proof
 from ltvn_viz.server.request_guard import is_loopback, is_websocket, refusal
 from ltvn_viz.server.responses import refuse
 from ltvn_viz.server.routes import RouteHandler, Routes, not_found
-from ltvn_viz.server.strangers import StrangerConnection, Strangers
+from ltvn_viz.server.strangers import GuardedConnection, Strangers
 from ltvn_viz.server.websockets_log import quiet_logger
 
 DRIVE_PATH = "/drive"
@@ -196,7 +195,7 @@ class GuardedServer:
 
         def serve(handler: Callable[..., Any], host: str, port: int, **options: Any) -> Any:
             options |= {"process_request": self._judge, "logger": quiet_logger(), "server_header": None}
-            options["create_connection"] = partial(StrangerConnection, self._strangers)
+            options["create_connection"] = partial(GuardedConnection, self._strangers)
             return original(self._router(handler), sock=listening, **options)
 
         with _starting, _silence():
@@ -210,7 +209,7 @@ class GuardedServer:
         self.gate.guard(server)
         return server
 
-    async def _judge(self, connection: ServerConnection, request: Request) -> Response | None:
+    async def _judge(self, connection: GuardedConnection, request: Request) -> Response | None:
         """Answer a request; None lets it become a websocket, on which the token is still to be shown."""
         if (refused := refusal(request)) is not None:
             return refused
@@ -229,7 +228,7 @@ class GuardedServer:
         return await asyncio.get_running_loop().run_in_executor(self._files, match.answer)
 
     def _router(self, viser_handler: Callable[..., Any]) -> Callable[..., Any]:
-        async def route(connection: StrangerConnection) -> None:
+        async def route(connection: GuardedConnection) -> None:
             if not await self._proof.is_first_on(connection):
                 return
             self._strangers.leave(connection)
@@ -246,7 +245,7 @@ class GuardedServer:
         return route
 
     async def _serve_panels(
-        self, viser_handler: Callable[..., Any], connection: ServerConnection, key: str | None
+        self, viser_handler: Callable[..., Any], connection: GuardedConnection, key: str | None
     ) -> None:
         if len(self.viser._websock_server._live_connections) >= MAX_VISER_SOCKETS:
             await connection.close(CloseCode.TRY_AGAIN_LATER, "too many pages")

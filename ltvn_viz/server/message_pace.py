@@ -8,12 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from websockets.asyncio.server import ServerConnection
-from websockets.frames import CloseCode
-
 from ltvn_viz.server.drive_messages import MessageError
-
-FAREWELL_S = 0.5
 
 
 class TooManyMessagesError(MessageError):
@@ -32,13 +27,6 @@ class Pace:
     bytes_per_s: float = 32.0 * 2**20
     bytes_at_once: float = 64.0 * 2**20
     """The largest upload comes through without waiting."""
-
-
-async def hang_up(connection: ServerConnection, told: str) -> None:
-    """Close a page's socket and say why; what the page still sends is not waited for long."""
-    # The other end's farewell comes behind all that it has sent, which nobody reads any more.
-    connection.close_timeout = FAREWELL_S
-    await connection.close(CloseCode.POLICY_VIOLATION, told)
 
 
 class Allowance:

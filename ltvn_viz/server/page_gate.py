@@ -17,12 +17,11 @@ from typing import Any, assert_never
 
 import viser
 from viser import _messages
-from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 from ltvn_viz.server.drive_messages import MessageError
 from ltvn_viz.server.limited_log import LimitedLog
-from ltvn_viz.server.message_pace import Pace, PageBudget, TooManyMessagesError, hang_up
+from ltvn_viz.server.message_pace import Pace, PageBudget, TooManyMessagesError
 from ltvn_viz.server.page_elements import takes
 from ltvn_viz.server.page_messages import (
     MAX_UPLOAD_BYTES,
@@ -37,6 +36,7 @@ from ltvn_viz.server.page_messages import (
     ViserMessage,
     read_viser_message,
 )
+from ltvn_viz.server.strangers import GuardedConnection
 
 logger = logging.getLogger(__name__)
 
@@ -82,7 +82,7 @@ class PageGate:
         """Judge for this server from now on; before, everything is dropped."""
         self._viser = server
 
-    def page(self, connection: ServerConnection, key: str | None) -> "GuardedPage":
+    def page(self, connection: GuardedConnection, key: str | None) -> "GuardedPage":
         """Return a page's connection as viser may have it."""
         return GuardedPage(self, connection, key)
 
@@ -173,7 +173,7 @@ class PageGate:
 class GuardedPage:
     """A page's connection with what viser needs of it, and an upload under way."""
 
-    def __init__(self, gate: PageGate, connection: ServerConnection, key: str | None) -> None:
+    def __init__(self, gate: PageGate, connection: GuardedConnection, key: str | None) -> None:
         self.key = key
         self.subprotocol = connection.subprotocol
         self._gate, self._connection = gate, connection
@@ -188,7 +188,7 @@ class GuardedPage:
                 wait_s = self._budget.count(raw)
             except TooManyMessagesError as error:
                 self._gate.log.log(logging.WARNING, "closed a page's socket: %s", error)
-                await hang_up(self._connection, error.told)
+                await self._connection.hang_up(error.told)
                 continue  # The closed connection says so to viser.
             if wait_s > 0:
                 await asyncio.sleep(wait_s)
@@ -196,7 +196,7 @@ class GuardedPage:
             if verdict is Verdict.ADMITTED:
                 return raw
             if verdict is Verdict.UNREADABLE:
-                await hang_up(self._connection, MessageError.told)
+                await self._connection.hang_up(MessageError.told)
 
     async def send(self, message: bytes) -> None:
         """Send to the page."""

@@ -8,7 +8,7 @@ they mean, but for where in the file a chunk stands.
 import logging
 from array import array
 from collections import defaultdict, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +31,8 @@ _ENCODING, _PAYLOAD, _COMPRESSION, _SIZE = 1, 2, 3, 4
 _LZ4 = 2
 _ENTITY, _CHUNK_ID, _OFFSET, _LENGTH = "chunk_entity_path", "chunk_id", "chunk_byte_offset", "chunk_byte_size"
 _TEXTS = (_ENTITY, _CHUNK_ID)
+_MOST_RATIO = 255
+"""LZ4 makes nothing smaller by more."""
 
 
 class ChunkPlace(NamedTuple):
@@ -190,6 +192,21 @@ class ChunkTable:
         return pa.RecordBatch.from_arrays(arrays, schema=pa.schema(fields))
 
 
+def listed_chunks(footer: bytes) -> Set[ChunkPlace] | None:
+    """Return where a file's chunks stand as Rerun's footer has it; None for a footer of another layout."""
+    listed = set[ChunkPlace]()
+    try:
+        for number, manifest in read_fields(footer):
+            if number == _MANIFESTS and isinstance(manifest, bytes):
+                batch = _read_batch(bytes_fields(manifest)[_ROWS])
+                batch.validate(full=True)
+                places = (batch.column(name).to_pylist() for name in (_OFFSET, _LENGTH))
+                listed |= {ChunkPlace(*place) for place in zip(*places, strict=True)}
+    except (pa.ArrowException, ValueError, LookupError, TypeError, MemoryError):
+        return None
+    return listed
+
+
 class _Part(NamedTuple):
     """Some rows of a column."""
 
@@ -266,6 +283,8 @@ def _read_batch(rows: bytes) -> pa.RecordBatch:
     payload, size = values[_PAYLOAD], values.get(_SIZE, 0)
     if not isinstance(payload, bytes) or not isinstance(size, int):
         raise TypeError("the table is laid out otherwise")
+    if size > _MOST_RATIO * len(payload):
+        raise ValueError("the table is compressed by more than LZ4 can")
     stream = pa.Codec("lz4_raw").decompress(payload, size) if values.get(_COMPRESSION) == _LZ4 else payload
     (batch,) = pa.ipc.open_stream(stream)
     return batch

@@ -10,6 +10,7 @@ import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from ltvn_core.protobuf_fields import bytes_field_start
 from ltvn_core.recording import rrd_framing
@@ -24,6 +25,8 @@ _SIZES = struct.Struct("<II")
 """Length of the JSON text and number of messages."""
 _SUM = struct.Struct("<IIQ")
 _CRC = struct.Struct("<I")
+_SEARCHED = 8
+"""So often the length of a file is summed up at most while records are searched in it, whatever it holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +83,7 @@ class RecordingEnding:
             rows=self.rows if complete else {},
             static_rows=self.static_rows if complete else {},
         )
-        return closing_bytes(record, b"" if is_short else self.chunks.encoded(_chunk_places(record.messages)))
+        return closing_bytes(record, b"" if is_short else self.chunks.encoded(chunk_places(record.messages)))
 
 
 def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
@@ -109,10 +112,26 @@ def read_closing_record(end: EndMessage) -> ClosingRecord | None:
     return record if whole else None
 
 
-def find_closing_record(data: bytes) -> ClosingRecord | None:
-    """Find the record in the last part of a damaged file. None when there is none or it changed itself."""
-    at = data.rfind(_MAGIC)
-    return None if at < 0 else _parsed(data[at : at + _size(data[at:])])
+class PlacedRecord(NamedTuple):
+    """A closing record that was found in a damaged file."""
+
+    record: ClosingRecord
+    end: int
+    """Where in the file it ends; a tail follows."""
+
+
+def find_closing_records(data: bytes) -> Sequence[PlacedRecord]:
+    """Find the records in a damaged file that did not change themselves; several when files were put into one."""
+    found, at = list[PlacedRecord](), data.find(_MAGIC)
+    left = _SEARCHED * len(data)
+    while at >= 0 and left > 0:
+        size = _size(data[at : at + len(_MAGIC) + _SIZES.size])
+        record = _parsed(data[at : at + size])
+        left -= min(size, len(data) - at)
+        if record is not None:
+            found.append(PlacedRecord(record, at + size))
+        at = data.find(_MAGIC, at + len(_MAGIC) if record is None else at + size)
+    return found
 
 
 def _size(data: bytes) -> int:
@@ -153,7 +172,8 @@ def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
     return zlib.crc32(end.tail.encoded(), zlib.crc32(before))
 
 
-def _chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
+def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
+    """Return where the payloads of the chunks stand in a file with these messages."""
     position, places = rrd_framing.HEADER_BYTES, list[ChunkPlace]()
     for message in messages:
         if message.kind == rrd_framing.CHUNK_KIND:

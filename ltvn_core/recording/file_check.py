@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.closing_record import ClosingRecord, read_closing_record
+from ltvn_core.recording.chunk_table import listed_chunks
+from ltvn_core.recording.closing_record import ClosingRecord, chunk_places, read_closing_record
 from ltvn_core.recording.rrd_framing import EndMessage, MessageSum, RrdFraming
 
 
@@ -18,7 +19,7 @@ class FileCheck(NamedTuple):
 
     framing: RrdFraming
     record: ClosingRecord | None
-    """None for an unfinished file, a damaged end, and a file that was written before there were closing records."""
+    """None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
     damage: str | None
     """What is wrong in a finished file, as a clause; None when nothing is, as far as its checksums go."""
 
@@ -43,9 +44,7 @@ def _damage(
     header_crc32: int, messages: Sequence[MessageSum], end: EndMessage, record: ClosingRecord | None
 ) -> str | None:
     if record is None:
-        if end.appended:
-            return "its table of checksums changed"
-        return None if end.footer_is_right else "Rerun's table of its chunks changed"
+        return _damage_without_record(messages, end)
     if header_crc32 != record.header_crc32:
         return "its first 12 bytes changed"
     position = rrd_framing.HEADER_BYTES
@@ -55,4 +54,21 @@ def _damage(
         position += found.size
     if len(messages) != len(record.messages):
         return f"it holds {len(messages)} messages and was finished with {len(record.messages)}"
+    return None
+
+
+def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> str | None:
+    """Judge a file that was finished by Rerun itself: by an older recorder, or by a tool of Rerun's.
+
+    Either writes a table of all chunks. Whoever puts an empty ending behind a file that was cut does not.
+    """
+    if end.appended:
+        return "its table of checksums changed"
+    if not end.footer_is_right:
+        return "Rerun's table of its chunks changed"
+    if not end.footer:
+        return "it has neither our table of checksums nor Rerun's table of its chunks, as if it was cut and then ended"
+    listed = listed_chunks(end.footer)
+    if listed is not None and listed != set(chunk_places(messages)):
+        return "Rerun's table lists other chunks than it holds"
     return None

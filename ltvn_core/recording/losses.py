@@ -71,7 +71,7 @@ def find_losses(salvage: Salvage, saved: Sequence[FrameId]) -> Losses:
 def _lines(salvage: Salvage, frames: Sequence[FrameId], more: int | None) -> Iterable[str]:
     recording, record = salvage.recording, salvage.record
     if not salvage.ended:
-        yield "what was recorded last: the file was never finished, or was cut"
+        yield "what was recorded last: the file was never finished, was cut, or has the ending of another"
     if frames:
         yield f"{len(frames)} frames: {_listed(frames)}"
     if more:

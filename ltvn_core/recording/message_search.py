@@ -1,7 +1,6 @@
-"""Finds the whole messages of a damaged file: by its closing record where that is left, else by their looks.
+"""Finds the messages of a damaged file: by its closing records where any is left, else by their looks.
 
-Owns the search. Does not look into messages beyond their first byte, so without a closing record some of what it finds
-is damaged.
+Owns the search. Does not look into messages beyond their first byte, so what is found by its looks may be damaged.
 """
 
 import bisect
@@ -13,9 +12,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
-from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.closing_record import ClosingRecord, find_closing_record
-from ltvn_core.recording.rrd_framing import CHUNK_KIND, END_KIND, HEADER_BYTES, KNOWN_KINDS, MESSAGE_HEADER, TAIL_BYTES
+from ltvn_core.recording.closing_record import ClosingRecord, PlacedRecord, find_closing_records
+from ltvn_core.recording.mended_message import with_bit_put_right
+from ltvn_core.recording.rrd_framing import (
+    CHUNK_KIND,
+    END_KIND,
+    FILE_MAGIC,
+    HEADER_BYTES,
+    KNOWN_KINDS,
+    MESSAGE_HEADER,
+    TAIL_BYTES,
+    MessageSum,
+    Tail,
+)
 
 _TRIED = 8
 """So many places of like headers are looked at for one message, so that a file with large holes takes no hours."""
@@ -29,6 +38,20 @@ class FoundMessage(NamedTuple):
     position: int
     data: bytes
     """Header and payload."""
+    record: int | None = None
+    """Number of the closing record by which it is as it was written, or damaged; None when it only looks like one."""
+    damaged: bool = False
+    """It differs from what its closing record says of it."""
+
+    @property
+    def sure(self) -> bool:
+        """A checksum says that it is as it was written."""
+        return self.record is not None and not self.damaged
+
+    @property
+    def end(self) -> int:
+        """Where it ends."""
+        return self.position + len(self.data)
 
 
 class LostBytes(NamedTuple):
@@ -45,35 +68,126 @@ class FoundMessages(NamedTuple):
     lost: Sequence[LostBytes]
     cut: LostBytes | None
     """The last message of a file that ends in the middle of it."""
-    record: ClosingRecord | None
-    """Where there is one, all messages are as they were written; else they only look like messages."""
+    records: Mapping[int, ClosingRecord]
+    """The closing records, by number, that speak of messages in this file; one for each file that was put into it."""
+    has_foreign_ending: bool
+    """A closing record speaks of messages none of which is here."""
 
 
 def find_messages(data: bytes) -> FoundMessages:
-    """Find the messages of a whole file's bytes, of which any may be damaged, missing or moved."""
-    record = find_closing_record(data)
-    parts = list(_looking_like_messages(data)) if record is None else list(_as_recorded(data, record))
-    lost = [part for part in parts if isinstance(part, LostBytes)]
-    cut = lost.pop() if record is None and lost and lost[-1].position + lost[-1].size == len(data) else None
-    return FoundMessages([part for part in parts if isinstance(part, FoundMessage)], lost, cut, record)
+    """Find the messages of a whole file's bytes, of which any may be damaged, missing, moved or of another file."""
+    looks = list(_looking_like_messages(data))
+    walked = [part for part in looks if isinstance(part, FoundMessage)]
+    placed = find_closing_records(data)
+    sure = _written_as_recorded(data, placed, walked)
+    known = {number: each.record for number, each in enumerate(placed) if number in _at_home(placed, sure, walked)}
+    starts = [HEADER_BYTES, *(each.end + TAIL_BYTES + HEADER_BYTES for each in placed)]
+    taken = _Stretches([message for found in sure.values() for message in found.values()])
+    damaged = [
+        part
+        for number, record in known.items()
+        for part in _not_as_recorded(data, number, record, sure[number], starts[number], taken)
+    ]
+    taken = _Stretches([*taken.messages, *(part for part in damaged if isinstance(part, FoundMessage))])
+    others = [message for message in walked if not taken.overlap(message)]
+    lost = [part for part in damaged if isinstance(part, LostBytes)]
+    if not known:
+        lost = [part for part in looks if isinstance(part, LostBytes)]
+    cut = lost.pop() if not known and lost and lost[-1].position + lost[-1].size == len(data) else None
+    return FoundMessages(sorted([*taken.messages, *others]), lost, cut, known, len(known) < len(placed))
 
 
-def _as_recorded(data: bytes, record: ClosingRecord) -> Iterator[FoundMessage | LostBytes]:
-    """Look for every message where it was written, and else where it may have moved to."""
-    # Only where the length differs bytes can be missing or put in.
-    index = _HeaderIndex(b"" if _is_end(data, record.messages_end) else data)
-    position = behind_last = HEADER_BYTES
-    for written in record.messages:
-        found = None
-        for place in itertools.chain((position,), index.places(written.header, behind_last)):
-            # The header from the record, so that damage to this alone costs nothing.
-            message = written.header + data[place + MESSAGE_HEADER.size : place + written.size]
-            if zlib.crc32(message) == written.crc32:
-                found, position = FoundMessage(place, message), place
-                behind_last = place + written.size
-                break
-        yield LostBytes(position, written.size) if found is None else found
+_Found = Mapping[int, Mapping[int, FoundMessage]]
+"""Number of the closing record -> place in it -> the message, as it was written."""
+
+
+def _written_as_recorded(data: bytes, placed: Sequence[PlacedRecord], walked: Sequence[FoundMessage]) -> _Found:
+    """Look for every message of the closing records where it was written, and else where it may have moved to."""
+    by_sum = {_sum(message.data): message.position for message in walked} if placed else {}
+    index, start = _HeaderIndex(data), HEADER_BYTES
+    found: dict[int, dict[int, FoundMessage]] = {}
+    for number, each in enumerate(placed):
+        found[number] = {}
+        position = behind_last = start
+        is_whole = _is_end(data, start + each.record.messages_end - HEADER_BYTES)
+        for place, written in enumerate(each.record.messages):
+            moved = by_sum.get(written)
+            # Only where the length differs bytes can be missing or put in.
+            elsewhere = () if is_whole else index.places(written.header, behind_last)
+            for begin in itertools.chain((position,), () if moved is None else (moved,), elsewhere):
+                # The header from the record, so that damage to this alone costs nothing.
+                message = written.header + data[begin + MESSAGE_HEADER.size : begin + written.size]
+                if zlib.crc32(message) == written.crc32:
+                    found[number][place] = FoundMessage(begin, message, number)
+                    position, behind_last = begin, begin + written.size
+                    break
+            position += written.size
+        start = each.end + TAIL_BYTES + HEADER_BYTES
+    return found
+
+
+def _sum(message: bytes) -> MessageSum:
+    kind, length = MESSAGE_HEADER.unpack_from(message)
+    return MessageSum(kind, length, zlib.crc32(message))
+
+
+def _at_home(placed: Sequence[PlacedRecord], sure: _Found, walked: Sequence[FoundMessage]) -> set[int]:
+    """Return the closing records of which something is in the file; another file's ending has none."""
+    headers = {(message.position, message.data[: MESSAGE_HEADER.size]) for message in walked}
+    home, start = set[int](), HEADER_BYTES
+    for number, each in enumerate(placed):
+        sizes = itertools.accumulate((written.size for written in each.record.messages), initial=start)
+        alike = sum((at, written.header) in headers for at, written in zip(sizes, each.record.messages, strict=False))
+        # The first few messages of any two recordings are as long as each other.
+        if sure[number] or 2 * alike > len(each.record.messages):
+            home.add(number)
+        start = each.end + TAIL_BYTES + HEADER_BYTES
+    return home
+
+
+def _not_as_recorded(
+    data: bytes,
+    number: int,
+    record: ClosingRecord,
+    sure: Mapping[int, FoundMessage],
+    start: int,
+    taken: "_Stretches",
+) -> Iterator[FoundMessage | LostBytes]:
+    """Yield the messages that were not found as they were written, each from the place at which it should stand."""
+    position = start
+    for place, written in enumerate(record.messages):
+        if place in sure:
+            position = sure[place].end
+            continue
+        end = min(position + written.size, taken.next_begin(position), len(data))
+        message = written.header + data[position + MESSAGE_HEADER.size : end]
+        mended = with_bit_put_right(message, written.crc32) if len(message) == written.size else None
+        if mended is not None:
+            yield FoundMessage(position, mended, number)
+        elif end > position + MESSAGE_HEADER.size:
+            yield FoundMessage(position, message, number, damaged=True)
+        else:
+            yield LostBytes(position, written.size)
         position += written.size
+
+
+class _Stretches:
+    """Where in a file messages stand that were found."""
+
+    def __init__(self, messages: Sequence[FoundMessage]) -> None:
+        self.messages = sorted(messages, key=lambda message: message.position)
+        self._begins = [message.position for message in self.messages]
+
+    def next_begin(self, position: int) -> int:
+        """Return where the next message begins, from `position` on; `position` itself when it is in one."""
+        number = bisect.bisect_left(self._begins, position)
+        if number and self.messages[number - 1].end > position:
+            return position
+        return self._begins[number] if number < len(self._begins) else 1 << 62
+
+    def overlap(self, message: FoundMessage) -> bool:
+        """Tell whether a message has bytes in common with one of these."""
+        return self.next_begin(message.position) < message.end
 
 
 class _HeaderIndex:
@@ -100,6 +214,9 @@ def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:
     """Walk over the messages, and where the walk cannot go on, look for the next place from which it can."""
     position = HEADER_BYTES
     while position < len(data) and not _is_end(data, position):
+        if (behind := _next_file(data, position)) is not None:
+            position = behind
+            continue
         end = _message_end(data, position)
         if end is not None and _goes_on(data, end):
             yield FoundMessage(position, data[position:end])
@@ -136,7 +253,23 @@ def _message_end(data: bytes, position: int) -> int | None:
 
 def _goes_on(data: bytes, position: int) -> bool:
     """Tell whether a message, the end message or the cut end of the file stands at a place."""
-    return position == len(data) or _is_end(data, position) or bool(_HEADER_LIKE.match(data, position))
+    return (
+        position == len(data)
+        or _is_end(data, position)
+        or bool(_HEADER_LIKE.match(data, position))
+        or _next_file(data, position) is not None
+    )
+
+
+def _next_file(data: bytes, position: int) -> int | None:
+    """Return where the messages of another file begin, when an ending and then the header of one stands at a place."""
+    if position + MESSAGE_HEADER.size > len(data):
+        return None
+    kind, length = MESSAGE_HEADER.unpack_from(data, position)
+    end = position + MESSAGE_HEADER.size + length + TAIL_BYTES
+    if kind != END_KIND or Tail.read(data[end - TAIL_BYTES : end]) is None or data[end : end + 4] != FILE_MAGIC:
+        return None
+    return end + HEADER_BYTES
 
 
 def _is_end(data: bytes, position: int) -> bool:
@@ -157,7 +290,7 @@ def _next_message(data: bytes, position: int) -> int:
 
 def _end_of_messages(data: bytes, position: int) -> int:
     """Return where the end message begins, or where the file is cut."""
-    tail = rrd_framing.Tail.read(data[-TAIL_BYTES:])
+    tail = Tail.read(data[-TAIL_BYTES:])
     if tail is None:
         return len(data)
     end = tail.footer_start - MESSAGE_HEADER.size

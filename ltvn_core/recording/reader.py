@@ -12,19 +12,18 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import CameraError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.recording import schema
 from ltvn_core.recording.arrow_columns import read_cell
-from ltvn_core.recording.event_codec import EncodedEvent, current_kind, decode_event
+from ltvn_core.recording.event_codec import decode_event
 from ltvn_core.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.recording.garbage_collection import garbage_collection_paused
 from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.rrd_contents import RrdContents, open_contents
-from ltvn_core.structured_text import parse_json
-from ltvn_core.types import FrameId, Observation, OriginalImage, Pose, Tilt
+from ltvn_core.recording.stored_rows import BatchRow, StoredEvent, frame_of, stored_events
+from ltvn_core.types import FrameId, Observation, Pose
 
 
 class FramePoses(NamedTuple):
@@ -56,32 +55,6 @@ class StoredFrame(NamedTuple):
         return stored == (frame.rgb_checksum, frame.depth_checksum, frame.original_checksum)
 
 
-class StoredEvent(NamedTuple):
-    """An event, still as JSON, and the checksum that was stored with it."""
-
-    event: EncodedEvent
-    checksum: int
-
-    @property
-    def intact(self) -> bool:
-        """Nothing changed since it was written."""
-        return self.checksum == self.event.checksum
-
-
-class _BatchRow(NamedTuple):
-    batch: pa.RecordBatch
-    row: int
-
-    def numbers(self, column: str) -> NDArray:
-        return read_cell(self.batch.column(column), self.row)
-
-    def blob(self, column: str) -> bytes | None:
-        """Return the bytes of a column that may be missing or empty."""
-        if column not in self.batch.schema.names:
-            return None
-        return self.numbers(column).tobytes() or None
-
-
 class Recording:
     """A recording that lies on disk, opened for reading."""
 
@@ -93,7 +66,7 @@ class Recording:
         rgb, depth = _by_step(contents.batches_of(schema.RGB)), _by_step(contents.batches_of(schema.DEPTH))
         self._originals = _by_step(contents.batches_of(schema.ORIGINAL))
         # A cut file may end between the two halves of a frame; only whole frames count.
-        self._rows: Mapping[FrameId, tuple[_BatchRow, _BatchRow]] = {
+        self._rows: Mapping[FrameId, tuple[BatchRow, BatchRow]] = {
             step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
         }
         self._halves = tuple(sorted(rgb.keys() ^ depth.keys()))
@@ -127,20 +100,12 @@ class Recording:
             raise RecordingError(f"{self.path} has no frame {frame}; it holds {held}.")
         rgb, depth = self._rows[frame]
         original = self._originals.get(frame)
-        exact = rgb.numbers(f"{schema.FRAME_ROW}:exact_pose")
-        encoded = EncodedFrame(
-            step=frame,
-            stamp=float(rgb.numbers(f"{schema.FRAME_ROW}:stamp")[0]),
-            odometry=rgb.numbers(f"{schema.FRAME_ROW}:odometry").copy(),
-            exact_pose=exact.copy() if exact.size else None,
-            rgb=rgb.numbers("EncodedImage:blob").tobytes(),
-            depth=depth.blob("EncodedDepthImage:blob"),
-            original=None if original is None else _original_image(original),
-            tilt=_tilt(rgb),
+        return StoredFrame(
+            frame_of(rgb, depth, original),
+            rgb.checksum(schema.FRAME_ROW),
+            depth.checksum(schema.DEPTH_ROW),
+            0 if original is None else original.checksum(schema.ORIGINAL_ROW),
         )
-        sums = rgb.numbers(f"{schema.FRAME_ROW}:crc32"), depth.numbers(f"{schema.DEPTH_ROW}:crc32")
-        original_sum = 0 if original is None else int(original.numbers(f"{schema.ORIGINAL_ROW}:crc32")[0])
-        return StoredFrame(encoded, int(sums[0][0]), int(sums[1][0]), original_sum)
 
     def is_intact(self, frame: FrameId) -> bool:
         """Tell whether a frame can be read and is as it was written."""
@@ -172,7 +137,7 @@ class Recording:
     @cached_property
     def stored_events(self) -> Sequence[StoredEvent]:
         """All events in order, still as JSON."""
-        events = [event for batch in self._contents.batches_of(schema.EVENTS) for event in _events(batch)]
+        events = [event for batch in self._contents.batches_of(schema.EVENTS) for event in stored_events(batch)]
         return sorted(events, key=lambda stored: stored.event.sequence)
 
     @cached_property
@@ -209,26 +174,13 @@ class Recording:
         return None
 
 
-def _original_image(row: _BatchRow) -> OriginalImage:
-    camera = row.batch.column(f"{schema.ORIGINAL_ROW}:camera")[row.row].as_py()[0]
-    return OriginalImage(row.numbers("EncodedImage:blob").tobytes(), CameraModel.from_json(parse_json(camera)))
-
-
-def _tilt(row: _BatchRow) -> Tilt | None:
-    """Return how the camera was tilted; None in recordings from before tilts and where it is as it was mounted."""
-    column = f"{schema.FRAME_ROW}:tilt"
-    if column not in row.batch.schema.names or (numbers := row.numbers(column)).size != len(Tilt._fields):
-        return None
-    return Tilt(*map(float, numbers))
-
-
 def _folded(events: Iterable[StampedEvent]) -> TopologicalGraph:
     return TopologicalGraph(stamped.event.delta for stamped in events if isinstance(stamped.event, GraphChanged))
 
 
-def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, _BatchRow]:
+def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, BatchRow]:
     return {
-        step: _BatchRow(batch, index)
+        step: BatchRow(batch, index)
         for batch in batches
         if schema.STEP in batch.schema.names
         for index, step in enumerate(batch.column(schema.STEP).to_pylist())
@@ -247,13 +199,3 @@ def _event_columns(batch: pa.RecordBatch) -> tuple[list[int], list[int], list[fl
         batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in ("sequence", "stamp", "json")
     )
     return sequence, batch.column(schema.STEP).to_pylist(), stamp, text
-
-
-def _events(batch: pa.RecordBatch) -> list[StoredEvent]:
-    names = ("sequence", "stamp", "kind", "json", "crc32")
-    columns = [batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in names]
-    steps = batch.column(schema.STEP).to_pylist()
-    return [
-        StoredEvent(EncodedEvent(sequence, step, stamp, current_kind(kind), text), checksum)
-        for step, sequence, stamp, kind, text, checksum in zip(steps, *columns, strict=True)
-    ]

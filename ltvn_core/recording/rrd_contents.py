@@ -22,6 +22,7 @@ from ltvn_core.recording.file_check import FileCheck, check_file
 from ltvn_core.recording.joined_rows import joined_rows
 from ltvn_core.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 from ltvn_core.recording.reading_trial import reading_failure
+from ltvn_core.recording.stored_rows import believable, damaged_first
 
 DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
 _READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
@@ -139,12 +140,40 @@ def _require_one_recording(path: Path, store: StoreRows) -> None:
         raise several_recordings(path, [store.recording_id, *store.other_ids])
 
 
-def read_store(path: Path, *, part_of: Path | None = None) -> StoreRows:
+def read_store(path: Path, *, part_of: Path | None = None, doubtful: Sequence[Path] = ()) -> StoreRows:
     """Read all rows of a file of which it is known that Rerun's reader survives it. Raises RecordingError.
 
-    Errors name the file `part_of`, when `path` is a part of it.
+    Errors name the file `part_of`, when `path` is a part of it. Then rows that differ from their own checksum come
+    first, and of the `doubtful` files, which are made of damaged tables, only rows that agree with theirs are taken.
     """
     named = part_of or path
+    found = _read_batches(path, named)
+    rows = dict(found.batches)
+    if part_of is not None:
+        for place, extra in enumerate(doubtful):
+            for entity, batches in _read_batches(extra, named).batches.items():
+                rows[entity] = [*rows.get(entity, ()), *believable(entity, batches, parts_too=place == 0)]
+        rows = {entity: damaged_first(entity, batches) for entity, batches in rows.items()}
+    try:
+        joined = {entity: _joined(entity, each) for entity, each in rows.items()}
+    except (pa.ArrowException, TypeError) as error:
+        raise _damaged_inside(named, f"its columns do not fit together ({error})") from error
+    return StoreRows(
+        found.recording_id,
+        joined if part_of is None else {entity: damaged_first(entity, each) for entity, each in joined.items()},
+        other_ids=found.other_ids,
+        without_steps={entity for entity, each in rows.items() if any(_has_no_step(entity, batch) for batch in each)},
+    )
+
+
+class _StoreBatches(NamedTuple):
+    recording_id: str
+    other_ids: Sequence[str]
+    batches: Mapping[str, Sequence[pa.RecordBatch]]
+    """By entity, as they stand in the file."""
+
+
+def _read_batches(path: Path, named: Path) -> _StoreBatches:
     try:
         with warnings.catch_warnings():
             # Files that were never finished, older ones and very long ones have no table of chunks.
@@ -165,16 +194,8 @@ def read_store(path: Path, *, part_of: Path | None = None) -> StoreRows:
     rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
     for entity, batch in batches:
         rows[entity].append(batch)
-    try:
-        joined = {entity: _joined(entity, each) for entity, each in rows.items()}
-    except (pa.ArrowException, TypeError) as error:
-        raise _damaged_inside(named, f"its columns do not fit together ({error})") from error
-    return StoreRows(
-        stores[0].recording_id,
-        joined,
-        other_ids=[each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID],
-        without_steps={entity for entity, each in rows.items() if any(_has_no_step(entity, batch) for batch in each)},
-    )
+    others = [each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID]
+    return _StoreBatches(stores[0].recording_id, others, rows)
 
 
 def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:

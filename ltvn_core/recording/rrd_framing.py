@@ -21,7 +21,8 @@ KNOWN_KINDS = (1, CHUNK_KIND, 3)
 """Description of a store, a chunk of rows, choice of a layout."""
 _FOOTER_SEED = 7850921
 """Rerun's seed for the checksum of its table of chunks."""
-_MAGIC = b"RRF2"
+FILE_MAGIC = b"RRF2"
+"""A file begins so."""
 _TAIL = struct.Struct("<QQI8sI")
 TAIL_BYTES = _TAIL.size
 _MARK = b"RRF2FOOT"
@@ -93,7 +94,7 @@ class RrdFraming(NamedTuple):
 def is_rrd(path: Path) -> bool:
     """Tell whether the file begins as a Rerun file does."""
     with path.open("rb") as file:
-        return file.read(len(_MAGIC)) == _MAGIC
+        return file.read(len(FILE_MAGIC)) == FILE_MAGIC
 
 
 def is_finished(path: Path) -> bool:

@@ -1,12 +1,13 @@
-"""Opens what is left of a damaged recording, message by message.
+"""Opens what is left of a damaged recording, message by message and row by row.
 
-Owns which messages are left out, and the temporary file of the others. Without a closing record each message is first
-read in a process of its own, since a damaged one can end the process that reads it.
+Owns which messages are believed, and the temporary files that they are read from. What no checksum vouches for is first
+read in a process of its own, since a damaged message can end the process that reads it.
 """
 
 import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence, Set
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,8 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.protobuf_fields import bytes_field, read_fields
 from ltvn_core.recording import schema
 from ltvn_core.recording.closing_record import ClosingRecord
-from ltvn_core.recording.message_search import FoundMessages, find_messages
+from ltvn_core.recording.mended_message import readable_again
+from ltvn_core.recording.message_search import FoundMessage, FoundMessages, find_messages
 from ltvn_core.recording.metadata import RecordingMetadata, package_versions, read_schema_version
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.reading_trial import reading_failure, unreadable_messages
@@ -53,7 +55,7 @@ class Salvage(NamedTuple):
     described: bool
     """The description could be read; else another stands in for it."""
     lost_bytes: int
-    """Of messages that are left out, or were cut."""
+    """Of messages that are damaged or missing, or were cut; of some of them single rows are saved."""
     lost_places: Sequence[tuple[int, int]]
     """Where those before the cut begin and how long they are, in bytes."""
     ended: bool
@@ -70,43 +72,72 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     except OSError as error:
         raise unreadable(path, error) from error
     found = find_messages(data)
-    chunks = [each for each in found.messages if _store(each.data) is not None]
     stores = _stores([each.data for each in found.messages])
     if not stores:
         raise RecordingError(f"{path} holds no whole message of a recording; nothing in it can be saved.")
     store = _chosen_store(path, stores, recording_id)
-    chunks = [each for each in chunks if _store(each.data) not in {*stores} - {store}]
-    messages = [each.data for each in chunks]
-    bad, rows = _read_apart(path, store, messages, trusted=found.record is not None)
-    contents = _contents(path, rows, found.record)
-    lost = [(chunks[place].position, len(chunks[place].data)) for place in bad]
+    number = _record_of(found, store)
+    messages = [each for each in found.messages if _belongs(each, store, {*stores} - {store}, number)]
+    # Where a closing record is left, what it does not speak of may be anything.
+    trusted = [each for each in messages if each.sure or (number is None and not each.damaged)]
+    doubtful = [each for each in messages if not each.sure and (number is not None or each.damaged)]
+    bad, rows = _read_apart(path, store, trusted, doubtful)
+    record = None if number is None else found.records[number]
+    contents = _contents(path, rows, record)
+    lost = [(each.position, len(each.data)) for each in bad]
+    lost += [(each.position, len(each.data)) for each in found.messages if each.damaged and each.record == number]
     lost += [(each.position, each.size) for each in found.lost]
     return Salvage(
         recording=Recording(path, contents.contents),
-        record=found.record,
+        record=record,
         described=contents.described,
         lost_bytes=sum(size for _, size in lost) + (0 if found.cut is None else found.cut.size),
         lost_places=sorted(lost),
-        ended=_ended(data, found),
+        ended=record is not None or (_has_table(data) and not found.has_foreign_ending),
     )
 
 
-def _read_apart(
-    path: Path, store: bytes, messages: Sequence[bytes], *, trusted: bool
-) -> tuple[Mapping[int, str], StoreRows]:
-    """Read messages from a temporary file of their own; return those that cannot be read, and the rows of the others.
+def _record_of(found: FoundMessages, store: bytes) -> int | None:
+    """Return the number of the closing record that speaks of a store's messages, None where none is left."""
+    speaking = Counter(each.record for each in found.messages if each.sure and _store(each.data) == store)
+    if speaking:
+        return speaking.most_common(1)[0][0]
+    # All its messages may be damaged.
+    return (
+        next(iter(found.records), None)
+        if len(found.records) == 1 and not any(each.sure for each in found.messages)
+        else None
+    )
 
-    Messages that are trusted are as they were written, so that nothing has to be tried.
+
+def _belongs(message: FoundMessage, store: bytes, others: Set[bytes], number: int | None) -> bool:
+    """Tell whether a message may hold rows of a store."""
+    if MESSAGE_HEADER.unpack_from(message.data)[0] != CHUNK_KIND:
+        return False
+    if message.damaged:
+        return message.record == number and _store(message.data) not in others
+    return _store(message.data) is not None and _store(message.data) not in others
+
+
+def _read_apart(
+    path: Path, store: bytes, trusted: Sequence[FoundMessage], doubtful: Sequence[FoundMessage]
+) -> tuple[Sequence[FoundMessage], StoreRows]:
+    """Read messages from temporary files of their own; return those of the trusted that cannot be read, and the rows.
+
+    Messages that are as they were written need not be tried. Of the doubtful ones, and of those that cannot be read,
+    only the rows count that agree with a checksum of their own.
     """
     try:
         with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
             kept = Path(folder) / "kept.rrd"
-            _write(kept, store, messages)
-            doubtful = not trusted and reading_failure(kept) is not None
-            bad = unreadable_messages(kept, len(messages)) if doubtful else {}
+            _write(kept, store, (each.data for each in trusted))
+            tried = not all(each.sure for each in trusted) and reading_failure(kept) is not None
+            places = unreadable_messages(kept, len(trusted)) if tried else {}
+            bad = [trusted[place] for place in sorted(places)]
             if bad:
-                _write(kept, store, [message for place, message in enumerate(messages) if place not in bad])
-            return bad, read_store(kept, part_of=path)
+                _write(kept, store, (each.data for place, each in enumerate(trusted) if place not in places))
+            rest = _readable_parts(Path(folder), store, [*doubtful, *bad])
+            return bad, read_store(kept, part_of=path, doubtful=rest)
     except OSError as error:
         raise RecordingError(
             f"{path} cannot be copied to the temporary folder {tempfile.gettempdir()} ({error.strerror}); make room "
@@ -114,8 +145,28 @@ def _read_apart(
         ) from error
 
 
-def _ended(data: bytes, found: FoundMessages) -> bool:
-    return found.record is not None or Tail.read(data[-TAIL_BYTES:]) is not None
+def _readable_parts(folder: Path, store: bytes, doubtful: Sequence[FoundMessage]) -> Sequence[Path]:
+    """Write what is left of doubtful messages to new files that Rerun can read.
+
+    The first holds them as they most likely were, the second as they else may have been.
+    """
+    if not doubtful:
+        return ()
+    likely, others = folder / "likely.rrd", folder / "others.rrd"
+    for path, part in ((likely, slice(0, 1)), (others, slice(1, None))):
+        guesses = [
+            each for message in doubtful for each in islice(readable_again(message.data, store), part.start, part.stop)
+        ]
+        _write(path, store, guesses)
+        bad = unreadable_messages(path, len(guesses))
+        _write(path, store, (each for place, each in enumerate(guesses) if place not in bad))
+    return likely, others
+
+
+def _has_table(data: bytes) -> bool:
+    """Tell whether a file ends as Rerun ends one: with a table of its chunks."""
+    tail = Tail.read(data[-TAIL_BYTES:])
+    return tail is not None and tail.footer_bytes > 0
 
 
 class _Described(NamedTuple):
@@ -167,7 +218,7 @@ def _stand_in(recording_id: str) -> RecordingMetadata:
     )
 
 
-def _write(path: Path, store: bytes, messages: Sequence[bytes]) -> None:
+def _write(path: Path, store: bytes, messages: Iterable[bytes]) -> None:
     info = _ROW_ID + bytes_field(2, bytes_field(2, store) + _STORE_SOURCE)
     described = MESSAGE_HEADER.pack(_STORE_KIND, len(info)) + info
     with path.open("wb") as file:

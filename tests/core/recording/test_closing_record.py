@@ -8,7 +8,7 @@ import rerun.chunk
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
-from ltvn_core.recording.closing_record import closing_bytes, find_closing_record
+from ltvn_core.recording.closing_record import closing_bytes, find_closing_records
 from ltvn_core.recording.file_check import check_file
 from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
@@ -68,9 +68,9 @@ def test_a_recording_that_lost_rows_before_it_was_finished_is_refused(whole: Pat
 
 def test_the_record_is_found_in_a_file_that_is_damaged_elsewhere(whole: Path) -> None:
     data, record = whole.read_bytes(), check_file(whole).record
-    assert find_closing_record(data[len(data) // 2 + 5 :]) == record
-    assert find_closing_record(data[:-40]) is None
-    assert find_closing_record(b"") is None
+    assert [each.record for each in find_closing_records(data[len(data) // 2 + 5 :])] == [record]
+    assert not find_closing_records(data[:-40])
+    assert not find_closing_records(b"")
 
 
 def test_an_older_recording_can_be_drawn_anew_and_holds_the_same(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ class FoundMessage(NamedTuple):
     record: int | None = None
     """Number of the closing record by which it is as it was written, or damaged; None when it only looks like one."""
     damaged: bool = False
-    """It differs from what its closing record says of it."""
+    """It differs from what its closing record says of it, or is cut."""
 
     @property
     def sure(self) -> bool:
@@ -67,7 +67,7 @@ class FoundMessages(NamedTuple):
     messages: Sequence[FoundMessage]
     lost: Sequence[LostBytes]
     cut: LostBytes | None
-    """The last message of a file that ends in the middle of it."""
+    """The last message of a file that ends in the middle of it; it is among the messages too."""
     records: Mapping[int, ClosingRecord]
     """The closing records, by number, that speak of messages in this file; one for each file that was put into it."""
     has_foreign_ending: bool
@@ -94,6 +94,8 @@ def find_messages(data: bytes) -> FoundMessages:
     if not known:
         lost = [part for part in looks if isinstance(part, LostBytes)]
     cut = lost.pop() if not known and lost and lost[-1].position + lost[-1].size == len(data) else None
+    if cut is not None and cut.size > MESSAGE_HEADER.size:
+        others.append(FoundMessage(cut.position, data[cut.position :], damaged=True))
     return FoundMessages(sorted([*taken.messages, *others]), lost, cut, known, len(known) < len(placed))
 
 

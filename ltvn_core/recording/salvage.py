@@ -86,6 +86,8 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     contents = _contents(path, rows, record)
     lost = [(each.position, len(each.data)) for each in bad]
     lost += [(each.position, len(each.data)) for each in found.messages if each.damaged and each.record == number]
+    if found.cut is not None:
+        lost = [place for place in lost if place[0] != found.cut.position]
     lost += [(each.position, each.size) for each in found.lost]
     return Salvage(
         recording=Recording(path, contents.contents),

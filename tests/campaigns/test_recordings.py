@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tests.campaigns.tally import Tally
-from tests.core.recording import example_recording
+from tests.campaigns.written_ways import WAYS
 from tests.core.recording.disk_faults import FAULTS, kill_while_recording, may_mount, strike
 from tests.core.recording.mutations import Fate, judge_mutations
 from tests.core.recording.test_disk_faults import LOST_S, lost_by, require_said_and_kept
 
 SEED = 14
 SIDE_BY_SIDE = 2
-PER_PROCESS = 100
+PER_PROCESS = 20
 """Mutations that one process judges: Rerun keeps some threads for each file that it ever wrote."""
 
 
@@ -54,14 +54,19 @@ def test_disk_faults(tally: Tally, tmp_path: Path) -> None:
 
 @pytest.mark.campaign(asked=2000, share=0.2)
 def test_mutations(tally: Tally, tmp_path: Path) -> None:
-    whole = tmp_path / "drive.rrd"
-    example_recording.write(whole, frames=40)
+    files = [tmp_path / f"{name.replace(' ', '-')}.rrd" for name in WAYS]
+    for write, path in zip(WAYS.values(), files, strict=True):
+        write(path)
+    tally.add(ways=len(files))
 
     def mutate(numbers: range) -> None:
-        for judged in judge_mutations(whole, seed=SEED, first=numbers.start, count=numbers.stop):
-            tally.add(1, **{judged.fate.value: 1}, undamaged=judged.undamaged, recovered=judged.recovered)
-            if judged.fate is not Fate.REFUSED:
-                tally.fail(str(judged))
+        path = files[numbers[0] // PER_PROCESS % len(files)]
+        for judged in judge_mutations(path, seed=SEED, first=numbers.start, count=numbers.stop):
+            tally.add(1, **{judged.fate.value: 1})
+            tally.add(undamaged=judged.undamaged, recovered=judged.recovered, frames=judged.frames, saved=judged.saved)
+            lost_one = judged.saved < judged.frames and not judged.may_lose
+            if judged.fate not in (Fate.REFUSED, Fate.HARMLESS) or lost_one:
+                tally.fail(f"{path.stem}: {judged}")
             if tally.is_over:
                 break
 

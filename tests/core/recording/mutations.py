@@ -30,6 +30,7 @@ class Mutation:
     kind: str
     """What was done, and where."""
     data: bytes
+    is_one_bit: bool = False
 
 
 class Fate(StrEnum):
@@ -37,6 +38,8 @@ class Fate(StrEnum):
 
     REFUSED = "refused"
     """Neither `Recording.open` nor `verify` took it, and both said why."""
+    HARMLESS = "harmless"
+    """Taken, and all frames and events are as they were; only where the file has no checksums of its messages."""
     ACCEPTED = "accepted"
     """One of them took it: a change that was not noticed."""
     TRACEBACK = "traceback"
@@ -58,6 +61,12 @@ class Judgement:
     """Frames all of whose messages are in the damaged file, byte for byte."""
     recovered: int = 0
     """Those of them that the repaired file holds, exactly."""
+    frames: int = 0
+    """Of the whole file."""
+    saved: int = 0
+    """Those of them that the repaired file holds, exactly; also out of damaged messages."""
+    may_lose: bool = True
+    """False where no frame may be lost: a single flipped bit, in a file with checksums of its messages."""
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> Mutation:
@@ -71,7 +80,8 @@ def mutate(data: bytes, rng: np.random.Generator) -> Mutation:
 
 def _flip_bit(data: bytes, rng: np.random.Generator) -> Mutation:
     place, bit = int(rng.integers(len(data))), int(rng.integers(8))
-    return Mutation(f"bit {bit} of byte {place} flipped", _patched(data, place, bytes([data[place] ^ 1 << bit])))
+    flipped = _patched(data, place, bytes([data[place] ^ 1 << bit]))
+    return Mutation(f"bit {bit} of byte {place} flipped", flipped, is_one_bit=True)
 
 
 def _flip_bits(data: bytes, rng: np.random.Generator) -> Mutation:
@@ -126,6 +136,8 @@ class Recoverable:
         with TemporaryDirectory() as folder:
             self._held = list(_frames_of_messages(Path(folder), self.data, self._messages))
         self.sums = _checksums(path)
+        self.events = Recording.open(path).events
+        self.has_message_sums = verify(path).checksummed
 
     def undamaged(self, data: bytes) -> set[int]:
         """Return the frames all of whose messages stand unchanged in other bytes."""
@@ -144,7 +156,9 @@ def _messages(path: Path, data: bytes) -> Iterator[bytes]:
 
 def _frames_of_messages(folder: Path, data: bytes, messages: Sequence[bytes]) -> Iterator[set[int]]:
     """Yield which frames each message holds a part of."""
-    beginning = data[: rrd_framing.HEADER_BYTES] + messages[0]
+    # What Rerun wrote may begin with the layout of the viewer.
+    stores = [each for each in messages if rrd_framing.MESSAGE_HEADER.unpack_from(each)[0] == 1]
+    beginning = data[: rrd_framing.HEADER_BYTES] + b"".join(stores)
     alone = folder / "alone.rrd"
     for message in messages:
         alone.write_bytes(beginning + message)
@@ -168,12 +182,26 @@ def judge(whole: Recoverable, mutation: Mutation, number: int) -> Judgement:
         damaged.write_bytes(mutation.data)
         undamaged = whole.undamaged(mutation.data)
         try:
-            fate = Fate.REFUSED if _refuses(damaged) else Fate.ACCEPTED
+            fate = Fate.REFUSED if _refuses(damaged) else _accepted(whole, damaged)
             saved = _saved(damaged, repaired)
         except Exception as error:  # Whatever it is, it would have been a traceback.
             return Judgement(number, f"{mutation.kind}: {error!r}", Fate.TRACEBACK, len(undamaged))
-    recovered = {step for step in undamaged if saved.get(step) == whole.sums[step]}
-    return Judgement(number, mutation.kind, fate, len(undamaged), len(recovered))
+    right = {step for step, sums in whole.sums.items() if saved.get(step) == sums}
+    return Judgement(
+        number,
+        mutation.kind,
+        fate,
+        undamaged=len(undamaged),
+        recovered=len(undamaged & right),
+        frames=len(whole.sums),
+        saved=len(right),
+        may_lose=not (whole.has_message_sums and mutation.is_one_bit),
+    )
+
+
+def _accepted(whole: Recoverable, damaged: Path) -> Fate:
+    same = _checksums(damaged) == whole.sums and Recording.open(damaged).events == whole.events
+    return Fate.HARMLESS if same and not whole.has_message_sums else Fate.ACCEPTED
 
 
 def _refuses(path: Path) -> bool:

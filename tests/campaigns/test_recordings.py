@@ -17,7 +17,7 @@ PER_PROCESS = 20
 """Mutations that one process judges: Rerun keeps some threads for each file that it ever wrote."""
 
 
-@pytest.mark.campaign(asked=300, share=0.3)
+@pytest.mark.campaign(asked=300, share=0.2)
 def test_kills(tally: Tally, tmp_path: Path) -> None:
     def kill(numbers: range) -> None:
         folder = tmp_path / str(numbers[0])

@@ -30,13 +30,15 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.what_if_planning import (
+    OFFERED_TIMES,
     WhatIfOutcome,
     WhatIfResult,
+    add_open_edges,
     count_rebuilt_nodes,
     plan_both_ways,
+    presence_moment,
     with_imagined_thresholds,
 )
-from ltvn_viz.debugger.what_if_times import OFFERED_TIMES, add_open_edges, presence_moment
 from ltvn_viz.session.commands import PointAt, QuestionRequest
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke

@@ -1,7 +1,7 @@
 """New recordings made of what lies in the folder: at most one at a time, in a thread of its own.
 
 Neither robot nor map has anything to do with it, and both go on meanwhile. Owns the life of such a job: begun,
-cancelled, failed, done. What is made is `recording_jobs`.
+cancelled, failed, done. What is made is `command_handlers`.
 """
 
 import logging

@@ -37,9 +37,8 @@ from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.recorder import Recorder
+from ltvn_viz.session.recorder import Recorder, RecordingSink
 from ltvn_viz.session.recording_library import RecordingLibrary
-from ltvn_viz.session.recording_sink import RecordingSink
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.worker import PatientWorker, Worker

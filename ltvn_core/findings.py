@@ -6,7 +6,6 @@ Owns the record and how it is written as sentences. The checks are where their s
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Protocol
 
 
 class Severity(StrEnum):
@@ -43,17 +42,13 @@ def findings_of(texts: Iterable[str]) -> tuple[Finding, ...]:
     return tuple(Finding(text) for text in texts)
 
 
-class _HasFindings(Protocol):
-    @property
-    def findings(self) -> tuple[Finding, ...]: ...
-
-
 class WithDoubts:
     """Adds `doubts`, the findings as texts, to a class with `findings`; JSON summaries keep both."""
 
     __slots__ = ()
+    findings: tuple[Finding, ...]
 
     @property
-    def doubts(self: _HasFindings) -> tuple[str, ...]:
+    def doubts(self) -> tuple[str, ...]:
         """The findings, a paragraph each."""
         return tuple(map(str, self.findings))

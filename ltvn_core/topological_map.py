@@ -220,12 +220,8 @@ def build_map(
         least_width_px=predictor_card(predictor).least_width_px,
     )
     standing = goal_reports(graph, [*goals], keyframes, predictor, system)
-    findings = (
-        *drive_findings(reports),
-        *_sequence_findings(in_order, drives),
-        *diagnose(drive, coverage),
-        *(report.finding for report in standing if report.finding is not None),
-    )
+    told = [report.finding for report in standing if report.finding is not None]
+    findings = (*drive_findings(reports), *_sequence_findings(in_order, drives), *diagnose(drive, coverage), *told)
     for finding in findings:
         log.warning(finding)
     return TopologicalMap(

@@ -107,9 +107,7 @@ def advise_mapping(
     missing_closures = find_missing_loop_closures(graph, steps, poses)
     places = one_sided_places(poses)
     novelty = None if current is None else 1 - float(np.max(current.reachability, initial=0.0))
-    hint, target = _hint(
-        graph, poses, components=components, missing_closures=missing_closures, places=places, novelty=novelty
-    )
+    hint, target = _hint(graph, poses, components, missing_closures, places, novelty)
     return MappingAdvice(
         strongly_connected_components=components,
         missing_closures=missing_closures,
@@ -218,10 +216,9 @@ def _thinned(found: Sequence[tuple[float, int, int]], places: Pose) -> Iterator[
 def _hint(
     graph: TopologicalGraph,
     poses: Pose,
-    *,
-    components: tuple[tuple[NodeId, ...], ...],
-    missing_closures: tuple[MissingLoopClosure, ...],
-    places: tuple[OneSidedPlace, ...],
+    components: Sequence[Sequence[NodeId]],
+    missing_closures: Sequence[MissingLoopClosure],
+    places: Sequence[OneSidedPlace],
     novelty: float | None,
 ) -> _Hint:
     """Choose what to mend: first what makes goals unreachable, last what makes the map richer."""

@@ -19,7 +19,7 @@ from ltvn_core.geometry import relative
 from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.image_similarity import colour_descriptors
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.map_coverage import MapCoverage
+from ltvn_core.graph.map_coverage import MapCoverage, evenly
 from ltvn_core.graph.revisits import near_pairs, revisits
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
@@ -193,8 +193,7 @@ def _key_points(drive: MappedDrive) -> Iterator[Finding]:
     frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
     if not isinstance(drive.predictor, KeyPointPredictor) or not frames:
         return
-    asked = [frames[place] for place in _evenly(len(frames))]
-    usual = float(np.median(drive.predictor.key_point_counts(drive.keyframes.features(asked))))
+    usual = float(np.median(drive.predictor.key_point_counts(drive.keyframes.features(evenly(frames, PAIRS)))))
     if usual < FEW_KEY_POINTS:
         yield _cause(
             f"few key points ({usual:.0f} an image, where less than {FEW_KEY_POINTS} are few): the images are small, "
@@ -326,7 +325,7 @@ def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[in
     nodes = np.array(sorted(drive.graph.nodes))
     held = [frame for frame in lost if frame in drive.keyframes and frame not in drive.graph.nodes]
     held = [frame for frame in held if is_usable(drive.keyframes.observation(frame), drive.predictor)]
-    asked = [held[place] for place in _evenly(len(held))]
+    asked = evenly(held, PAIRS)
     if not asked or not len(nodes):
         return 0, 0
     after = np.searchsorted(nodes, asked)
@@ -335,11 +334,6 @@ def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[in
     there = drive.predictor.predict(images, targets).reachability.reshape(2, -1) > RECOGNISED
     back = drive.predictor.predict(targets, images).reachability.reshape(2, -1) > RECOGNISED
     return int(((there | back).any(axis=0) & ~(there & back).any(axis=0)).sum()), len(asked)
-
-
-def _evenly(count: int) -> list[int]:
-    """Return places in a list of so many, evenly spread; at most as many as there are pairs to ask about."""
-    return np.unique(np.linspace(0, count - 1, min(PAIRS, count)).astype(int)).tolist()
 
 
 def _far_apart(drive: MappedDrive) -> float:
@@ -361,7 +355,7 @@ def _recognised_in_a_row(drive: MappedDrive) -> NDArray[np.bool_] | None:
     frames = [frame for frame in frames if is_usable(drive.keyframes.observation(frame), drive.predictor)]
     if len(frames) < 2:
         return None
-    places = _evenly(len(frames) - 1)
+    places = evenly(range(len(frames) - 1), PAIRS)
     first = drive.keyframes.features([frames[place] for place in places])
     second = drive.keyframes.features([frames[place + 1] for place in places])
     there, back = drive.predictor.predict(first, second), drive.predictor.predict(second, first)

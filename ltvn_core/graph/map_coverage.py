@@ -68,10 +68,9 @@ def map_coverage(
     pieces = strongly_connected_components(graph)
     piece = set(pieces[0]) if pieces else set[FrameId]()
     in_reserve = [seen.step for seen in observations if seen.step in keyframes and seen.step not in graph.nodes]
-    asked = np.unique(np.linspace(0, len(in_reserve) - 1, min(len(in_reserve), ASKED)).astype(int)).tolist()
     matcher = Matcher(predictor, keyframes, system.method.matching)
     answers = {}
-    for frame in (in_reserve[k] for k in asked):
+    for frame in evenly(in_reserve, ASKED):
         found = system.localise(keyframes.features([frame]), graph, NO_PRIOR, matcher)
         answers[frame] = found.node in piece
     known = _known(observations, {node: node in piece for node in graph.nodes} | answers, set(in_reserve), predictor)
@@ -80,6 +79,12 @@ def map_coverage(
         gap=_longest_gap(observations, known, graph),
         lost=tuple(seen.step for seen, is_known in zip(observations, known, strict=True) if not is_known),
     )
+
+
+def evenly(frames: Sequence[FrameId], most: int) -> list[FrameId]:
+    """Return at most so many of some frames in order, evenly spread."""
+    places = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), most)).astype(int))
+    return [frames[place] for place in places.tolist()]
 
 
 def _known(

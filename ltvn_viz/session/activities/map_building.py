@@ -22,11 +22,6 @@ def _nothing() -> None:
     """Nothing follows."""
 
 
-def _no_findings() -> Sequence[Finding]:
-    """Nothing is doubtful."""
-    return ()
-
-
 class MapBuildingCancelled(Exception):
     """A person gave up building."""
 
@@ -43,7 +38,7 @@ class MapBuilding:
         rebuild: Rebuild,
         then: Callable[[], None] = _nothing,
         *,
-        findings: Callable[[], Sequence[Finding]] = _no_findings,
+        findings: Callable[[], Sequence[Finding]],
     ) -> None:
         """Stop the robot and start building in the worker's thread; `then` follows in the session's if it was built.
 
